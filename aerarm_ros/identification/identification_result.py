@@ -24,6 +24,7 @@ from aerarm_ros.identification.model_choice.model_choice import Comparison
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.residual_split import ResidualSplit
 from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
@@ -70,6 +71,8 @@ class IdentificationResult:
         Motion range and excitation of each identification bag, then of each validation bag.
     trends : list of ResidualTrend
         Change of the residual during each identification bag.
+    splits : list of ResidualSplit
+        Causes of the residual of each validation bag, or of the identification bags without any.
     rollouts : list of RolloutError
         Simulation error of each solver on each bag, if requested.
     """
@@ -89,6 +92,7 @@ class IdentificationResult:
     left_out: list[str]
     demands: list[BagDemand]
     trends: list[ResidualTrend]
+    splits: list[ResidualSplit]
     rollouts: list[RolloutError]
     warnings: list[str]
 

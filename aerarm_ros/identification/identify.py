@@ -30,6 +30,7 @@ from aerarm_ros.identification.model_choice.filter_choice import (
     GravityDirection,
     choose_filter,
     condition_once,
+    excerpt,
     find_effort_delay,
     find_gravity,
 )
@@ -48,6 +49,7 @@ from aerarm_ros.identification.regression.base_parameters import (
 )
 from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
 from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
+from aerarm_ros.identification.residual_split import ResidualSplit, split_residual
 from aerarm_ros.identification.rollout import (
     RolloutError,
     RolloutWindows,
@@ -284,9 +286,11 @@ def identify(
         warnings += trend_warnings(trends, fit.model.joint_names)
         demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
         warnings += extrapolation_warnings(fit, *demands)
+    with stopwatch.stage('residual'):
+        judged = validation or identification
+        splits = _splits(motion, estimates[RECOMMENDED], config, judged)
     with stopwatch.stage('rollouts'):
-        rolled = validation or identification
-        rollouts = _rollouts(motion, fit, estimates, rolled) if options.rollouts else []
+        rollouts = _rollouts(motion, fit, estimates, judged) if options.rollouts else []
     return IdentificationResult(
         robot=robot,
         cad=cad,
@@ -303,6 +307,7 @@ def identify(
         left_out=left_out,
         demands=demands[0] + demands[1],
         trends=trends,
+        splits=splits,
         rollouts=rollouts,
         warnings=list(dict.fromkeys(warnings)),
     )
@@ -345,6 +350,20 @@ def _prepared(
     if gravity is None or gravity.tilt == 0.0:
         level_bags = choice.bags
     return _PreparedBags(robot, choice, level_bags, gravity, delay)
+
+
+def _splits(
+    motion: _PreparedBags,
+    estimate: Estimate,
+    config: ArmConfig | None,
+    recordings: Sequence[Recording],
+) -> list[ResidualSplit]:
+    """Split the residual of each recording by its causes."""
+    choice, regressor = motion.choice, Regressor(motion.robot)
+    known = config is not None and config.joint_names == motion.robot.joint_names
+    ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
+    how = (regressor, choice.conditioner, choice.kinematics, estimate)
+    return [split_residual(*how, excerpt(r), ratios) for r in recordings]
 
 
 def _rollouts(

@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from flying.arm_model import ArmModel
 from flying.flight_listener import PATIENCE
-from flying.holding_case import GENERALISED, HELD, POSTURE, HoldingCase
+from flying.holding_case import HELD, ORDINARY, POSTURE, HoldingCase
 from flying.scaled_drone import write_drone
 from geometry_msgs.msg import PoseStamped, Transform
 from nav_msgs.msg import Odometry
@@ -97,14 +97,16 @@ class HoldingBench:
         self._start(stack, 'base_reaction', told)
         pilot = {'drone_file': file, 'arm_wait': 5.0, **case.pilot, **arm.drawing}
         self._start(stack, 'flight_control', pilot)
-        if case.law != HELD:
-            law = {
-                'drone_file': file,
-                'base_motion': 'free' if case.law == GENERALISED else 'attitude',
-                'posture': list(POSTURE),
-                'imu_latency': 4e-3,
-                **arm.law,
-            }
+        law = {
+            'drone_file': file,
+            'base_motion': 'attitude' if case.law == ORDINARY else 'free',
+            'imu_latency': 4e-3,
+            **arm.law,
+        }
+        if case.law == HELD:
+            self.law = self._start(stack, 'computed_torque', law)
+        else:
+            law['posture'] = list(POSTURE)
             odometry = ('--ros-args', '-r', 'odometry:=external_odometry', '--')
             self.law = self._start(stack, 'world_control', law, odometry)
         world = {'seed': arm.seed, 'drone_file': file, **case.world}

@@ -1,5 +1,6 @@
 """The emulated arm, enabled, and controllers as processes, for tests over real DDS."""
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
+from own_domain import others_in
 from quick_spinning import answer_of, spin_once
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
@@ -36,6 +38,7 @@ class ControllerBench:
         self.dq = np.full(4, np.nan)
         self.heard: dict[str, object] = {}
         self.problems: list[str] = []
+        self.answers: list[str] = []
         self.listen(topics.ARM_MODE, lambda m: setattr(self, 'mode', m.data))
         self.listen(topics.JOINT_STATES, self._on_state)
         self.listen(topics.DIAGNOSTICS, self._on_diagnostics)
@@ -51,14 +54,18 @@ class ControllerBench:
 
     def start(self) -> None:
         self.wait(lambda: self.mode == 'idle', 'the bridge')
-        self.call('enable')
-        # A controller that runs may have it commanded before this process hears that it is ready.
-        self.wait(lambda: self.mode in ('ready', 'running'), 'the alignment')
+        # On a busy machine the bridge may reject a request that its cycle did not serve in 1 s.
+        # A running controller may send commands before this process receives `ready`.
+        self.wait(
+            lambda: self.mode in ('ready', 'running'), 'the alignment', lambda: self.call('enable')
+        )
 
     def call(self, action: str) -> None:
+        """Send a request to the bridge; a failed wait reports the answer."""
         client = self.node.create_client(Trigger, f'fake_hardware/{action}')
         assert client.wait_for_service(LIMIT)
-        client.call_async(Trigger.Request())
+        future = client.call_async(Trigger.Request())
+        future.add_done_callback(lambda f: self.answers.append(f'{action}: {f.result().message}'))
 
     def listen(self, topic: topics.Topic, act: Callable) -> None:
         self.node.create_subscription(topic.type, topic.name, act, topic.qos)
@@ -91,7 +98,11 @@ class ControllerBench:
                 again()
             spin_once(self.node, 0.05)
             time.sleep(_PAUSE)
-            assert time.monotonic() < deadline, f'waited for {what}: {self.mode} {self.q}'
+            late = time.monotonic() > deadline
+            assert not late, (
+                f'waited for {what}: {self.mode} {self.q} {self.answers[-3:]} '
+                f'{others_in(os.environ["ROS_DOMAIN_ID"])}'
+            )
             assert self.hardware.returncode is None, self.hardware.tail()
 
     def wait_for_posture(self, q: list[float], tolerance: float, again: Callable) -> None:

@@ -15,6 +15,7 @@ from aerarm_ros.identification.joint_model import JointTerm, TermKind
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
+from aerarm_ros.identification.residual_split import ResidualSplit
 from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.truth import InertialTorqueError
 
@@ -57,6 +58,7 @@ def summarise(
         'gravity': _gravity(result),
         'delays': _delays(result),
         'trends': [_trend(trend) for trend in result.trends],
+        'residual': [_split(split) for split in result.splits],
         'rollouts': [_rollout(error) for error in result.rollouts],
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
@@ -133,6 +135,16 @@ def _trend(trend: ResidualTrend) -> dict[str, Any]:
         'bag': trend.bag,
         'friction': trend.friction.tolist(),
         'offset': trend.offset.tolist(),
+    }
+
+
+def _split(split: ResidualSplit) -> dict[str, Any]:
+    return {
+        'bag': split.bag,
+        'rms': _numbers(split.rms),
+        'fractions': {cause: _numbers(part) for cause, part in split.fractions.items()},
+        'unexplained': _numbers(split.unexplained),
+        'above_cutoff': _numbers(split.above_cutoff),
     }
 
 

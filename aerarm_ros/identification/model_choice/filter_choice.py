@@ -270,7 +270,7 @@ class FilterChoice:
 
         With `in_time`, the delay of measured velocities is corrected.
         """
-        parts = [_excerpt(recording) for recording in recordings]
+        parts = [excerpt(recording) for recording in recordings]
         if not in_time and all(part is r for part, r in zip(parts, recordings, strict=True)):
             return self.bags
         kinematics = replace(self.kinematics, in_time=in_time or self.kinematics.in_time)
@@ -348,7 +348,7 @@ class _Trials:
     ) -> None:
         self._regressor = regressor
         self._conditioner = conditioner
-        self._excerpts = [_excerpt(recording) for recording in recordings]
+        self._excerpts = [excerpt(recording) for recording in recordings]
         self._measured = all(recording.dq is not None for recording in recordings)
         self._cad = ArmParameters.stated(regressor.robot, None)
         self._outcomes: dict[KinematicsFilter, _Outcome] = {}
@@ -445,7 +445,8 @@ class _Outcome:
     residuals: list[Array]
 
 
-def _excerpt(recording: Recording) -> Recording:
+def excerpt(recording: Recording) -> Recording:
+    """Return the middle of a long recording, enough to compare filters."""
     if recording.duration <= _ENOUGH:
         return recording
     share = 0.5 * _ENOUGH / recording.duration

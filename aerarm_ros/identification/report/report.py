@@ -36,6 +36,7 @@ from aerarm_ros.identification.report.report_tables import (
     parameter_table,
     payload_table,
     recording_table,
+    residual_table,
     rollout_table,
     truth_table,
 )
@@ -292,6 +293,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             paragraph(geometry_text(result), 'note'),
         ),
         section('Torque errors joint by joint', joint_error_table(result)),
+        section('What limits accuracy', paragraph(_RESIDUAL, 'note'), residual_table(result)),
     ]
     if extras.exports:
         body.append(
@@ -377,6 +379,13 @@ _ENERGY = (
     'friction, lifting and motion use the identified model; the rest is unexplained work, braking '
     "energy, and the boards' consumption. The sum is the supplied energy. Torque is filtered, so "
     'ripple above the cut-off is missing.'
+)
+_RESIDUAL = (
+    'Causes of the filtered residual of sdp, in percent of its mean square. Noise: white noise of '
+    'the level measured in the upper half of the recorded spectra, through the same filters. The '
+    'other causes: variance that their pattern explains in parts of the bag that the regression '
+    'has not seen. The residual does not contain causes that the identifier corrects, such as an '
+    'estimated delay.'
 )
 _EXPORTS = (
     'Torque error of each written file on the same bags, filtered. The formats differ: only '

@@ -15,6 +15,7 @@ from aerarm_ros.identification.identification_result import (
 from aerarm_ros.identification.joint_model import JointTerm
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts
+from aerarm_ros.identification.residual_split import REMEDIES, UNEXPLAINED
 from aerarm_ros.identification.truth import InertialTorqueError, Truth
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.pages.html_text import (
@@ -26,6 +27,7 @@ from aerarm_ros.pages.html_text import (
     table,
 )
 
+_WORTH_NAMING = 0.1  # of a joint's mean square
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
@@ -87,6 +89,21 @@ def joint_error_table(result: IdentificationResult) -> Html:
     best = [index for index, row in enumerate(shown) if row[2:4] == ['sdp', 'filtered']]
     others = folded('Other solvers and kinds of error', table(headings, rows))
     return Html(table(headings, shown, best) + others)
+
+
+def residual_table(result: IdentificationResult) -> Html:
+    """Return the causes of the residual, in percent of its mean square per joint."""
+    rows: list[list[object]] = []
+    for split in result.splits:
+        for cause, parts in split.fractions.items():
+            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _WORTH_NAMING else ''
+            rows.append([split.bag, cause, *map(float, (100.0 * parts).round(1)), remedy])
+        rest, above = 100.0 * split.unexplained, 100.0 * split.above_cutoff
+        rows.append([split.bag, 'unexplained', *map(float, rest.round(1)), UNEXPLAINED])
+        rows.append([split.bag, 'raw, above the cut-off', *map(float, above.round(1)), ''])
+        rows.append([split.bag, 'RMS [Nm]', *map(float, split.rms), ''])
+    names = [f'{name} [%]' for name in result.robot.joint_names]
+    return table(['bag', 'cause', *names, 'what reduces it'], rows)
 
 
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:

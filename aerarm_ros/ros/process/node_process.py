@@ -238,16 +238,21 @@ def is_on_this_host(environment: Mapping[str, str] = os.environ) -> bool:
     )
 
 
+_PARTICIPANTS = 20  # discovery ports of a domain that are tried
+
+
 def is_domain_free(domain: int) -> bool:
     """Tell whether no node on this host seems to be in a ROS domain of 0 to 101.
 
-    The first one in a domain has its discovery port (RTPS 2.2, 9.6.1.1).
+    Each of the first ones in a domain has a discovery port (RTPS 2.2, 9.6.1.1); the first node may
+    have ended before the others.
     """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('', 7400 + 250 * domain + 10))
-        except OSError:
-            return False
+    for participant in range(_PARTICIPANTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', 7400 + 250 * domain + 10 + 2 * participant))
+            except OSError:
+                return False
     return True
 
 

@@ -23,6 +23,7 @@ from aerarm_ros.identification.report.report_tables import (
     joint_error_table,
     parameter_table,
 )
+from aerarm_ros.identification.residual_split import REMEDIES, TORQUE_NOISE
 from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 from aerarm_ros.pages.html_text import number
@@ -97,6 +98,7 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
     assert page.headings == [
         'Torque errors',
         'Torque errors joint by joint',
+        'What limits accuracy',
         'Against the true parameters',
         'bag1 (identification): measured and predicted torque',
         'bag1 (identification): residual over time',
@@ -116,6 +118,8 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
     assert html.count('Plotly.newPlot(') == 12
     assert '"name":"desired"' in html
     text = ' '.join(page.texts)
+    # Noise is all that the simulated arm leaves, and the report names a remedy.
+    assert REMEDIES[TORQUE_NOISE] in text
     sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad_friction'))
     assert f'Torque error on bag2 (validation): {sdp:.2f} % filtered' in text
     assert f'{cad:.2f} % with the CAD model and identified friction ({cad / sdp:.1f} times' in text
