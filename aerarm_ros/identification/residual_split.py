@@ -1,11 +1,11 @@
 """Causes of the torque residual, which show what limits the accuracy.
 
 Two causes are random: torque noise, and noise of position and velocity. Their size is measured:
-white noise of the level in the upper half of the recorded spectra is added to the recording again, and
-both recordings pass the same filters. All other causes have a pattern. The residual is regressed on
-the torque of each pattern, minus the part that the model's parameters absorb. Causes are added in
-order of the explained residual. The explained part is the variance in held-out parts of the
-recording, so chance explains almost nothing.
+white noise of the level in the upper half of the recorded spectra is added to the recording again,
+and both recordings pass the same filters. All other causes have a pattern. The residual is
+regressed on the torque of each pattern, minus the part that the model's parameters absorb. Causes
+are added in order of the explained residual. The explained part is the variance in held-out parts
+of the recording, so chance explains almost nothing.
 """
 
 from __future__ import annotations
