@@ -78,7 +78,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
         steps.append('repair the cause')
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
-    if not emulated and homes:  # otherwise home and enable switch the motors off and on
+    if not emulated and homes:  # an emulated arm is moved there by home and enable
         steps.append('bring the arm to its home configuration')
     elif not emulated and arm.violation:
         steps.append('move the arm inside its limits by hand')

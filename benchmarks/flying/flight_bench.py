@@ -66,7 +66,7 @@ class FlightBench:
         law: dict[str, object] = {
             'base_motion': case.base,
             'path_tolerance': 10.0,
-            # No smoothing of motions, because their effect on the drone is measured.
+            # Motions are not slowed down, because their effect on the drone is measured.
             'rotor_share': 0.0,
             'observer_gain': 0.0,
             **arm.law,
@@ -88,7 +88,7 @@ class FlightBench:
                 if world['pace'] == 'lockstep':
                     # Otherwise the timeliness of the arm's forecast would depend on the host.
                     pilot['arm_wait'] = ARM_WAIT
-            # Otherwise the flight controller uses the nominal arm.
+            # Without these parameters the flight controller uses the nominal arm.
             self.start(stack, 'flight_control', {**pilot, **dict(case.flight)})
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')

@@ -158,7 +158,7 @@ _SAME_PULSE = 0.25  # motor turns from the first pulse: the motor passes that pu
 _SPACING_ERROR = 0.02  # motor turns by which the distance of two pulses may differ from one
 _BLURRED = 6e-4  # [rad] joint motion between two frames; the pulse lies somewhere within it
 _REPEATS_MAX = 10  # per joint
-# Motor turns needed on each side of the home configuration to find two pulses on either side.
+# Motor turns that two pulses require: on both sides of the home configuration, or on one side.
 _ROOM_BOTH_SIDES = _REACH + RESIDUAL_MAX
 _ROOM_ONE_SIDE = 2.0 * _REACH + RESIDUAL_MAX
 

@@ -34,7 +34,7 @@ _TICKS = 0.01
 _DRIFT = 5e-4  # ... relative to the elapsed time; crystals are five times better
 # Largest speed of a falling joint with its motor off, relative to its speed limit, ...
 _FALL_FACTOR = 2.5
-_TURNED = 0.02  # [rad] ... and its motion within one cycle
+_TURNED = 0.02  # [rad] ... plus this tolerance
 # A joint's mechanical stops lie at most this far beyond its limits [rad].
 _STOPS = 0.35
 # Near an index pulse the count does not show on which side of the pulse it is [rad, motor].

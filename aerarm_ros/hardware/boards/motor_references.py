@@ -49,7 +49,7 @@ class MotorReference:
         Current that encoder quantization causes in a braked joint [A]; 0 if the joint is not
         braked.
     current_max
-        Largest current in addition to the board's own limit [A].
+        Largest motor current, a further limit in addition to that of the board [A].
     effort_limit
         Largest joint torque that a reference may request [Nm]; braking may use the full
         `effort_max`.
@@ -142,7 +142,7 @@ class MotorReference:
         self._integrates = False
 
     def damp(self, speed_max: float = inf) -> None:
-        """Set references that brake the joint to rest, from at most a motor speed [rad/s]."""
+        """Brake the joint to rest, with at most the current for a motor speed [rad/s]."""
         self.release()
         self.kd = self._board_kd
         if speed_max < inf:

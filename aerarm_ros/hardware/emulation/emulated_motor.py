@@ -54,7 +54,7 @@ class EmulatedEncoder:
     zero
         True motor angle [rad] at count zero; None for the angle at the first sample.
     absolute
-        Whether the encoder knows its angle after a restart; otherwise it counts from zero.
+        Whether the encoder knows its angle after a restart; otherwise its count restarts at zero.
     pulse_offset
         True motor angle of an index pulse, modulo one turn [rad].
 
