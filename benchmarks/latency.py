@@ -9,8 +9,8 @@ commands itself, otherwise when the callback is called. The first latency is als
 state's publication, without its packing, as the nodes count.
 
 Then the nodes run in real time: `fake_hardware`, and `hardware_bridge` on emulated boards behind a
-preloaded SPI bus, with each controller and with `excitation`; and with a client of the bridge's
-parameters at 20 requests per second. Figures are medians of repeats.
+preloaded SPI bus. Each runs with every controller and with `excitation`, and with a client that
+sends 20 parameter requests per second to the bridge. Figures are medians of repeats.
 """
 
 import argparse

@@ -1,13 +1,13 @@
 """Memory growth of five nodes at 1 kHz, and frame rate of the view page.
 
-`fake_hardware`, `computed_torque`, which swings the arm back and forth, `base_reaction`, `recorder`
-and `view`, with a connected client, run as processes. The memory that each process does not share,
-and its proportional and resident set size (PSS, RSS), are read every two seconds; the PSS also
-changes with other users of shared libraries. After a warm-up a line is fitted to each size. Its
-uncertainty is twice the standard error, increased for correlated samples. The client counts frames.
-For an endurance test use `--minutes 60`. On a computer with other users use `--priority 0`,
-`--period 0.004` (then only every fourth message is sent), and `--page-only`, which omits recorder
-and base_reaction.
+These nodes run as processes: `fake_hardware`, `computed_torque`, which swings the arm back and
+forth, `base_reaction`, `recorder` and `view`, with a connected client. Every two seconds the
+benchmark reads the unshared memory of each process, and its proportional and resident set size
+(PSS, RSS). The PSS also changes with other users of shared libraries. After a warm-up a line is
+fitted to each size. Its uncertainty is twice the standard error, increased for correlated samples.
+The client counts frames. For an endurance test use `--minutes 60`. On a computer with other users
+use `--priority 0`, `--period 0.004` (then only every fourth message is sent), and `--page-only`,
+which omits recorder and base_reaction.
 """
 
 import argparse

@@ -3,7 +3,7 @@
 At 1 kHz a process publishes the same states on two topics in alternating order: best effort, and
 reliable with depth 1. Both have a subscriber of this package (best effort). The reliable topic may
 have another subscriber: a second one of this package, or a reliable one with depth 10, as in
-tutorials, that reads all messages, that reads once per second, or that is stopped (SIGSTOP) as by a
+tutorials. The latter reads all messages, reads once per second, or is stopped (SIGSTOP) as by a
 debugger.
 """
 

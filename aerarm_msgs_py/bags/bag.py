@@ -225,9 +225,9 @@ class Bag:
     def recorded_count(self, topic: str) -> int | None:
         """Return the number of messages of a topic according to the bag's own counts.
 
-        The counts come from metadata.yaml (for a single file from the metadata.yaml in the same
-        folder, if it lists only this file), or from the end of the files, once read. None if
-        neither has counts.
+        The counts come from metadata.yaml, or from the end of the files, once read. For a single
+        file, metadata.yaml in the same folder is used if it lists only this file. None if neither
+        source has counts.
         """
         if self._information.counts is not None:
             return self._information.counts.get(topic, 0)

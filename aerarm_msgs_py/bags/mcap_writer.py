@@ -1,9 +1,9 @@
 """Writer of MCAP files that are complete after every chunk.
 
 The mcap package's own writer ends a chunk only by size, so messages of a slow topic could stay in
-memory for minutes, and the file has no end until it is closed. This writer builds the same records
-with the package's classes and ends a chunk on request. A short end section follows every chunk, and
-the next chunk overwrites it. A killed recorder thus leaves a file that any MCAP reader can open.
+memory for minutes. Its file has no end until it is closed. This writer builds the same records with
+the package's classes and ends a chunk on request. A short end section follows every chunk, and the
+next chunk overwrites it. A killed recorder thus leaves a file that any MCAP reader can open.
 Format: https://mcap.dev/spec.
 """
 

@@ -14,7 +14,6 @@ class BalanceMeter:
     A published torque is the mean since the previous state. In each `period` the mean of these
     torques acts on a motion with the mean of the velocities at both ends, and their difference as
     acceleration. The work into the motion thus equals the change of kinetic energy, and the noise
-    of single velocities does not accumulate.
     single velocities does not add up.
 
     Parameters

@@ -173,9 +173,9 @@ def select_pairs(
 ) -> CollisionPairs:
     """Add the pairs whose distance a motion must keep to `geometry`.
 
-    Two kinds of pairs are excluded: moving links connected by one joint, which touch by design, and
-    shapes with constant distance, for example the column that turns on the base and the ground.
-    Links that are so close to each other by design that they can hardly keep the clearance must
+    Two kinds of pairs are excluded. Moving links connected by one joint touch by design. The
+    distance of some shapes is constant, for example that of the ground and the column that turns on
+    the base. Some links are so close by design that they can hardly keep the clearance; they must
     keep half of their median distance over random postures. The ground, obstacles, and link 1
     relative to the base always keep the full clearance.
 

@@ -34,7 +34,7 @@ from aerarm_ros.hardware.heat_watch import HeatWatch
 from aerarm_ros.model.dynamics import largest_gravity_load
 from aerarm_ros.motion.signals import Array
 
-if TYPE_CHECKING:  # nothing to run
+if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.hardware.transports.transport import Transport
 
 _RECENT = 1.0  # [s] how long a rejection or a limited command stays in the list of faults

@@ -13,8 +13,8 @@ class Regressor:
     """Regressor Phi of an arm: `tau = Phi(q, dq, ddq) theta`, thesis (3.1), (3.6).
 
     The columns are the ten inertial parameters of each link (3.3), then viscous friction `fv` and
-    Coulomb friction `fs` of each joint (3.5), and optionally the rotor inertia `Ja` at the joints
-    [kg m^2], which the thesis omits. This arm has 48 or 52 columns.
+    Coulomb friction `fs` of each joint (3.5). The columns of rotor inertia `Ja` at the joints [kg
+    m^2], which the thesis omits, are optional. This arm has 48 or 52 columns.
 
     An instance has working memory, so use one per thread.
 

@@ -241,9 +241,9 @@ class DriveTerm:
 class SmoothnessTerm:
     """Integral of the squared accelerations.
 
-    The motion of a light joint hardly affects the energy, so without this term the search may
-    return very slow motions, in which dry friction keeps the joint away from its reference. A price
-    on acceleration makes such a joint move evenly.
+    The motion of a light joint hardly affects the energy. Without this term the search may
+    therefore return very slow motions, in which dry friction keeps the joint away from its
+    reference. A price on acceleration makes such a joint move evenly.
 
     Parameters
     ----------

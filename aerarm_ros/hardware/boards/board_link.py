@@ -19,7 +19,7 @@ from aerarm_ros.hardware.gate.command_intake import Mask
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
-if TYPE_CHECKING:  # nothing to run
+if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.hardware.transports.transport import Transport
 
 # How far a board's clock may be ahead of the host clock or jump back between two answers [s], ...

@@ -39,11 +39,11 @@ class ExpectedMotion:
     A slow motor changes its angle by one count in some checks and by none in others. Both kinds of
     checks update the estimate; counts alone would overestimate the speed and bias the load.
 
-    In doubt, the estimate assumes rest: an external force may carry a load to which the motor
+    In doubt, the estimate assumes rest. An external force may carry a load to which the motor
     yields, a changing load may explain a changing current, and pauses hide the motion.
 
-    Quantities are on the motor side. Plain floats, because they are faster than arrays for four
-    joints.
+    Quantities are on the motor side. Plain floats are used, because they are faster than arrays for
+    four joints.
 
     Parameters
     ----------
@@ -249,9 +249,9 @@ class EncoderMonitor:
     turned clearly; see `ExpectedMotion`.
 
     One implausible reading stops the arm. Removing the damping of a joint lets it fall, so a second
-    reading confirms the fault before that. If the angle is plausible again, the joint stays damped.
-    Between the two readings of a jump, damping is limited to the speed before the jump, because the
-    jump appears to the board as a speed and would drive the joint.
+    reading must confirm the fault first. If the angle is plausible again, the joint stays damped. A
+    jump appears to the board as a speed, so damping would drive the joint. Between the two readings
+    damping is therefore limited to the speed before the jump.
 
     Parameters
     ----------

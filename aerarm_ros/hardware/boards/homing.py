@@ -169,10 +169,10 @@ class Homing:
     An incremental encoder counts from its angle at power-on; its index pulse comes once per motor
     turn, at a known angle within the turn. The posture determines the turn: the arm must start
     within a third of a motor turn (about 4 degrees at the joint) of its home configuration. Each
-    motor turns to the nearest expected pulse, and then back to the
-    pulse one turn before it, so no motor leaves its start by more than one turn. A joint whose
-    position limit is too near continues to the next pulse instead. At the end each joint moves to
-    its home configuration, so the arm can be homed again from there.
+    motor turns to the nearest expected pulse, and then back to the pulse one turn before it. So no
+    motor leaves its start by more than one turn. A joint whose position limit is too near continues
+    to the next pulse instead. At the end each joint moves to its home configuration, so the arm can
+    be homed again from there.
 
     Homing fails if a pulse lies farther than `RESIDUAL_MAX` from its expected angle, or if the two
     pulses are not one turn apart. A posture that is wrong by two thirds of a turn or more looks

@@ -189,10 +189,10 @@ def arm_identity(config: ArmConfig) -> str:
 class ZeroRecall:
     """Accept a board's kept zeros at its first answer, if its clock and counts are consistent.
 
-    The flag `index detected` alone is no evidence, because it stays set. All of these must be
-    consistent: the times by the board's and the host's clock; errors that last until a power cycle;
-    detected index pulses; each count, which must be reachable by the unpowered joint within its
-    stops; and the index bit, which must have flipped once per pulse in between.
+    The flag `index detected` alone is no evidence, because it stays set. Board time and host time
+    must agree. Errors that last until a power cycle and detected index pulses must still be
+    reported. Each count must be reachable by the unpowered joint within its stops. Each index bit
+    must have flipped once per pulse in between.
 
     Parameters
     ----------

@@ -348,8 +348,8 @@ class JointBarrier:
             Time between the last two measurements [s]; 0 if none has arrived since the last call,
             inf if there was no earlier one.
         kept
-            Torque that has acted in place of `effort` if the last command did not reach the board,
-            which then keeps an older one [Nm]; NaN while the board loses no command.
+            Torque that has acted in place of `effort` if the last command did not reach the board
+            [Nm]. The board then keeps an older command. NaN while the board loses no command.
         was_kept
             Whether such a torque acted between the last two measurements.
         """
@@ -393,12 +393,11 @@ class JointBarrier:
     ) -> float:
         """Return the damping [Nms/rad] that a torque needs if no later command reaches the board.
 
-        It is 0 if the joint stays slow enough without it until `board_timeout`. Three cases
-        qualify: the torque is small, the board's own damping ends the motion, or the spring energy
-        is small. The calculation uses the modelled load and the estimate of small disturbances,
-        either of which may be wrong. The estimate for a base turned upside down may be as large as
-        the torque.
-        which may be wrong; what was learned of a base turned over may be as large as the torque.
+        The result is 0 if the joint stays slow enough without damping until `board_timeout`. Three
+        cases qualify: the torque is small, the board's own damping ends the motion, or the spring
+        energy is small. The larger result of two loads counts: the modelled load, and the modelled
+        load plus the estimated small disturbance. The estimate for a base turned upside down is
+        excluded, because it may be as large as the torque.
 
         Parameters
         ----------

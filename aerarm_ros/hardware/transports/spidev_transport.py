@@ -27,9 +27,9 @@ class SpidevDevice:
     """A `/dev/spidev*` device that is reopened after it was removed and has returned.
 
     A removed device, for example an unplugged adapter or a reloaded driver, leaves an open file on
-    which every transfer fails, even when a device of the same name exists again. Therefore the file
-    is closed and reopened, with waits that grow from 0.2 to 5 s. A single transfer error is
-    ignored, because the next frame follows within a millisecond.
+    which every transfer fails. This remains so when a device of the same name exists again.
+    Therefore the file is closed and reopened, with waits that grow from 0.2 to 5 s. A single
+    transfer error is ignored, because the next frame follows within a millisecond.
 
     Parameters
     ----------

@@ -65,9 +65,9 @@ def harmonic_gain(fundamental: float, harmonics: int) -> Callable[[Array], Array
 class SpectralFilter:
     """Zero-phase filter, applied in the frequency domain.
 
-    A periodic signal has an exact spectrum. From any other signal the straight line between its
-    ends is subtracted, and the rest is extended by point reflection (odd extension), which keeps
-    value and slope continuous; the line passes unchanged. Decimation omits the bins above the new
+    A periodic signal has an exact spectrum. For any other signal the straight line between its ends
+    is subtracted before and added after the filter. The rest is extended by point reflection (odd
+    extension), which keeps value and slope continuous. Decimation omits the bins above the new
     Nyquist frequency, which costs no time and prevents aliasing.
 
     Parameters

@@ -34,13 +34,13 @@ def fit_backlash(
 ) -> tuple[float, float]:
     """Return the backlash of a gear at the joint and its standard deviation [rad].
 
-    An encoder on the motor does not measure the link. The backlash still affects the motor: when
-    the motor brakes, the link leaves the driving flank, and until the opposite flank makes contact
-    the motor accelerates only its own inertia. For an assumed backlash, the link's motion follows
-    from the motor's: coupled in contact, free under gravity in between. The motion determines the
-    contact torque, and the backlash whose torque fits the measured torque best is the estimate.
-    Motor inertia, viscous and dry friction are fitted simultaneously; the links' inertia varies
-    within its uncertainty.
+    An encoder on the motor does not measure the link, but the backlash affects the motor. When the
+    motor brakes, the link leaves the driving flank. Until the opposite flank makes contact, the
+    motor accelerates only its own inertia. For an assumed backlash, the link's motion follows from
+    the motor's: coupled in contact, free under gravity in between. The motion determines the
+    contact torque. The estimate is the backlash whose torque fits the measured torque best. Motor
+    inertia, viscous and dry friction are fitted simultaneously; the links' inertia varies within
+    its uncertainty.
 
     Parameters
     ----------

@@ -373,9 +373,9 @@ def recording_from_states(
     Raises
     ------
     IdentificationError
-        If there are too few messages; a joint is missing or unknown; a locked joint moves; stamps
-        repeat, jump or are not in seconds; position or effort is missing or NaN; nothing moves; or
-        units are wrong.
+        If there are too few messages, or a joint is missing, unknown, or locked and moving. Also if
+        stamps repeat, jump or are not in seconds, if position or effort is missing or NaN, if
+        nothing moves, or if units are wrong.
     """
     order = np.array(_columns(name, states.names, joint_names, mapping))
     if len(states.stamp) < _FEWEST_MESSAGES:

@@ -54,8 +54,8 @@ def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
 class RegressionBank:
     """Reduce the identification bags once, to compare models without access to samples.
 
-    A joint's terms act only on its own torque, so its rows need the links' columns and its own
-    candidate terms: one factor per joint and part of the motion.
+    A joint's terms act only on its own torque, so its rows need only the links' columns and its own
+    candidate terms. The bank stores one factor per joint and part of the motion.
 
     Parameters
     ----------
