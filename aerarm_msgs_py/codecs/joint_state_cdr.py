@@ -345,8 +345,8 @@ class JointStateDecoder:
         Returns
         -------
         stamp_ns : (K,) `header.stamp` [ns]
-        values : (K, 3, n) position, velocity, effort [rad, rad/s, Nm] of all joints found so far;
-        NaN where missing
+        values : (K, 3, n) position, velocity, effort [rad, rad/s, Nm] of all joints found so
+            far; NaN where missing
 
         Raises
         ------

@@ -361,7 +361,7 @@ class PlaneSource(Source):
         return by_errors[:, None], by_unknowns[:, None]
 
     def register(self, poses: LinkPoses) -> Array:
-        """Return normal (3), distance (1) and point (3)."""
+        """Return the plane's normal (3), its distance (1) and the contact point (3)."""
         normals = Rotation.random(_STARTS, rng=np.random.default_rng(0)).as_matrix()[:, :, 2]
         best = min((self._linear(poses, normal) for normal in normals), key=lambda one: one[0])
         return best[1]

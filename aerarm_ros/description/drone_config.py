@@ -185,7 +185,6 @@ class DroneConfig:
         Pose of the arm's base frame (base_link) in the body frame.
     imu : PoseConfig
         Pose of the IMU's frame in the body frame.
-    rotors : tuple of RotorConfig
 
     Raises
     ------

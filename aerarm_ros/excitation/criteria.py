@@ -169,7 +169,7 @@ class BoundedCriterion:
         self._sharpness = sharpness
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative, see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         value, gradient = self._criterion.evaluate(stacked)
         excess = self._sharpness * (value - self._limit)
         slope = float(np.exp(-np.logaddexp(0.0, -excess)))
@@ -188,7 +188,7 @@ class CombinedCriterion:
         self._parts = tuple(parts)
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative, see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         value, gradient = 0.0, np.zeros_like(stacked)
         for weight, criterion in self._parts:
             part, part_gradient = criterion.evaluate(stacked)
@@ -226,7 +226,7 @@ class ConditionCriterion:
         self._sharpness = sharpness
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative, see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         chosen = stacked[:, :, self._columns]
         value, by_information = (self._of_scaled if self._scaled else self._of_plain)(chosen)
         gradient = np.zeros_like(stacked)
@@ -299,7 +299,7 @@ class InformationCriterion:
         self._noise = noise
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative, see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         weighted = stacked / self._noise[:, np.newaxis]
         matrix = self._basis.T @ information(weighted) @ self._basis
         sign, log_determinant = np.linalg.slogdet(matrix)

@@ -25,7 +25,6 @@ class BagDemand:
 
     Attributes
     ----------
-    bag : str
     beyond : (3, n) ndarray
         Excess of position, velocity and acceleration over the range of the identification motion,
         relative to that range; 0 inside.
@@ -107,7 +106,6 @@ class BagAssessment:
 
     Attributes
     ----------
-    bag : str
     filtered, filtered_measured, raw : float
         `100 |tau - tau_hat| / |tau|` over all joints stacked [%]. `filtered` compares torque and
         prediction through the same low-pass filter. `filtered_measured` compares filtered torque
@@ -194,7 +192,6 @@ class ResidualTrend:
 
     Attributes
     ----------
-    bag : str
     friction, offset : (n,) ndarray
         Change of torque against the motion, and of constant torque [Nm]; 0 if insignificant.
     torque : (n,) ndarray

@@ -63,7 +63,6 @@ class JointTerm:
 
     Attributes
     ----------
-    kind : TermKind
     width : float
         Velocity [rad/s] over which dry friction changes sign, `s = tanh(dq / width)`; 0 is the step
         `sgn(dq)` of (2.6). For Stribeck friction, `sgn(dq) exp(-(dq / width)^2)`, it is the

@@ -260,7 +260,6 @@ class RolloutError:
 
     Attributes
     ----------
-    bag, solver : str
     seconds : float
         Length of a window [s].
     windows : int

@@ -99,7 +99,6 @@ class InertialTorqueError:
 
     Attributes
     ----------
-    solver, bag : str
     total : float
         Error over all joints stacked [%], relative to the true torque as measured currents show it.
     per_joint : (n,) ndarray

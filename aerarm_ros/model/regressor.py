@@ -197,7 +197,7 @@ class MomentumRegressor:
     def evaluate(
         self, q: Array, dq: Array, specific_force: Array, angular_velocity: Array
     ) -> tuple[Array, Array]:
-        """Return Y_p and Y_f for one state.
+        """Return the regressors Y_p of momentum and Y_f of torque for one state.
 
         Parameters
         ----------

@@ -32,7 +32,6 @@ class ToolPostures:
 
     Parameters
     ----------
-    model : EnergyModel
     kinematics : Kinematics
         Kinematics of the tool frame.
     limits : MotionLimits

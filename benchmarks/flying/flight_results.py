@@ -35,7 +35,6 @@ class FlightResults:
 
     Attributes
     ----------
-    program : FlightProgram
     records : mapping
         Record by drone and method, or the reason of a failure.
     leans : dict

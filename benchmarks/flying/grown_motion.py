@@ -25,7 +25,6 @@ class GrownMotion:
 
     Parameters
     ----------
-    course : Course
     seconds : float
         Duration including both ramps [s].
     ramp : float

@@ -249,7 +249,6 @@ class FilterChoice:
 
     Attributes
     ----------
-    trials : list of FilterTrial
     conditioner : Conditioner
         Conditioner with the chosen cut-off.
     kinematics : KinematicsFilter

@@ -293,7 +293,6 @@ def find_resistance(supply: MotorSupply, board_uncertainty: float) -> MotorResis
 
     Parameters
     ----------
-    supply : MotorSupply
     board_uncertainty : float
         Relative standard deviation of a resistance that a board reports [-].
     """

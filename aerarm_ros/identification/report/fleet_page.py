@@ -29,7 +29,6 @@ class Drift:
 
     Attributes
     ----------
-    arm, parameter : str
     change : float
         Change from the first to the last bag, along the fitted line.
     mean : float
@@ -51,7 +50,6 @@ class OddArm:
 
     Attributes
     ----------
-    arm, parameter : str
     value : float
         Median over the arm's bags.
     others : float
