@@ -32,11 +32,11 @@ class Closed(CallbackGroup):
     """Callback group that never runs a callback."""
 
     def can_execute(self, entity: object) -> bool:
-        """Return False."""
+        """Return False, so that no callback runs."""
         return False
 
     def beginning_execution(self, entity: object) -> bool:
-        """Return False."""
+        """Return False, so that no callback runs."""
         return False
 
     def ending_execution(self, entity: object) -> None:

@@ -58,7 +58,7 @@ def times(joint: JointConfig, load: float, seed: int) -> tuple[dict[str, float],
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the tables of load times and of braking."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     config, robot = load_arm_config(), load_robot()
     loads = JointLoads(config, robot)

@@ -111,7 +111,7 @@ class Plant(ArmPlant):
 
 
 class Work:
-    """Random motions: position, speed and acceleration (n,) of each cycle."""
+    """Random motions of an arm: position, speed and acceleration (n,) of each cycle."""
 
     def __init__(self, robot: Robot, random: np.random.Generator) -> None:
         low, high = robot.posture_range

@@ -58,7 +58,7 @@ class TouchedPlant(Plant):
         self._data.xfrc_applied[body] = [*force, *moment]
 
     def bodies(self) -> int:
-        """Return the number of bodies."""
+        """Return the number of bodies in the model."""
         return int(self._model.nbody)
 
     def end_of(self, body: int) -> Array:

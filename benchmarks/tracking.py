@@ -105,7 +105,7 @@ class ArmStates:
         return self._reader.publishers()
 
     def next(self) -> JointSample:
-        """Return the next state."""
+        """Return the next joint state of the arm."""
         for _ in range(100):
             message = self._reader.take_newest() if self._reader.wait(0.1) else None
             sample = self._codec.unpack(message[0]) if message else None

@@ -45,7 +45,7 @@ class BagInformation:
 
 
 def read_information(path: Path) -> BagInformation:
-    """Read a metadata.yaml.
+    """Read the metadata.yaml of a bag.
 
     Raises
     ------

@@ -150,7 +150,7 @@ class JointStateBuilder:
         return self._decoder.irregular
 
     def add(self, block: MessageBlock) -> None:
-        """Decode and append messages.
+        """Decode a block of JointState messages and append them.
 
         Raises
         ------

@@ -46,7 +46,7 @@ class BagMetadata:
         self.counts = [0] * len(self.topics)
 
     def add(self, topic: int, log_time: int) -> None:
-        """Count a message."""
+        """Count a message of a topic, with its receipt time [ns]."""
         self.counts[topic] += 1
         if self.start is None or self.end is None:
             self.start = self.end = log_time

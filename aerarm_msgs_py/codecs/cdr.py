@@ -1,4 +1,4 @@
-"""CDR, the wire format of ROS messages: fixed prefixes, readers and arrays."""
+"""Reader and writer parts for CDR, the wire format of ROS messages."""
 
 import struct
 from collections.abc import Iterable, Iterator, Sequence
@@ -132,11 +132,11 @@ class CdrReader:
         return self._number('I')
 
     def octet(self) -> int:
-        """Read one byte."""
+        """Read one byte from the payload."""
         return self._take(1)[0]
 
     def string(self) -> str:
-        """Read a string."""
+        """Read a string from the payload."""
         length = self.uint32()
         return self._take(length)[:-1].decode(errors='replace')
 

@@ -137,7 +137,7 @@ class JointStateLayout:
         return values
 
     def write_counts(self, buffer: bytearray) -> None:
-        """Write the three counts into a payload."""
+        """Write the counts of position, velocity and effort into a payload."""
         for offset, count in zip(self._count_offsets, self._counts, strict=True):
             _COUNT.pack_into(buffer, offset, count)
 
@@ -340,7 +340,7 @@ class JointStateDecoder:
         self._learnt = 0
 
     def decode(self, payloads: Payloads) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Decode K messages.
+        """Decode K JointState messages.
 
         Returns
         -------

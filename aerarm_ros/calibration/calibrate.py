@@ -108,7 +108,7 @@ class Calibration:
 
     @property
     def observations(self) -> Observations:
-        """Fitted observations."""
+        """Observations used for the fit."""
         return self.fit.observations
 
     def errors(self, fit: Fit, observations: Observations | None = None) -> tuple[float, float]:

@@ -85,7 +85,7 @@ def _displace(joint: ET.Element, value: Array, offset: float) -> None:
 
 
 def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
-    """Return the estimates as YAML.
+    """Return the estimates of a calibration as YAML.
 
     Parameters
     ----------

@@ -116,7 +116,7 @@ class ArmGeometry:
         return [k for k, name in enumerate(self.names) if name.rpartition('.')[2] in kinds]
 
     def unit(self, column: int) -> str:
-        """Return the unit of an error."""
+        """Return the unit of a geometric error."""
         joint, kind = divmod(column, len(KINDS))
         if KINDS[kind] == 'compliance':
             return 'm/N' if self.is_prismatic(joint) else 'rad/Nm'

@@ -62,7 +62,7 @@ class JointRecord:
 
     @property
     def passed(self) -> bool:
-        """Whether the joint passed."""
+        """Whether the joint passed commissioning."""
         return not self.findings
 
     @property

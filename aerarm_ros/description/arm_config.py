@@ -279,7 +279,7 @@ class ArmConfig:
 
 
 def load_arm_config(path: Path | str | None = None) -> ArmConfig:
-    """Read the drive train of an arm.
+    """Read the drive train configuration of an arm.
 
     Parameters
     ----------

@@ -268,7 +268,7 @@ def check_keys(where: str, entry: Any, config: type, also: tuple[str, ...] = ())
 
 
 def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
-    """Build the dataclass `config` from a mapping read from YAML.
+    """Build the dataclass `config` from a mapping that was read from YAML.
 
     Parameters
     ----------

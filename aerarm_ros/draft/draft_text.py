@@ -70,7 +70,7 @@ _JOINT_ADVICE = {
 
 
 def arm_text(draft: ArmDraft, source: str) -> str:
-    """Return the drive train as YAML.
+    """Return the drafted drive train as YAML.
 
     Parameters
     ----------

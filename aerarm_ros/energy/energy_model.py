@@ -44,7 +44,7 @@ class DrivePower:
         self.recovery = config.power_stage.recovery
 
     def copper(self, tau: Array) -> Array:
-        """Return the copper loss [W]."""
+        """Return the copper loss of the motors [W]."""
         loss: Array = self.copper_per_torque2 * tau**2
         return loss
 
@@ -191,7 +191,7 @@ class EnergyModel:
         return FrictionCompensation(self._viscous, self._coulomb, width, load_share=share)
 
     def friction_torque(self, dq: Array, ddq: Array, rigid: Array) -> Array:
-        """Return the friction (..., n) [Nm] of a motion.
+        """Return the friction torque (..., n) [Nm] of a motion.
 
         Gears transmit the links' torque; the torque of the rotors does not pass through them.
 

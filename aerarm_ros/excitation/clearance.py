@@ -464,7 +464,7 @@ class ClearanceChecker:
         return np.asarray(jacobian[:3] - pin.skew(lever) @ jacobian[3:])
 
     def sweep(self, positions: Array, stop_below: bool = False) -> dict[str, Clearance]:
-        """Return the clearance of a motion, per kind of pair ('self', 'ground').
+        """Return the smallest clearance of a motion, per kind of pair ('self', 'ground').
 
         The motion is divided into intervals (branch and bound). Distances are computed in the
         middle of an interval; elsewhere in the interval they are lower by at most sum_j L_j |q_j -

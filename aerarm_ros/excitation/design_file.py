@@ -50,7 +50,7 @@ class _Document:
 
 @dataclass(frozen=True)
 class _JointSeries:
-    """Coefficients of one joint [rad]."""
+    """Fourier coefficients of one joint [rad]."""
 
     bias: float
     sine: tuple[float, ...]

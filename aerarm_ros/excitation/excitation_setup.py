@@ -46,7 +46,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class RandomTrajectory:
-    """Distribution of trajectories: coefficients uniform in +-amplitude, bias in +-spread.
+    """Distribution of random trajectories: coefficients in +-amplitude, bias in +-spread.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ class EffortModel:
         )
 
     def carry(self, payload: ArrayLike) -> None:
-        """Add a body to the last link, see `Dynamics.carry`."""
+        """Add a payload to the last link, see `Dynamics.carry`."""
         self._dynamics.carry(payload)
 
     def effort(self, position: Array, velocity: Array, acceleration: Array) -> Array:

@@ -137,7 +137,7 @@ class ExcitationPlayer:
 
     @property
     def stage(self) -> str:
-        """Name of the running stage."""
+        """Name of the active stage of the motion."""
         return self.motion.stage_at(self.path_time).name
 
     def stop(self) -> None:

@@ -137,7 +137,7 @@ class ArmAnimation:
         return np.array(path)
 
     def figure(self, times: Array, positions: Array, frames: int = 56) -> go.Figure:
-        """Return the animation.
+        """Return the animation as a Plotly figure.
 
         Parameters
         ----------
@@ -272,7 +272,7 @@ class Preview:
         self._states = motion.evaluate(self._times)
 
     def write(self, path: Path | str) -> None:
-        """Write the page.
+        """Write the preview page to a file.
 
         Raises
         ------

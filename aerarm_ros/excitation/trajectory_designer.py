@@ -200,7 +200,7 @@ class _StopDesignError(Exception):
 
 
 class TrajectoryDesigner:
-    """Sequential quadratic programming from random feasible trajectories.
+    """Trajectory design by sequential quadratic programming from random feasible trajectories.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ class ExperimentReport:
         return row
 
     def text(self) -> str:
-        """Return the table for a terminal."""
+        """Return the table of tracking errors as text for a terminal."""
         rows = [HEADINGS, *self._rows]
         widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
         return '\n'.join(_aligned(row, widths) for row in rows)

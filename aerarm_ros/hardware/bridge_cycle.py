@@ -208,7 +208,7 @@ class BridgeCycle:
 
     @property
     def q_known(self) -> Array:
-        """(n,) joint positions [rad], NaN where the zero is unknown."""
+        """Joint positions (n,) [rad], NaN where the zero is unknown."""
         return self.zeros.known_only(self.q)
 
     @property
@@ -312,7 +312,7 @@ class BridgeCycle:
         return Answer(True, 'the arm is held' if stays else 'the motors are off')
 
     def home(self) -> Answer:
-        """Search the encoders' index pulses: every motor turns by up to one turn to each side.
+        """Search the encoders' index pulses; every motor turns by up to one turn in each direction.
 
         The arm must be in its home configuration. Motors that are off are aligned first.
         """
@@ -346,7 +346,7 @@ class BridgeCycle:
         return Answer(True, 'the arm is damped')
 
     def update(self, now: float) -> None:
-        """Run one cycle at the time `now` [s, monotonic]."""
+        """Run one bridge cycle at the time `now` [s, monotonic]."""
         elapsed = max(now - self._now, 0.0)
         self._now = now
         self.cycles += 1

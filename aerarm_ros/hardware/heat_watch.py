@@ -1,4 +1,4 @@
-"""Keep motors within their thermal limits."""
+"""Thermal model of the motors, with warnings, torque reduction and stop."""
 
 from __future__ import annotations
 
@@ -297,7 +297,7 @@ class ThermalLimit:
         self._load = 0.0
 
     def stop(self) -> str:
-        """Return why the arm has to stop, or ''."""
+        """Return the thermal reason why the arm has to stop, or ''."""
         if not self._stops:
             return ''
         return (
@@ -473,7 +473,7 @@ class HeatWatch:
             self._look_at_supplies(elapsed, enabled)
 
     def keep(self, now: float) -> KeptHeat:
-        """Return the estimates at a time [s]."""
+        """Return the temperature estimates at a time [s]."""
         motors = [limit.motor for limit in self.limits]
         windings = tuple(motor.winding for motor in motors)
         return KeptHeat(now, windings, tuple(motor.housing for motor in motors))

@@ -61,7 +61,7 @@ class SupplyWatch:
             self._warning = ''
 
     def stop(self) -> str:
-        """Return why the arm has to stop, or ''."""
+        """Return the voltage reason why the arm has to stop, or ''."""
         if self._high_in_row >= _IN_ROW:
             return (
                 f'the supply of {self._name} has {self.voltage:.1f} V, its limit is '

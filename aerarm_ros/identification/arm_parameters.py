@@ -15,7 +15,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class LinkBounds:
-    """Additional constraints of the semidefinite program.
+    """Bounds of masses and centres of mass for the semidefinite program.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class InertiaBoxes:
         return np.asarray((np.abs(self.axes) @ self.half_edges[..., None])[..., 0])
 
     def corners(self) -> Array:
-        """Return the (n, 8, 3) corners in the frames of the links' joints [m]."""
+        """Return the box corners (n, 8, 3) in the frames of the links' joints [m]."""
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         edges = self.axes * self.half_edges[:, None, :]
         return np.asarray(self.centre[:, None, :] + signs @ edges.transpose(0, 2, 1))

@@ -125,7 +125,7 @@ class BagAssessment:
     prediction: Prediction
 
     def __repr__(self) -> str:
-        """Return the errors without the samples."""
+        """Return the torque errors as text, without the samples."""
         return (
             f'<{self.bag}: torque error {self.filtered:.2f} % filtered, '
             f'{self.filtered_measured:.2f} % only the measured one, {self.raw:.2f} % raw>'

@@ -234,7 +234,7 @@ def read_limits(path: Path) -> dict[str, float]:
 
 
 def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
-    """Compare a result with limits.
+    """Compare an identification result with limits.
 
     Parameters
     ----------

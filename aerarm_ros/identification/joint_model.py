@@ -11,7 +11,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class TermKind(Enum):
-    """Kind of a term; the value is its symbol in column names."""
+    """Kind of a joint term; the value is its symbol in column names."""
 
     VISCOUS = 'fv'
     COULOMB = 'fs'
@@ -59,7 +59,7 @@ COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
 
 @dataclass(frozen=True)
 class JointTerm:
-    """A regressor column of one joint: thesis (2.6), extended.
+    """Regressor column of one joint, thesis (2.6) extended.
 
     Attributes
     ----------
@@ -83,12 +83,12 @@ class JointTerm:
 
     @property
     def symbol(self) -> str:
-        """Start of the column's name, such as 'fs'."""
+        """Symbol at the start of the column's name, such as 'fs'."""
         return self.kind.value
 
     @property
     def unit(self) -> str:
-        """Unit of the coefficient."""
+        """Unit of the term's coefficient."""
         return _UNITS[self.kind]
 
     @property
@@ -107,7 +107,7 @@ class JointTerm:
         return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
     def basis(self, dq: Array, ddq: Array, load: Array | None) -> Array:
-        """Return the torque per coefficient.
+        """Return the torque per coefficient of the term.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class JointModel:
 
     @property
     def joint_columns(self) -> tuple[tuple[int, JointTerm], ...]:
-        """Joint index and term of each column behind the links' 10 n, in the order of (3.5)."""
+        """Joint index and term of each column after the links' 10 n columns, as in (3.5)."""
         return tuple(
             (joint, term)
             for kind in _ORDER

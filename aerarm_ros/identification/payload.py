@@ -56,22 +56,22 @@ class Payload:
 
     @property
     def centre(self) -> Array:
-        """(3,) centre of mass [m]."""
+        """Centre of mass (3,) of the payload [m]."""
         return np.asarray(self.inertial[1:4] / self.inertial[0])
 
     @property
     def barycentric_inertia(self) -> Array:
-        """(3, 3) inertia about the centre of mass [kg m^2]."""
+        """Inertia (3, 3) of the payload about its centre of mass [kg m^2]."""
         return barycentric_inertia(self.inertial)
 
     @property
     def std(self) -> Array:
-        """(10,) standard deviations of `inertial`."""
+        """Standard deviations (10,) of `inertial`."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def centre_std(self) -> Array:
-        """(3,) standard deviations of `centre`, to first order [m]."""
+        """Standard deviations (3,) of `centre`, to first order [m]."""
         slope = np.hstack([-self.centre[:, None], np.eye(3)]) / self.mass
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
 

@@ -115,7 +115,7 @@ class JointTorques:
         ]
 
     def columns(self, dq: Array, ddq: Array, load: Array) -> Array:
-        """Return the (W, n, k) torque per coefficient [Nm].
+        """Return the joint torque per coefficient, (W, n, k) [Nm].
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class Rollout:
         self._dt = windows.dt / self._substeps
 
     def positions(self, theta: Array) -> Array:
-        """Return the (W, K, n) positions at the samples after the first [rad].
+        """Return the simulated positions (W, K, n) at all samples except the first [rad].
 
         NaN where the simulation diverges, which may happen for physically impossible parameters.
 

@@ -20,7 +20,7 @@ PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
 
 
 class SmoothStep(NamedTuple):
-    """Step value, its slope, its integral from 0, and its second derivative."""
+    """Value of a step, its slope, its integral from 0, and its second derivative."""
 
     value: Array
     slope: Array

@@ -49,7 +49,7 @@ def _elements() -> Any:
 
 
 def paragraph(text: object, kind: str = '') -> Html:
-    """Return a paragraph."""
+    """Return an HTML paragraph."""
     return Html(_elements().paragraph(text, kind))
 
 
@@ -64,7 +64,7 @@ def folded(title: str, *parts: str) -> Html:
 
 
 def bullets(items: Iterable[object], kind: str = '') -> Html:
-    """Return an unordered list."""
+    """Return an unordered HTML list."""
     return Html(_elements().bullets(items, kind))
 
 

@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class PlanError(ValueError):
-    """Goal that cannot be reached; the message names the binding limit."""
+    """Goal that cannot be reached; the message names the violated limit."""
 
 
 ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 'disturbance')

@@ -16,7 +16,7 @@ OTHERS = (QUINTIC, TRAPEZOID)
 def energy_page(
     found: EnergyFigures, standby: float, watt_hours: float, note: str, refused: list[str]
 ) -> str:
-    """Return the page as HTML.
+    """Return the page of the energy campaign as HTML.
 
     Parameters
     ----------

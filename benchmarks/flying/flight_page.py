@@ -24,7 +24,7 @@ def write_page(path: Path, results: FlightResults, note: str) -> None:
 
 
 def flight_page(results: FlightResults, note: str) -> str:
-    """Return the page as HTML.
+    """Return the page of the flight campaign as HTML.
 
     Parameters
     ----------

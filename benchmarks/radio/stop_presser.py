@@ -52,7 +52,7 @@ def sweep(node: Node) -> topics.JointTrajectory:
 
 
 def newest(node: Node) -> topics.JointState:
-    """Return the next joint states."""
+    """Return the next joint states message."""
     came: list[topics.JointState] = []
     topic = topics.JOINT_STATES
     subscription = node.create_subscription(topic.type, topic.name, came.append, topic.qos)

@@ -28,7 +28,7 @@ _DRIFT = 0.01  # ... relative to the time between the answers
 
 
 class RestartWatch:
-    """Detects a restart of a board from its frames.
+    """Detect a restart of a board from its frames.
 
     A restart may happen between two answers or while the board does not answer; its encoder counts
     start again. Three signs reveal it: an unexpected board time, a missing index pulse flag, or the
@@ -226,7 +226,7 @@ class BoardLink:
             command.current_saturation[channel] = min(self._saturation[channel], least)
 
     def switch_off(self) -> None:
-        """Send zero current and system disabled, once."""
+        """Send one frame with zero current and system disabled to the board."""
         self._command.index = (self._command.index + 1) & 0xFFFF
         self._transport.exchange(self._number, self._codec.encode(self._switched_off()))
 
@@ -419,7 +419,7 @@ class ArmMeasurements:
         gains: Gains,
         lag: float | None = None,
     ) -> None:
-        """Read the boards' last states.
+        """Read the last states of all boards.
 
         A board holds its references for one cycle while the motor turns. Its current therefore
         falls by Kp times the angle change and Kd times the velocity change (4.4), and the frame

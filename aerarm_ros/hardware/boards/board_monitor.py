@@ -257,13 +257,13 @@ class BoardMonitor:
             self._follow(state, now, enable, running)
 
     def fail(self, text: str) -> None:
-        """Enter the fault state; the first fault stays."""
+        """Enter the fault state of the board; the first fault stays."""
         if self.mode is not BoardMode.FAULT:
             self.mode = BoardMode.FAULT
             self.fault = f'{self.name}: {text}'
 
     def counters(self) -> dict[str, int]:
-        """Return the counts by name."""
+        """Return the frame and command counters by name."""
         return {
             'good frames': self.good_frames,
             'bad frames': self.bad_frames,

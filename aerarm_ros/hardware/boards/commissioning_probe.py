@@ -47,7 +47,7 @@ class ProbeRequest:
 
     @property
     def client(self) -> str:
-        """Name of the client."""
+        """Name of the client that sent the request."""
         return self.id.partition(':')[0]
 
     def text(self) -> str:
@@ -299,7 +299,7 @@ class CommissioningProbe:
             self._phase = 'off'
 
     def drive(self, now: float, stop: str) -> BoardLink | None:
-        """Set the reference of the driven motor; return its board's link, None if all are off.
+        """Set the driven motor's reference; return its board's link, None if all motors are off.
 
         Parameters
         ----------

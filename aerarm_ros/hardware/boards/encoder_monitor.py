@@ -320,7 +320,7 @@ class EncoderMonitor:
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
-        """Return the fault of an encoder, or ''.
+        """Check all encoders; return the text of a fault, or ''.
 
         Parameters
         ----------
@@ -448,7 +448,7 @@ class _Encoder:
 
     @property
     def damping_speed(self) -> float:
-        """Speed up to which damping may use the encoder [rad/s]."""
+        """Largest speed for which damping may use the encoder [rad/s]."""
         if self.is_confirmed:
             return 0.0
         if self.anchor == self.anchor:

@@ -46,7 +46,7 @@ LONGEST = 65536  # characters of a file that may be read
 
 
 class KeptZerosError(ValueError):
-    """Zeros that cannot be used, with the reason."""
+    """Kept encoder zeros that cannot be used; the message gives the reason."""
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ class MotorReference:
         self.zero = zero
 
     def release(self) -> None:
-        """Set zero current and zero gains."""
+        """Set zero current and zero gains for the motor."""
         self.position = self.velocity = self.current = 0.0
         self.kp = self.kd = self.integral_gain = self.believed = self.noise = 0.0
         self.current_max = inf
@@ -172,7 +172,7 @@ class MotorReference:
             self.integral = min(max(wound, -most), most)
 
     def track(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Follow a limited reference [rad], [rad/s], [Nm]; NaN where unused.
+        """Follow a limited joint reference [rad], [rad/s], [Nm]; NaN where unused.
 
         The joint is at q [rad], `dt` is the time since the last call [s].
         """
@@ -410,7 +410,7 @@ class MotorReferences:
             motor.set_zero(angle)
 
     def switch_off(self) -> None:
-        """Set zero current and zero gains. A board that is off resets its integral."""
+        """Set zero current and zero gains; a board that is off resets its integral."""
         for motor in self.motors:
             motor.release()
             motor.integral = 0.0

@@ -240,7 +240,7 @@ class EmulatedBoard:
         self._prepared = self._sensor_frame()
 
     def step(self, angle_1: float, angle_2: float) -> None:
-        """Advance by one sub-step at the true motor angles [rad]."""
+        """Advance the board by one sub-step at the true motor angles [rad]."""
         first, second = self.motors
         first.step(angle_1)
         second.step(angle_2)

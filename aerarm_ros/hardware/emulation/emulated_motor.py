@@ -90,7 +90,7 @@ class EmulatedEncoder:
         self.stuck = False
 
     def sample(self, angle: float, compensate_index: bool = False) -> None:
-        """Measure a true motor angle [rad].
+        """Sample the encoder at a true motor angle [rad].
 
         With `compensate_index`, the next index pulse shifts the position so that the pulse lies at
         zero, like the firmware's index offset compensation.
@@ -223,7 +223,7 @@ class EmulatedHeat:
 
     @property
     def copper(self) -> float:
-        """Temperature of the copper [degC]."""
+        """Temperature of the copper winding [degC]."""
         return self.temperatures[0]
 
     @property
@@ -331,7 +331,7 @@ class EmulatedMotor:
 
     @property
     def power(self) -> float:
-        """Electrical power consumption [W], negative while braking."""
+        """Electrical power consumption of the motor [W], negative while braking."""
         return 1.5 * self.quadrature_voltage * self.measured_current
 
     def enable(self, enabled: bool) -> None:
@@ -347,7 +347,7 @@ class EmulatedMotor:
         self._integral = 0.0
 
     def step(self, angle: float) -> None:
-        """Advance by one sub-step at a true motor angle [rad]."""
+        """Advance the motor by one sub-step at a true motor angle [rad]."""
         encoder = self.encoder
         encoder.sample(angle, self.compensate_index)
         if not self._enabled:

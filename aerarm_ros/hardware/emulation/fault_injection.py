@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # listing the faults loads neither boards nor physics engine
 
 
 class Fault(NamedTuple):
-    """Fault of an emulated board.
+    """Injectable fault of an emulated board.
 
     Attributes
     ----------

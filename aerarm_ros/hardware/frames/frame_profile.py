@@ -135,7 +135,7 @@ class FrameField:
 
     @property
     def si_per_count(self) -> float:
-        """SI value of one count."""
+        """SI value of one count of the field."""
         return self.lsb * UNITS[self.unit]
 
     @property

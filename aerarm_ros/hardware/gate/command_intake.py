@@ -82,7 +82,7 @@ _STOP = 'stop all but one'
 
 
 class CommandPublishers:
-    """Maps each message to its publisher, and decides whether that publisher may command.
+    """Map each message to its publisher, and decide whether the publisher may send commands.
 
     The middleware's message info contains the publisher's global identifier (GID); the list of the
     topic's endpoints maps each GID to a node. `look` takes that list at intervals. Until it

@@ -281,7 +281,7 @@ class JointBarrier:
         self.restart()
 
     def restart(self) -> None:
-        """Reset the motion estimate; the measured speed is used."""
+        """Reset the joint's motion estimate; the measured speed is used."""
         self._is_known = False  # previous speed and load
         self._fastest = self._unhindered
         self._disturbance = self._turned = 0.0

@@ -119,7 +119,7 @@ class JointLimiter:
         return what and f'{self._name} was commanded {what}: check the controller'
 
     def limit(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Limit references for a joint at q [rad], dt [s] after the last call."""
+        """Limit the references of a joint at q [rad], dt [s] after the last call."""
         self.limited.clear()
         self.position = position if position != position else self._position(position, q, dt)
         self._last_position = self.position
@@ -231,12 +231,12 @@ class SafetyGate:
         self.inertias: list[float] = []
 
     def trip(self, reason: str) -> None:
-        """Latch a stop; the first reason stays."""
+        """Latch a stop of the arm; the first reason stays."""
         if not self.stop:
             self.stop = reason
 
     def release(self) -> None:
-        """End the latched stop."""
+        """End the latched stop of the arm."""
         self.stop = ''
         self.restart()
 

@@ -20,7 +20,7 @@ _WAIT_MIN, _WAIT_MAX = 0.2, 5.0  # [s] between two attempts to open; doubled eac
 
 
 class TransportError(OSError):
-    """Bus that cannot be opened; the message states what to check."""
+    """SPI bus that cannot be opened; the message states what to check."""
 
 
 class SpidevDevice:
@@ -163,7 +163,7 @@ class SpidevTransport:
         self._devices = [SpidevDevice(board) for board in config.boards]
 
     def open(self) -> None:
-        """Open the devices; raises TransportError with what to check."""
+        """Open the SPI devices; raises TransportError with what to check."""
         if importlib.util.find_spec('spidev') is None:
             raise TransportError(
                 'the module spidev is missing: pip install "spidev>=3.5,<4" (needs a C compiler), '
@@ -178,7 +178,7 @@ class SpidevTransport:
             raise
 
     def close(self) -> None:
-        """Close the devices."""
+        """Close the SPI devices."""
         for device in self._devices:
             device.close()
 

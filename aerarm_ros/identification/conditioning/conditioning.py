@@ -337,7 +337,7 @@ class Conditioner:
     def condition(
         self, recording: Recording, kinematics: KinematicsFilter, predicted: bool = False
     ) -> Samples:
-        """Filter one bag.
+        """Filter one bag with the conditioner's cut-off and a kinematics filter.
 
         Parameters
         ----------

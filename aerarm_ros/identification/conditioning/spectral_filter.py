@@ -118,7 +118,7 @@ class SpectralFilter:
         return self._periodic
 
     def __call__(self, signal: npt.ArrayLike, derivative: int = 0, decimate: bool = True) -> Array:
-        """Filter along the first axis.
+        """Filter a signal along its first axis.
 
         Parameters
         ----------

@@ -311,7 +311,7 @@ class KinematicsFilter:
 
     @property
     def label(self) -> str:
-        """Short text for reports."""
+        """Short description of the filter for reports."""
         if self.harmonics is None:
             return f'zero-phase Butterworth at {self.cutoff:.3g} Hz, {self.source}'
         return f'rectangular windows at {self.harmonics} harmonics, {self.source}'
@@ -324,7 +324,7 @@ class KinematicsFilter:
         return 'measured velocities' + (', their lag taken off' if self.in_time else '')
 
     def apply(self, motion: UniformMotion) -> tuple[Array, Array, Array]:
-        """Return q, dq, ddq of the motion's window.
+        """Return filtered q, dq, ddq of the motion's window.
 
         Parameters
         ----------

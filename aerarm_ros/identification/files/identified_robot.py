@@ -217,7 +217,7 @@ class LoadFriction:
 
 @dataclass(frozen=True)
 class IdentifiedUrdf:
-    """URDF text, with notes for the user."""
+    """URDF text of the identified arm, with notes for the user."""
 
     text: str
     warnings: tuple[str, ...]

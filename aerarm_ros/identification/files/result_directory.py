@@ -92,7 +92,7 @@ class ResultDirectory:
         return self._collected / name
 
     def write(self, name: str, text: str) -> None:
-        """Write one file of the result.
+        """Write one text file into the result folder.
 
         Raises
         ------
@@ -109,7 +109,7 @@ class ResultDirectory:
             ) from None
 
     def write_json(self, name: str, value: object) -> None:
-        """Write one file as JSON."""
+        """Write a value as a JSON file into the result folder."""
         self.write(name, json.dumps(value, indent=2, allow_nan=False) + '\n')
 
     def __exit__(

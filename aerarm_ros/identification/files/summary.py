@@ -28,7 +28,7 @@ def summarise(
     facts: Mapping[str, BagFacts] | None = None,
     exports: Sequence[ExportError] = (),
 ) -> dict[str, Any]:
-    """Return the summary: torque errors in percent, times in seconds.
+    """Return the summary of an identification: torque errors in percent, times in seconds.
 
     Parameters
     ----------

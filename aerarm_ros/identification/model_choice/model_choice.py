@@ -237,7 +237,7 @@ def candidate_terms() -> tuple[JointTerm, ...]:
 def select_terms(
     validation: CrossValidation, start: Sequence[Sequence[JointTerm]]
 ) -> tuple[tuple[tuple[JointTerm, ...], ...], list[Comparison]]:
-    """Choose the terms of every joint.
+    """Choose the friction and rotor terms of every joint by cross-validation.
 
     Joint by joint, three steps follow each other. First the width of the dry friction's sign change
     and its load dependence are chosen. Then saturating viscous friction, Stribeck friction,

@@ -117,7 +117,7 @@ class _Swing:
         self.rows = np.flatnonzero(free)[:: round(0.5 * _RATE / _CUTOFF)]
 
     def filtered(self, values: Array) -> Array:
-        """Return values (M, ...) filtered along the first axis, without delay."""
+        """Return values (M, ...) low-pass filtered along the first axis, without delay."""
         from scipy.signal import sosfiltfilt
 
         return np.asarray(sosfiltfilt(self._sections, values, axis=0))
@@ -144,7 +144,7 @@ class _Swing:
 
 
 def acceleration(position: Array) -> Array:
-    """Return second differences along the first axis [rad/s^2]."""
+    """Return second differences of positions along the first axis [rad/s^2]."""
     return np.asarray(np.gradient(np.gradient(position, axis=0), axis=0) * _RATE**2)
 
 

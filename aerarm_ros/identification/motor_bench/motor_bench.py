@@ -113,7 +113,7 @@ def _long_enough(run: MotorRun) -> bool:
 
 
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
-    """Return the columns ddq, dq, sgn(dq) and the torque without gravity, filtered alike."""
+    """Return columns ddq, dq, sgn(dq) and torque without gravity, all with the same filter."""
     # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 

@@ -117,7 +117,7 @@ class MotorFriction:
 
     @property
     def std(self) -> Array:
-        """(5,) standard deviations of viscous, coulomb, load, a, b."""
+        """Standard deviations (5,) of viscous, coulomb, load, a, b."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def gravity_torque(self, q: Array) -> Array:
@@ -238,7 +238,7 @@ def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
 
 @dataclass(frozen=True, eq=False)
 class MotorSupply:
-    """Electrical measurements of one motor.
+    """Electrical measurements of one motor on the bench.
 
     Attributes
     ----------

@@ -241,7 +241,7 @@ class JointStates(Protocol):
 
     @property
     def stamp(self) -> Array:
-        """(M,) header stamps [s]."""
+        """Header stamps (M,) of the messages [s]."""
 
     @property
     def position(self) -> Array:
@@ -324,7 +324,7 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Time from first to last sample [s]."""
+        """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
     def part(self, first: float, last: float, suffix: str) -> 'Recording':

@@ -154,7 +154,7 @@ class Noise:
 
     @property
     def weights(self) -> Array:
-        """(n,) factors of the joints' rows for a fit [1/Nm].
+        """Weights (n,) of the joints' rows in a fit [1/Nm].
 
         Each factor is one over the noise. The correlation common to all joints lowers the weight of
         data relative to the prior; a joint's individual correlation does not affect its weight.

@@ -158,7 +158,7 @@ class ModelFit:
 
     @property
     def inertial(self) -> Array:
-        """(10 n,) inertial parameters of `theta`."""
+        """Inertial parameters (10 n,) of `theta`."""
         return self.theta[: 10 * self.model.n]
 
     @cached_property

@@ -197,7 +197,7 @@ class ReducedRegression:
 
     @property
     def torque_norms(self) -> Array:
-        """(n,) norm of each joint's torque [Nm]."""
+        """Norm (n,) of each joint's torque [Nm]."""
         return np.array([np.linalg.norm(factor[:, -1]) for factor in self.factors])
 
     def column_norms(self) -> Array:

@@ -239,7 +239,7 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """Additional contents of the report.
+    """Additional contents of the identification report.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Tables of the report."""
+"""Tables of the identification report."""
 
 from collections.abc import Mapping, Sequence
 

@@ -52,7 +52,7 @@ class CompressedColumns:
 
     @property
     def nnz(self) -> int:
-        """Number of entries."""
+        """Number of nonzero entries."""
         return len(self.data)
 
 

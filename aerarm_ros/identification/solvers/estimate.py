@@ -18,7 +18,7 @@ LARGEST_LOAD_FRICTION = 1.0
 
 @dataclass(frozen=True, eq=False)
 class PhysicalLimits:
-    """Constraints of physical consistency.
+    """Limits that physically consistent parameters satisfy.
 
     Attributes
     ----------
@@ -51,14 +51,14 @@ class PhysicalLimits:
 
     @property
     def centre_box(self) -> tuple[Array, Array]:
-        """(n, 3) least and largest coordinates of the centres of mass (3.12) [m]."""
+        """Lower and upper bounds (n, 3) of the centres of mass (3.12) [m]."""
         centre = np.zeros((len(self.mass), 3)) if self.centre is None else self.centre
         reach = np.repeat(self.size[:, None], 3, axis=1) if self.reach is None else self.reach
         return centre - reach, centre + reach
 
     @property
     def total_mass(self) -> Array:
-        """(2,) least and largest mass of all links together (3.13) [kg]."""
+        """Lower and upper bound (2,) of the total mass of all links (3.13) [kg]."""
         if self.bounds.total_mass is not None:
             return np.array(self.bounds.total_mass)
         return self.total_of_links
@@ -104,12 +104,12 @@ class Estimate:
 
     @property
     def inertial(self) -> Array:
-        """(n, 10) inertial parameters of the links, thesis (3.3)."""
+        """Inertial parameters (n, 10) of the links, thesis (3.3)."""
         return np.asarray(self.theta[: 10 * self.model.n].reshape(-1, 10))
 
     @property
     def min_pseudo_inertia_eigenvalue(self) -> float:
-        """Smallest eigenvalue of all links' pseudo-inertia matrices."""
+        """Smallest eigenvalue of the pseudo-inertia matrices of all links."""
         return minimum_eigenvalue(self.inertial)
 
     @property
