@@ -94,7 +94,7 @@ class EnergyBalance:
 
     @classmethod
     def nothing(cls, n: int) -> EnergyBalance:
-        """Return the zero balance."""
+        """Return an energy balance of zero for n joints."""
         return cls(0.0, *(np.zeros(n) for _ in fields(cls)[1:]))
 
     def __add__(self, other: EnergyBalance) -> EnergyBalance:

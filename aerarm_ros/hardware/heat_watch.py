@@ -39,7 +39,7 @@ class MotorTemperature:
     resistance was measured on a bench, the first reported resistance reveals a motor that is
     already warm.
 
-    Plain floats, because they are faster than arrays for four motors.
+    Plain floats are used, because they are faster than arrays for four motors.
 
     Parameters
     ----------

@@ -476,7 +476,7 @@ class ArmMeasurements:
     def _droop(self, gains: Gains, lag: float | None) -> list[float]:
         """Return by how much the sampled currents lie below the mean over the cycle [A].
 
-        Plain floats, because they are faster than arrays for four joints.
+        Plain floats are used, because they are faster than arrays for four joints.
         """
         if lag is None:
             return [0.0] * len(gains)

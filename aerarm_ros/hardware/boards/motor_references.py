@@ -21,7 +21,7 @@ _SENT_KEPT = 512
 class MotorReference:
     """Reference and gains of one motor for the board's control law (4.4).
 
-    Plain floats, because they are faster than arrays for four joints; NaN means unused.
+    Plain floats are used, because they are faster than arrays for four joints; NaN means unused.
 
     Parameters
     ----------

@@ -164,7 +164,7 @@ class JointBarrier:
     the state predicted at the time when the torque acts, because the measured speed is filtered and
     one cycle old.
 
-    Plain floats, because they are faster than arrays for four joints.
+    Plain floats are used, because they are faster than arrays for four joints.
 
     Parameters
     ----------

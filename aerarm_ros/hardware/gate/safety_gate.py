@@ -37,7 +37,7 @@ class JointLimiter:
     References towards a position limit are slowed to just below the speed from which the joint can
     still brake. The `barrier` limits the actual motion of the joint.
 
-    Plain floats, because they are faster than arrays for four joints; NaN means unused.
+    Plain floats are used, because they are faster than arrays for four joints; NaN means unused.
 
     Attributes
     ----------

@@ -124,7 +124,7 @@ class LinkBody:
     quaternion : (4,) ndarray
         Rotation of the joint frame in the parent frame, x y z w.
     mass : float
-        [kg]
+        Mass of the link [kg].
     centre : (3,) ndarray
         Centre of mass [m].
     tensor : (3, 3) ndarray

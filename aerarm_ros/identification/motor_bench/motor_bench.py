@@ -199,7 +199,7 @@ class KnownMass:
     Attributes
     ----------
     mass : float
-        [kg]
+        Known mass [kg].
     position : tuple of three floats
         Centre of mass in the frame of the last link's joint [m], for a mounted arm.
     lever : float
