@@ -1,8 +1,7 @@
 """The executables and nothing else, one a file: parameters -> pure object -> topics.
 
 - the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
-- controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`,
-  `world_control`
+- the controllers: `nodes.controllers`
 - the drone: `px4_imu` (what it does to the arm), `base_reaction` (what the arm does to it),
   `px4_feedforward`, `mavros_feedforward` (what its autopilot is told of that), `flight_control`
 - motions that cost little: `motion_planner`
