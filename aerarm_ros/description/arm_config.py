@@ -216,7 +216,7 @@ class ArmConfig:
         )
 
     def with_encoders(self, kind: str) -> 'ArmConfig':
-        """Return a copy with another encoder type, one of `board_config.ENCODERS`."""
+        """Return a copy with another encoder type, one of `ENCODERS`."""
         return replace(self, boards=tuple(replace(board, encoders=kind) for board in self.boards))
 
     def with_prefix(self, prefix: str) -> 'ArmConfig':
