@@ -84,8 +84,8 @@ def compiled() -> list[Extension]:
         from mypyc.build import mypycify
     except ImportError:
         raise SystemExit(
-            "AERARM_COMPILE: mypyc is not installed; pip install 'mypy>=1.8,<3', and give pip "
-            'install the option --no-build-isolation, so that it is found'
+            "AERARM_COMPILE: mypyc is not installed: pip install 'mypy>=1.8,<3', and pass "
+            '--no-build-isolation to pip install, so that pip finds it'
         ) from None
     # Not by the rules of `make lint`: types of NumPy and others differ from version to version, and
     # their stubs need not be there.
@@ -106,8 +106,8 @@ class BuildMachineCode(build_ext):
         super().finalize_options()
         if self.inplace and self.extensions:
             raise SystemExit(
-                'AERARM_COMPILE: an installation that follows its sources would go on running the '
-                'machine code of today: leave out --symlink-install or --editable'
+                'AERARM_COMPILE: an editable installation would keep running the machine code of '
+                'today after changes of the sources: remove --symlink-install or --editable'
             )
 
 

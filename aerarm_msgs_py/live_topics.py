@@ -84,7 +84,7 @@ class IdentifiedTake:
         if arrays.rcutils_uint8_array_init(
             ctypes.byref(self._array), ctypes.c_size_t(4096), ctypes.byref(self._memory)
         ):
-            raise OSError('no memory for a message')
+            raise OSError('no memory left for a message')
 
     @staticmethod
     def available() -> bool:

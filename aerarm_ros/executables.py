@@ -90,8 +90,8 @@ def _run(name: str) -> int:
         status = USER_ERROR
         print_error(
             name,
-            f'needs ROS 2 Jazzy ({error.name} is missing): source /opt/ros/jazzy/setup.bash, or '
-            "install its wheels with pip install '.[ros]'",
+            f'ROS 2 Jazzy is not found ({error.name} is missing): source '
+            "/opt/ros/jazzy/setup.bash, or install its wheels with pip install '.[ros]'",
         )
     except SystemExit as end:
         if end.code is None or isinstance(end.code, int):  # exit status of argparse
@@ -156,8 +156,8 @@ def _run_named() -> int:
     names = command_modules()
     name = sys.argv[1] if sys.argv[1:] else ''
     if name not in names:
-        wrong = f"'{name}' is no command" if name else 'the name of a command comes first'
-        print_error('executables', f'{wrong}: give one of {", ".join(names)}')
+        wrong = f"'{name}' is not a command" if name else 'no command is given'
+        print_error('executables', f'{wrong}: choose one of {", ".join(names)}')
         return USER_ERROR
     sys.argv[:2] = [name]
     return _run(name)

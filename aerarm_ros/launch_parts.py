@@ -61,7 +61,7 @@ def drone_argument() -> DeclareLaunchArgument:
     return DeclareLaunchArgument(
         'drone_file',
         default_value='',
-        description='drone that carries the arm, for example config/drone.yaml; none if empty',
+        description='drone that carries the arm, for example config/drone.yaml; no drone if empty',
     )
 
 
@@ -90,8 +90,8 @@ def arm_parameters(
 def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
     """Return the launch argument that enables the motors."""
     what = (
-        'switch the motors on when the boards are there, and home an arm whose zeros are unknown: '
-        'THE ARM MOVES, from its home configuration'
+        'switch the motors on once the boards respond, and home an arm with unknown zeros: THE '
+        'ARM MOVES, from its home configuration'
     )
     return switch_argument('enable', what, default)
 
@@ -102,7 +102,7 @@ def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
         'controller',
         default_value=default,
         choices=['none', *controllers()],
-        description='law to run',
+        description='controller to run',
     )
 
 
@@ -112,7 +112,8 @@ def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
         'base_motion',
         default_value=default,
         choices=['none', 'attitude', 'full', 'free'],
-        description='how the base moves: as the IMU says, or free, as the drone_file says',
+        description='base motion that the controller uses: none; attitude or full, both from the '
+        'IMU; free, from the drone in drone_file',
     )
 
 
@@ -132,12 +133,12 @@ MOTION_ARGUMENTS = (
         'controller',
         default_value='none',
         choices=['none'],
-        description='none: the arm is moved by what is started here',
+        description='always none: the programs of this launch file move the arm',
     ),
     DeclareLaunchArgument(
         'excitation_config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
-        description='surroundings of the arm and usable shares of its limits',
+        description='surroundings of the arm and usable fractions of its limits',
     ),
 )
 

@@ -101,7 +101,8 @@ def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
     if arguments.get('base_motion') == 'free' and not arguments.get('drone_file', '').strip("'"):
         yield (
             'drone_file is missing: name the drone that carries the arm, for example '
-            'drone_file:=config/drone.yaml; or set base_motion:=full on a driven or heavy base'
+            'drone_file:=config/drone.yaml, or set base_motion:=full on a heavy or ground-driven '
+            'base'
         )
 
 
@@ -110,9 +111,9 @@ def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
     for name in FILES:
         path = packaged.get(name, arguments.get(name, '').strip("'"))
         if path and not os.path.isfile(path):
-            yield f'{name}: there is no file {path}'
+            yield f'the file {path} of {name} does not exist: check the path'
         elif path and not os.access(path, os.R_OK):
-            yield f'{name}: {path} may not be read'
+            yield f'the file {path} of {name} is not readable: check its permissions'
 
 
 def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
@@ -127,4 +128,4 @@ def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
 def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:
     for (name, value), module in _MODULES.items():
         if arguments.get(name) == value and find_spec(module) is None:
-            yield f'{name}:={value}: {module} is not installed: {_HOW[module]}'
+            yield f'{name}:={value} needs the Python package {module}: {_HOW[module]}'

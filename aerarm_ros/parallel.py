@@ -28,7 +28,9 @@ LOCAL = 'local'
 """Ray's address of a cluster that is started for the runs, on this computer."""
 _TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
 _GIB = 2**30
-_KILLED = 'the process was killed twice: check the free memory, and what else may end processes'
+_KILLED = (
+    'a process was killed twice: check the free memory, and whether another program ends processes'
+)
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,9 @@ def run_each_on_ray(
             logging_level=logging.WARNING,
         )
     except (ConnectionError, ValueError, RuntimeError) as error:
-        raise RuntimeError(f'Ray at {address}: {error}: check that the cluster runs') from None
+        raise RuntimeError(
+            f'Ray at {address} does not respond ({error}): check that the cluster runs'
+        ) from None
     try:
 
         def run(item: Item) -> Result:

@@ -64,9 +64,9 @@ class BareLoops:
         """Wait for the processes to end; return one line for each."""
         figures = json.loads(self._loop.communicate()[0])
         lines = [
-            f'{"bare loop beside it":38}{figures["missed"]:8.2f} % missed, woken '
-            f'{figures["p50"]:.0f} us late (median), {figures["p99.9"]:.0f} us (99.9 %), '
-            f'{figures["max"]:.0f} us at most'
+            f'{"bare loop beside it":38}{figures["missed"]:8.2f} % missed, wake-up latency '
+            f'{figures["p50"]:.0f} us (median), {figures["p99.9"]:.0f} us (p99.9), '
+            f'{figures["max"]:.0f} us (largest)'
         ]
         if self._cyclic is not None:
             text = self._cyclic.communicate()[0]
@@ -78,8 +78,8 @@ class BareLoops:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='length of the run')
-    parser.add_argument('--json', action='store_true', help='the bare loop alone, as JSON')
+    parser.add_argument('--seconds', type=float, default=10.0, help='duration of the run')
+    parser.add_argument('--json', action='store_true', help='run only the bare loop and print JSON')
     options = parser.parse_args()
     if options.json:
         print(json.dumps(run_loop(options.seconds)))

@@ -71,7 +71,7 @@ def main() -> int:
     parser.add_argument('--out', type=Path, help='folder for the page')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     options = parser.parse_args()
     program = find_betaflight()
     if program is None:
@@ -90,8 +90,8 @@ def main() -> int:
         results = FlightResults(flown, {DRONE: records}, arm.law.get('urdf'))
     load = os.getloadavg()[0]
     note = (
-        f'A drone of 3 kg that carries an arm of 1.5 kg, the arm {arm.name}, flown by Betaflight, '
-        f'the world at the pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
+        f'A drone of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by Betaflight; '
+        f'simulation pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
     )
     print(f'{note}\n{results.text()}')
     if options.out:

@@ -99,7 +99,9 @@ def started(
     while (left := session(process.pid)) and time.monotonic() < end:
         time.sleep(0.1)
     for pid in left:
-        print(f'still there after the command has ended: {pid} {command_of(pid)}', flush=True)
+        print(
+            f'process {pid} still runs after the command has ended: {command_of(pid)}', flush=True
+        )
 
 
 def session(leader: int) -> list[int]:
@@ -153,10 +155,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument('--host', choices=HOSTS, action='append', help='by default all')
-    parser.add_argument('--runs', type=int, default=1, help='on each host')
-    parser.add_argument('--logs', type=Path, help='directory for what the command prints')
-    parser.add_argument('--command', default='make demo', help='by default: make demo')
+    parser.add_argument(
+        '--host', choices=HOSTS, action='append', help='hosts to run on (default: all)'
+    )
+    parser.add_argument('--runs', type=int, default=1, help='number of runs on each host')
+    parser.add_argument('--logs', type=Path, help='directory for the output of the command')
+    parser.add_argument(
+        '--command', default='make demo', help='command to run (default: make demo)'
+    )
     options = parser.parse_args()
     command = shlex.split(options.command)
     for number in (signal.SIGTERM, signal.SIGHUP):

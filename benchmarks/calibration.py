@@ -127,7 +127,12 @@ def main() -> int:
     """Print a table; return 1 if an arm exceeds the limit."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--arms', type=int, default=5, help='number of arms (default: 5)')
-    parser.add_argument('--postures', type=int, default=40, help='of a calibration (default: 40)')
+    parser.add_argument(
+        '--postures',
+        type=int,
+        default=40,
+        help='number of postures of a calibration (default: 40)',
+    )
     options = parser.parse_args()
     surroundings = load_excitation_config()
     checker = ClearanceChecker(

@@ -134,7 +134,7 @@ def main() -> int:
     parser.add_argument('--raw', action='store_true', help='without zero_contact beforehand')
     parser.add_argument('--cases', nargs='*', default=list(CASES), choices=list(CASES))
     options = parser.parse_args()
-    print(f'{options.drone}, the arm {options.model}, forces in N')
+    print(f'{options.drone} with the arm {options.model}; forces in N')
     print('| | slow | fast | 2 N | 5 N | 10 N |')
     with tempfile.TemporaryDirectory() as folder:
         arm = ArmModel.true()

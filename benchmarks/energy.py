@@ -98,12 +98,12 @@ def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Ta
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--moves', type=int, default=4, help='how many, an even number')
-    parser.add_argument('--first', type=int, default=0, help='how many of them are left out')
-    parser.add_argument('--seed', type=int, default=1, help='of the moves')
+    parser.add_argument('--moves', type=int, default=4, help='number of moves, even')
+    parser.add_argument('--first', type=int, default=0, help='number of moves to omit')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the moves')
     parser.add_argument('--durations', type=float, nargs=2, default=[2.0, 4.0], help='[s]')
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the arm')
     parser.add_argument('--out', type=Path, help='folder for the page and the results')
     options = parser.parse_args()
     os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
@@ -125,7 +125,7 @@ def main() -> int:
     standby = load_arm_config().power_stage.standby
     note = (
         f'{len(found.by_shape["planned"])} random moves of {options.durations[0]:g} to '
-        f'{options.durations[1]:g} s, the arm {options.model}; a pack of {PACK:g} Wh.'
+        f'{options.durations[1]:g} s with the arm {options.model}; battery capacity {PACK:g} Wh.'
     )
     print(f'{note}\n{found.text(standby, PACK)}')
     for reason in refused:

@@ -69,8 +69,9 @@ def design(setup: ExcitationSetup) -> tuple[DesignResult, list[DesignResult]]:
     conditions = [result.quality.condition_number for result in random]
     deviation = float(np.median([result.quality.log_deviation for result in random]))
     print(
-        f'{RANDOM} random trajectories: condition (5.2) median {np.median(conditions):.1f}, '
-        f'{min(conditions):.1f} to {max(conditions):.1f}; the thesis has 47'
+        f'{RANDOM} random trajectories: condition number (5.2) median '
+        f'{np.median(conditions):.1f}, {min(conditions):.1f} to {max(conditions):.1f}; 47 in the '
+        'thesis'
     )
     began = time.monotonic()
     best = None
@@ -252,7 +253,9 @@ def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: Mujoco
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--no-peers', action='store_true', help='no other generator beside it')
+    parser.add_argument(
+        '--no-peers', action='store_true', help='no comparison with other generators'
+    )
     options = parser.parse_args()
     arm, config = load_arm_config(), load_excitation_config()
     robot = load_robot(gravity_in_base=arm.gravity_in_base)

@@ -96,7 +96,7 @@ def measure(node: Node, kind: str, count: int) -> str:
         parameters = AsyncParameterClient(node, '/server')
         publisher = node.create_publisher(String, '/server/read_by_loop', 10)
         if not (cost.wait_for_service(PATIENCE) and parameters.wait_for_services(PATIENCE)):
-            raise TimeoutError(f'{kind} is not there')
+            raise TimeoutError(f'{kind} was not found')
         wait_until(lambda: publisher.get_subscription_count() == 1)
 
         def spent() -> tuple[float, int]:
@@ -116,8 +116,9 @@ def measure(node: Node, kind: str, count: int) -> str:
         said, _ = server.communicate('', timeout=PATIENCE)
         end = time.monotonic() - begin
     return (
-        f'{kind:8} {1e3 * (after - before) / count:6.2f} ms a request, {taken} of 5 messages taken '
-        f'from the loop, ended after {end:.1f} s with {server.returncode} {said.strip()}'
+        f'{kind:8} {1e3 * (after - before) / count:6.2f} ms per request, {taken} of 5 messages '
+        f'taken from the loop, ended after {end:.1f} s with status {server.returncode} '
+        f'{said.strip()}'
     )
 
 

@@ -142,14 +142,29 @@ def main() -> int:
     parser.add_argument('--drones', nargs='*', default=['hexarotor'], choices=list(DRONES))
     parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
-    parser.add_argument('--wrong', type=float, default=0.0, help='share by which every link is '
-                        'believed to be another [-]')  # fmt: skip
-    parser.add_argument('--wrong-seed', type=int, default=1, help='draws what is too large of it')
-    parser.add_argument('--latency', type=float, default=0.0, help='of odometry and IMU [s]')
-    parser.add_argument('--frequencies', nargs=2, type=float, default=(), metavar='RAD_PER_S',
-                        help='of position and attitude, for all ways')  # fmt: skip
+    parser.add_argument(
+        '--wrong',
+        type=float,
+        default=0.0,
+        help="relative error of each link's mass, centre of mass and inertia in the model [-]",
+    )
+    parser.add_argument(
+        '--wrong-seed',
+        type=int,
+        default=1,
+        help='seed that draws the signs of these errors',
+    )
+    parser.add_argument('--latency', type=float, default=0.0, help='delay of odometry and IMU [s]')
+    parser.add_argument(
+        '--frequencies',
+        nargs=2,
+        type=float,
+        default=(),
+        metavar='RAD_PER_S',
+        help='bandwidths of position and attitude, for all controllers',
+    )
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
     settings = Settings(tuple(options.parts), options.latency, tuple(options.frequencies))
@@ -177,8 +192,8 @@ def main() -> int:
         }
         results = FlightResults(program, records, arm.law.get('urdf'))
     note = (
-        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {arm.name}; '
-        f'sensors {1e3 * options.latency:g} ms late.'
+        f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}); delay of the sensors '
+        f'{1e3 * options.latency:g} ms.'
     )
     print(f'{note}\n{results.text()}')
     if options.out:

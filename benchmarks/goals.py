@@ -92,7 +92,7 @@ def main() -> int:
     parser.add_argument('--ways', nargs='*', default=['shipped', 'nothing'], choices=WAYS)
     parser.add_argument('--models', nargs='*', default=['drawn'], choices=('drawn', 'identified'))
     parser.add_argument('--conditions', nargs='*', default=['plain'], choices=CONDITIONS)
-    parser.add_argument('--seeds', type=int, default=20, help='how many arms')
+    parser.add_argument('--seeds', type=int, default=20, help='number of arms')
     parser.add_argument('--first', type=int, default=0, help='seed of the first arm')
     parser.add_argument('--rest', type=float, default=3.0, help='time at rest after the goals [s]')
     options = parser.parse_args()

@@ -226,7 +226,7 @@ def accuracy(folder: Path) -> None:
     print('\nHeld-out torque error [%]      filtered    raw   cut-off  consistent')
     for name, (bag, urdf, options, others) in MEASURED.items():
         if DATASETS is None or not Path(DATASETS, bag).is_dir():
-            print(f'{name}: left out, set AERARM_DATASETS to the folder with {bag}')
+            print(f'{name} was skipped: set AERARM_DATASETS to the folder with {bag}')
             continue
         for cutoff in (None, 5.0, 10.0):
             out = folder / f'{name}_{cutoff}'
@@ -250,8 +250,10 @@ def accuracy(folder: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--long', action='store_true', help='memory of half an hour, too')
-    parser.add_argument('--no-peers', action='store_true', help='no other tools beside it')
+    parser.add_argument(
+        '--long', action='store_true', help='also measure the memory for half an hour of motion'
+    )
+    parser.add_argument('--no-peers', action='store_true', help='no comparison with other tools')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         speed(Path(folder))

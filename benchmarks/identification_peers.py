@@ -123,7 +123,7 @@ def main() -> int:
         write_bag(bag, robot, PlantParameters.nominal(config, robot), 20.0)
         compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), SOLVERS)
     if DATASETS is None:
-        print('UR10, Panda: left out, set AERARM_DATASETS')
+        print('UR10 and Panda were skipped: set AERARM_DATASETS')
         return 0
     ur10 = measured_robot('ur10_robot.urdf')
     compare('UR10', Path(DATASETS, 'ur10_excitation'), ur10, None, JointMapping({}))

@@ -63,10 +63,12 @@ class Counts:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--pieces', nargs='*', choices=PIECES, help='all if not given')
+    parser.add_argument(
+        '--pieces', nargs='*', choices=PIECES, help='pieces to count (default: all)'
+    )
     options = parser.parse_args()
     if not shutil.which('valgrind'):
-        print('valgrind is not installed (apt install valgrind): nothing is counted')
+        print('valgrind is not installed, so nothing is counted: apt install valgrind')
         return
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

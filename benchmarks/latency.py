@@ -261,9 +261,11 @@ def report(pairs: dict[str, tuple[dict[str, float], ...]]) -> None:
         for name in ('p50', 'p99', 'p999')
     ]
     rows.append(
-        ('CPU of the one that sends states', '%', 100.0, [b['cpu'] for b, _ in pairs.values()])
+        ('CPU of the process that sends states', '%', 100.0, [b['cpu'] for b, _ in pairs.values()])
     )
-    rows.append(('CPU of the one that answers', '%', 100.0, [c['cpu'] for _, c in pairs.values()]))
+    rows.append(
+        (('CPU of the process that answers'), '%', 100.0, [c['cpu'] for _, c in pairs.values()])
+    )
     rows.append(('cycles with a command', '%', 100.0, [b['answered'] for b, _ in pairs.values()]))
     print(f'{"":38}' + ''.join(f'{name:>13}' for name in pairs) + f'{"ratio":>8}')
     for label, unit, scale, values in rows:
@@ -306,8 +308,8 @@ def report_nodes(seconds: float, repeats: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='length of each run')
-    parser.add_argument('--repeats', type=int, default=3, help='of each run')
+    parser.add_argument('--seconds', type=float, default=10.0, help='duration of each run')
+    parser.add_argument('--repeats', type=int, default=3, help='number of runs')
     parser.add_argument('--cycles', type=int, help=argparse.SUPPRESS)
     parser.add_argument('--pair', choices=ROLES, help=argparse.SUPPRESS)
     parser.add_argument('--part', type=int, help=argparse.SUPPRESS)
@@ -324,10 +326,13 @@ def main() -> None:
     published = [1e6 * pairs['raw bytes'][1][f'published_{name}'] for name in ('p50', 'p99')]
     print(
         'From its publication, as nodes count, a state of raw bytes became a torque in '
-        f'{published[0]:.0f} us\n(median), {published[1]:.0f} us (99 %).\n'
-        f'A sleeping thread wakes {1e6 * lateness:.0f} us late here (median); in either pair a '
-        'state wakes two on its way.\nGoals: latency p50 at most half, CPU of the one that sends '
-        'states at most a quarter. Everybody\nhas SCHED_FIFO if it is granted.'
+        f'{published[0]:.0f} us\n'
+        f'(median), {published[1]:.0f} us (p99).\n'
+        f'The wake-up latency of a sleeping thread is {1e6 * lateness:.0f} us (median); in '
+        'either pair a state wakes two threads.\n'
+        'Goals: latency p50 at most half, CPU of the process that sends states at most a '
+        'quarter. All\n'
+        'processes have SCHED_FIFO if the system permits it.'
     )
     print(quiet)
     report_nodes(options.seconds, options.repeats)

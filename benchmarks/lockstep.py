@@ -60,12 +60,14 @@ def repeats(first: dict[float, bytes], second: dict[float, bytes]) -> str:
     """Return a text with the number of common messages in which two runs differ."""
     common = first.keys() & second.keys()
     differ = sum(first[stamp] != second[stamp] for stamp in common)
-    return f'{differ} of {len(common)} differ from those of the first run'
+    return f'{differ} of {len(common)} commands differ from those of the first run'
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--runs', type=int, default=3, help='how often it is played')
+    parser.add_argument(
+        '--runs', type=int, default=3, help='number of times that the motion is played'
+    )
     parser.add_argument('--priority', type=int, default=80, help='SCHED_FIFO, 0 for none')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)

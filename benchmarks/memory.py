@@ -146,18 +146,20 @@ def watch(
             with suppress(ArmClientError):  # the arm may no longer be damped
                 arm.call('hold')
                 held += 1
-    print(f'the arm is {arm.mode}; it was damped {held} times, and held again')
+    print(f'the arm is {arm.mode} after {held} interruptions with damping')
     return {name: np.array(rows) for name, rows in samples.items()}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--minutes', type=float, default=3.0, help='how long is looked')
-    parser.add_argument('--period', type=float, default=1e-3, help='of the bridge [s]')
+    parser.add_argument('--minutes', type=float, default=3.0, help='duration of the measurement')
+    parser.add_argument('--period', type=float, default=1e-3, help='period of the bridge [s]')
     parser.add_argument(
-        '--priority', type=int, default=80, help='SCHED_FIFO, of the bridge; 0: as all others'
+        '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge; 0 for none'
     )
-    parser.add_argument('--page-only', action='store_true', help='no recorder, no base_reaction')
+    parser.add_argument(
+        '--page-only', action='store_true', help='without recorder and base_reaction'
+    )
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -169,9 +171,9 @@ def main() -> None:
         begun = time.monotonic() + 60.0 * WARM_UP * options.minutes
         samples = watch(nodes, node, arm, swing, options.minutes)
         mean, worst = onlooker.rates(begun)
-        seen = f'{mean:.1f} pictures a second, {worst:.1f} in the worst 10 s'
+        seen = f'{mean:.1f} frames per second, {worst:.1f} in the worst 10 s'
         if not onlooker.is_there:
-            seen = 'who looked was let go: the computer was too busy to count pictures'
+            seen = 'the browser was disconnected, because the computer was too busy to count frames'
         for process in reversed(nodes.values()):
             process.stop()
         for name in ('fake_hardware', 'recorder'):

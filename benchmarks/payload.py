@@ -136,7 +136,7 @@ def report(results: list[dict[str, float]]) -> None:
             quantiles = np.nanquantile(values, [0.5, 0.9, 1.0])
             text = ', '.join(f'{value:.4g}' for value in quantiles)
             missing = int(np.isnan(values).sum())
-            print(f'{name:22} median, 90 %, largest: {text}; missing {missing}')
+            print(f'{name:22} median, p90, largest: {text}; missing {missing}')
     early = [
         result.get('mass early', 1.0) < 0.05 and result.get('centre early', 1.0) < 5e-3
         for result in results
@@ -157,10 +157,12 @@ def report_times(times: list[tuple[int, int]]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--arms', type=int, default=2, help='recordings that are made')
-    parser.add_argument('--models', type=int, default=2, help='models of each of these arms')
-    parser.add_argument('--steps', type=int, default=20_000, help='steps on spoiled recordings')
-    parser.add_argument('--runs', type=Path, help='folder that keeps the recordings')
+    parser.add_argument('--arms', type=int, default=2, help='number of recordings')
+    parser.add_argument('--models', type=int, default=2, help='number of models per arm')
+    parser.add_argument(
+        '--steps', type=int, default=20_000, help='number of steps on damaged recordings'
+    )
+    parser.add_argument('--runs', type=Path, help='folder for the recordings')
     options = parser.parse_args()
     runs, results = [], []
     times: list[tuple[int, int]] = []
@@ -181,7 +183,10 @@ def main() -> int:
     report(results)
     report_times(times)
     count, estimates, smallest, changes = consistent_steps(runs, options.steps)
-    print(f'{count} spoiled steps: smallest eigenvalue of {estimates} estimates {smallest:.2g}')
+    print(
+        f'{count} steps on damaged recordings: smallest eigenvalue of {estimates} estimates '
+        f'{smallest:.2g}'
+    )
     print(f'changes found: {changes}')
     return 0 if smallest > 0.0 else 1
 

@@ -84,12 +84,15 @@ class Weighing:
             self.error(self.pick_up + begin, self.pick_up + end) for begin, end in ((0, 1), (2, 10))
         )
         lines = [
-            f'found after {_seconds(found)}, put-down after {_seconds(gone - self.put_down)}',
+            (
+                f'pick-up found after {_seconds(found)}, put-down after '
+                f'{_seconds(gone - self.put_down)}'
+            ),
             self.weighed(2.0),
             self.weighed(10.0),
             f'error {bare:.2f} mrad RMS before, {first:.2f} in the first second, {later:.2f} from '
             f'2 to 10 s after the pick-up: {later / bare:.2f} of that before',
-            f'{len(self.told) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates a second',
+            f'{len(self.told) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates per second',
         ]
         return '\n'.join(f'  {line}' for line in lines)
 
@@ -150,7 +153,7 @@ def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--model', choices=('identified', 'true'), default='true')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument(
         '--noise', type=float, nargs=2, default=(0.1, 0.003), help='of the IMU [m/s^2], [rad/s]'
     )
@@ -164,7 +167,10 @@ def main() -> int:
                 arm = ArmModel.identified(node, Path(folder), options.arm_seed)
             for share in options.shares:
                 weighing = weigh(node, arm, options.noise, share)
-                print(f'IMU noise {options.noise}, {100.0 * share:.0f} % handed over:', flush=True)
+                print(
+                    f'IMU noise {options.noise}, payload compensation {100.0 * share:.0f} %:',
+                    flush=True,
+                )
                 print(weighing.text(), flush=True)
     finally:
         rclpy.shutdown()

@@ -278,9 +278,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--hours', type=float, default=0.5, help='hours per number of joints')
     parser.add_argument('--joints', type=int, nargs='+', default=[4, 5, 6, 7], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=SESSION, help='of a session')
+    parser.add_argument('--seconds', type=float, default=SESSION, help='duration of a session')
     parser.add_argument('--jobs', type=int, default=1, help='processes')
-    parser.add_argument('--runs', type=Path, help='folder that keeps the recordings')
+    parser.add_argument('--runs', type=Path, help='folder for the recordings')
     parser.add_argument(
         '--model-error', type=float, default=EstimatorSettings().model_error, help='setting'
     )

@@ -114,7 +114,7 @@ def fly(
                 ready = time.monotonic() - begin
                 record = found[way] = bench.fly(FlightProgram(parts=options.parts))
                 print(
-                    f'{name}, {way}: {"lost" if record.is_lost else "flown"}, let go after '
+                    f'{name}, {way}: {"lost" if record.is_lost else "flown"}, released after '
                     f'{ready:.0f} s, ended after {time.monotonic() - begin:.0f} s', flush=True,
                 )  # fmt: skip
         except (ValueError, TimeoutError, ArmClientError) as error:
@@ -130,9 +130,13 @@ def options_of(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
                         help='of IMU, m/s^2 and rad/s')  # fmt: skip
     parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
-                        metavar='DEVIATION', help='of odometry, m, m/s, rad and rad/s')  # fmt: skip
-    parser.add_argument('--hold-heading', action=argparse.BooleanOptionalAction, default=None,
-                        help='default: unless the rotors are in one plane')  # fmt: skip
+                        metavar='DEVIATION', help='noise [m, m/s, rad, rad/s]')  # fmt: skip
+    parser.add_argument(
+        '--hold-heading',
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help='hold the heading (default: unless the rotors are in one plane)',
+    )
 
 
 def main() -> int:
@@ -143,7 +147,7 @@ def main() -> int:
     parser.add_argument('--out', type=Path, help='folder for the page')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     options_of(parser)
     options = parser.parse_args()
     build = find_px4()
@@ -162,8 +166,8 @@ def main() -> int:
         flown = FlightProgram(parts=options.parts)
         results = FlightResults(flown, records, arm.law.get('urdf'))
     note = (
-        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {arm.name}, flown by PX4 in '
-        f'lock-step, position by {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
+        f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by PX4 in lockstep, '
+        f'position from {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
         f'{", ".join(f"{gain:g}" for gain in options.gains)}.'
     )
     print(f'{note}\n{results.text()}')

@@ -44,11 +44,9 @@ def _kill(*names: str) -> Callable[[FlightBench], None]:
 
 FAILURES: dict[str, Callable[[FlightBench], None]] = {
     'nothing': lambda bench: None,
-    'nothing fed forward any more': lambda bench: bench.switch(
-        {'feed_posture': False, 'feed_motion': False}
-    ),
+    'feed-forward stops': lambda bench: bench.switch({'feed_posture': False, 'feed_motion': False}),
     'base_reaction killed': _kill('base_reaction'),
-    'computed_torque killed: the arm is damped and sinks': _kill('computed_torque'),
+    'computed_torque is killed, so the arm is damped and sinks': _kill('computed_torque'),
     'both killed': _kill('base_reaction', 'computed_torque'),
     '0.2 kg picked up': lambda bench: bench.tell_world('payload', [0.2, *_AT_TOOL]),
     '0.5 kg picked up': lambda bench: bench.tell_world('payload', [0.5, *_AT_TOOL]),

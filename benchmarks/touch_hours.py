@@ -189,7 +189,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--hours', type=float, default=0.05, help='hours per number of joints')
     parser.add_argument('--joints', type=int, nargs='+', default=[4], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=300.0, help='of a session')
+    parser.add_argument('--seconds', type=float, default=300.0, help='duration of a session')
     parser.add_argument('--touches', action='store_true', help='touch the arm')
     parser.add_argument('--payload', action='store_true', help='change the payload')
     parser.add_argument('--jobs', type=int, default=1, help='processes')

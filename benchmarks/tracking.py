@@ -149,7 +149,9 @@ def track(
         samples = states.until(begin + round(motion.duration * 1e9))
         require_running(client, Path(folder))
         if states.publishers > 1:
-            raise SystemExit('tracking: another bridge is in this ROS domain: try again')
+            raise SystemExit(
+                'tracking: another bridge is in this ROS domain: stop it, and try again'
+            )
     node.destroy_node()
     when = np.array([(sample.stamp_ns - begin) * 1e-9 for sample in samples])
     moving = (when > motion.ramp_time) & (when < motion.duration - motion.ramp_time)
@@ -162,7 +164,7 @@ def track(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
-    parser.add_argument('--periods', type=int, default=1, help='periods of 10 s')
+    parser.add_argument('--periods', type=int, default=1, help='number of periods of 10 s')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -175,8 +177,9 @@ def main() -> None:
         errors = (' '.join(f'{x:.2f}' for x in column) for column in (rms, largest))
         print(LINE.format(*run, *errors, f'{100 * share:.1f} %'), flush=True)
     print(
-        f'Goals: on a still base RMS below {GOAL:g} mrad on every joint; on a moving one at most '
-        '1.5 times\nas much with the IMU, and more without.'
+        f'Goals: on a still base RMS below {GOAL:g} mrad on every joint; on a moving base at '
+        'most 1.5 times\n'
+        'as much with the IMU, and more without the IMU.'
     )
     rclpy.shutdown()
 

@@ -60,7 +60,7 @@ class Speaker:
                 if float(str(row['time'])) >= since and found(row):
                     return float(str(row['time']))
             if time.monotonic() > deadline:
-                raise TimeoutError(f'{self._log.name} never printed that: {self.rows()[-3:]}')
+                raise TimeoutError(f'{self._log.name} has no such line: {self.rows()[-3:]}')
             time.sleep(0.005)
 
 

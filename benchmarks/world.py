@@ -53,8 +53,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--cases', nargs='*', default=list(CASES), choices=list(CASES))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
-    parser.add_argument('--seconds', type=float, default=12.0, help='of each flight')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+    parser.add_argument('--seconds', type=float, default=12.0, help='duration of each flight')
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
@@ -72,7 +72,7 @@ def main() -> int:
             print(line(name, records[name]), flush=True)
     rclpy.shutdown()
     if options.out:
-        write_page(options.out / 'world.html', records, f'The arm is {arm.name}.')
+        write_page(options.out / 'world.html', records, f'The arm model is {arm.name}.')
     return 0
 
 

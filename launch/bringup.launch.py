@@ -47,40 +47,44 @@ from aerarm_ros.launch_parts import (
 
 ARGUMENTS = (
     DeclareLaunchArgument(
-        'hardware', default_value='fake', choices=['fake', 'spi'], description='boards behind it'
+        'hardware',
+        default_value='fake',
+        choices=['fake', 'spi'],
+        description='boards that the bridge uses: emulated (fake) or real (spi)',
     ),
     controller_argument(),
     DeclareLaunchArgument(
         'if_controller_fails',
         default_value='end',
         choices=['end', 'go_on'],
-        description='end: everything ends with it; go_on: the bridge stays, without commands',
+        description="if the controller ends: 'end' stops all nodes, 'go_on' keeps the bridge",
     ),
-    DeclareLaunchArgument('namespace', default_value='', description='in front of every name'),
+    DeclareLaunchArgument('namespace', default_value='', description='ROS namespace of all nodes'),
     DeclareLaunchArgument(
         'tf_prefix',
         default_value='',
-        description='in front of every frame and joint, as left_; frames are then on the tf of all',
+        description='prefix of all link and joint names, for example left_; then frames are on the '
+        'global tf topics',
     ),
     DeclareLaunchArgument(
         'params_file',
         default_value=[SHARE, '/config/parameters_', LaunchConfiguration('hardware'), '.yaml'],
-        description='parameters of every node started here',
+        description='parameter file for every node of this launch file',
     ),
     DeclareLaunchArgument(
         'config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
-        description='drive train of the arm',
+        description='drive train configuration of the arm',
     ),
     DeclareLaunchArgument(
         'urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='what is known of the arm, for example an identified model',
+        description='model of the arm, for example an identified URDF',
     ),
     DeclareLaunchArgument(
         'plant_urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='fake hardware: the arm that is emulated',
+        description='URDF of the simulated arm (fake hardware only)',
     ),
     base_motion_argument(),
     drone_argument(),

@@ -47,8 +47,8 @@ ARGUMENTS = (
             ]
         ),
         choices=['flight_control', 'mavros', 'px4'],
-        description="whose IMU it is; px4: PX4's own topics, which px4_imu then converts; "
-        'flight_control: this package hovers an emulated drone',
+        description='autopilot whose IMU is used: mavros; px4, whose own topics px4_imu '
+        'converts; or flight_control, with which this package flies an emulated drone',
     ),
     DeclareLaunchArgument(
         'imu_topic',
@@ -59,7 +59,7 @@ ARGUMENTS = (
                 "' == 'mavros' else 'imu'",
             ]
         ),
-        description="the autopilot's IMU, as MAVROS or px4_imu publishes it",
+        description="topic of the autopilot's IMU, as MAVROS or px4_imu publishes it",
     ),
 )
 

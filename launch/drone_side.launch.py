@@ -16,13 +16,14 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'ground_timeout',
         default_value='5.0',
-        description='silence of the ground [s] after which ground_lost applies; 0 switches it off',
+        description='silence of the ground host [s] after which ground_lost applies; 0 switches it '
+        'off',
     ),
     DeclareLaunchArgument(
         'ground_lost',
         default_value='stop',
         choices=['continue', 'stop', 'home'],
-        description='what the arm does when the ground is lost',
+        description='reaction of the arm to the loss of the ground host',
     ),
     DeclareLaunchArgument(
         'address', default_value='0.0.0.0', description='address at which ground_link listens'

@@ -12,14 +12,18 @@ from launch_ros.substitutions import ExecutableInPackage
 from aerarm_ros.launch_parts import after, check_first, end
 
 ARGUMENTS = (
-    DeclareLaunchArgument('out', default_value='experiment', description='folder for the page'),
+    DeclareLaunchArgument(
+        'out', default_value='experiment', description='folder for the result page'
+    ),
     DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
     DeclareLaunchArgument(
         'identified',
         default_value='',
-        description='URDF of an identified model to be the simulated arm; a made-up arm if empty',
+        description='URDF of an identified model to simulate; a random arm if empty',
     ),
-    DeclareLaunchArgument('only', default_value='', description='only runs whose name holds this'),
+    DeclareLaunchArgument(
+        'only', default_value='', description='run only cases whose name contains this text'
+    ),
 )
 
 

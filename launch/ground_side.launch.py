@@ -22,24 +22,28 @@ from aerarm_ros.launch_parts import (
 )
 
 ARGUMENTS = (
-    DeclareLaunchArgument('drone', description="the drone's address"),
+    DeclareLaunchArgument('drone', description='address of the drone'),
     DeclareLaunchArgument('port', default_value='7447', description='UDP port of the drone'),
-    DeclareLaunchArgument('namespace', default_value='', description='as on the drone'),
-    DeclareLaunchArgument('tf_prefix', default_value='', description='as on the drone'),
+    DeclareLaunchArgument(
+        'namespace', default_value='', description='ROS namespace, as on the drone'
+    ),
+    DeclareLaunchArgument(
+        'tf_prefix', default_value='', description='prefix of link and joint names, as on the drone'
+    ),
     DeclareLaunchArgument(
         'config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
-        description='drive train of the arm',
+        description='drive train configuration of the arm',
     ),
     DeclareLaunchArgument(
         'urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='arm to show',
+        description='URDF of the arm to show',
     ),
     DeclareLaunchArgument(
         'params_file',
         default_value=PathJoinSubstitution([SHARE, 'config', 'parameters_fake.yaml']),
-        description='parameters of every node started here',
+        description='parameter file for every node of this launch file',
     ),
     drone_argument(),
     switch_argument('view', 'start the browser view', 'true'),

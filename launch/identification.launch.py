@@ -26,13 +26,19 @@ from aerarm_ros.launch_parts import (
 )
 
 ARGUMENTS = (
-    DeclareLaunchArgument('out', default_value='identification', description='new folder'),
+    DeclareLaunchArgument(
+        'out', default_value='identification', description='new folder for the results'
+    ),
     DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
     DeclareLaunchArgument(
-        'periods', default_value='0', description='periods to play; 0: as the file says, or 2'
+        'periods',
+        default_value='0',
+        description='number of periods to play; 0 for the number in the file, or 2',
     ),
     DeclareLaunchArgument(
-        'trajectory', default_value="''", description='YAML file to play instead of a random one'
+        'trajectory',
+        default_value="''",
+        description='YAML trajectory file to play; a random trajectory if empty',
     ),
     *MOTION_ARGUMENTS,
 )

@@ -21,14 +21,18 @@ from aerarm_ros.launch_parts import (
 )
 
 ARGUMENTS = (
-    DeclareLaunchArgument('out', default_value='motor_bench', description='new folder'),
+    DeclareLaunchArgument(
+        'out', default_value='motor_bench', description='new folder for the results'
+    ),
     DeclareLaunchArgument(
         'joints',
         default_value='[joint1, joint2, joint3, joint4]',
         description='joints to measure, one after the other',
     ),
     DeclareLaunchArgument(
-        'mounted', default_value='true', description='false for bare motors, without gravity'
+        'mounted',
+        default_value='true',
+        description='true for drives mounted in the arm, false for bare motors',
     ),
     *MOTION_ARGUMENTS,
 )

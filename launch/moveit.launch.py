@@ -20,11 +20,11 @@ ARGUMENTS = (
         'controller',
         default_value='computed_torque',
         choices=['computed_torque'],
-        description='computed_torque: the one that config/moveit sends plans to',
+        description='always computed_torque, the controller that config/moveit sends plans to',
     ),
     switch_argument(
         'use_sim_time',
-        'MoveIt takes /clock; false with real boards, and with pace: real_time',
+        'MoveIt uses the time of /clock; set false with real boards, and with pace: real_time',
         IfElseSubstitution(
             EqualsSubstitution(LaunchConfiguration('hardware', default='fake'), 'spi'),
             'false',
@@ -32,7 +32,10 @@ ARGUMENTS = (
         ),
     ),
     DeclareLaunchArgument(
-        'namespace', default_value='', choices=[''], description='none: MoveIt is global'
+        'namespace',
+        default_value='',
+        choices=[''],
+        description="always empty, because MoveIt's topics are global",
     ),
     DeclareLaunchArgument(
         'tf_prefix', default_value='', choices=[''], description='none: see config/moveit'

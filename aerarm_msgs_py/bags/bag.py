@@ -118,7 +118,7 @@ class Bag:
     def __init__(self, path: Path | str, limits: ReadLimits | None = None) -> None:
         self.path = Path(path)
         if not self.path.exists():
-            raise BagError(f'there is no bag {self.path}: check the path')
+            raise BagError(f'the bag {self.path} does not exist: check the path')
         self._unused = ''  # reason why metadata.yaml is not used
         self._information = self._read_information()
         paths = self._find_paths()
@@ -148,7 +148,7 @@ class Bag:
             expected = self.recorded_count(topic) or 0
             if (missing := expected - found.get(topic, 0)) > 0:
                 warnings.warn(
-                    f'{self.path}: {missing} of {expected} messages of {topic} are missing',
+                    f'{self.path}: {missing} of the {expected} messages of {topic} are missing',
                     BagWarning,
                     stacklevel=2,
                 )
@@ -198,8 +198,8 @@ class Bag:
     def _check_type(self, topic: str, found: str, expected: str) -> None:
         if found != expected:
             raise BagError(
-                f'topic {topic} of {self.path} is of type {found or "(unknown)"}, '
-                f'not {expected}: choose another topic'
+                f'topic {topic} of {self.path} has the type {found or "(unknown)"}, not '
+                f'{expected}: choose another topic'
             )
 
     def types(self) -> dict[str, str]:
@@ -209,16 +209,20 @@ class Bag:
     def _why_empty(self, topic: str) -> str:
         types = self.types()
         if topic in types and (self.recorded_count(topic) or self.damaged):
-            return (
-                f'none of the messages of topic {topic} of {self.path} can be read: copy it again'
-            )
+            return f'no message of topic {topic} of {self.path} can be read: copy the bag again'
         if topic in types:
-            return f'topic {topic} of {self.path} holds no messages: was its publisher running?'
+            return (
+                f'topic {topic} of {self.path} contains no messages: check that its '
+                'publisher was running'
+            )
         names = sorted(types)
         listed = [f'{n[:_LONGEST_NAME]} ({types[n][:_LONGEST_NAME]})' for n in names[:_MOST_NAMED]]
         if len(names) > _MOST_NAMED:
             listed.append(f'{len(names) - _MOST_NAMED} more')
-        return f'{self.path} has no topic {topic}; it has {", ".join(listed) or "no topics at all"}'
+        return (
+            f'{self.path} has no topic {topic}: choose one of '
+            f'{", ".join(listed) or "no topics at all"}'
+        )
 
     def recorded_count(self, topic: str) -> int | None:
         """Return the number of a topic's messages according to the bag, None if unknown.
@@ -239,7 +243,7 @@ class Bag:
         except FileNotFoundError:
             return BagInformation()
         except ValueError as error:
-            self._unused = f'{folder / _METADATA} is not used: {error}'
+            self._unused = f'{folder / _METADATA} is ignored: {error}'
             return BagInformation()
         mine = folder == self.path or information.files == (self.path.name,)
         return information if mine else BagInformation()
@@ -248,22 +252,27 @@ class Bag:
         path = self.path
         if path.is_file():
             if path.name == _METADATA:
-                raise BagError(f'{path} is part of a bag: give its directory {path.parent}')
+                raise BagError(
+                    f"{path} is one file of a bag: pass the bag's directory {path.parent}"
+                )
             return [path]
         present = _files_in(path)
         listed = [path / name for name in self._information.files]
         missing = [file.name for file in listed if not file.is_file()]
         if not present and missing:
             raise BagError(
-                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which its {_METADATA} names: '
-                'copy the whole directory again'
+                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which {_METADATA} lists: copy '
+                'the whole directory again'
             )
         if not present:
-            raise BagError(f'{path} is not a bag: it holds neither a .mcap file nor a {_METADATA}')
+            raise BagError(
+                f'{path} is not a bag (it contains neither a .mcap file nor a {_METADATA}): '
+                'check the path'
+            )
         if missing:
             warnings.warn(
-                f'{path} lacks {len(missing)} of the {len(listed)} files that its {_METADATA} '
-                f'names, first {missing[0][:_LONGEST_NAME]}',
+                f'{path} lacks {len(missing)} of the {len(listed)} files that {_METADATA} lists, '
+                f'first {missing[0][:_LONGEST_NAME]}',
                 BagWarning,
                 stacklevel=3,
             )
@@ -276,7 +285,9 @@ def _files_in(folder: Path) -> list[Path]:
     try:
         names = [file for file in folder.iterdir() if file.is_file()]
     except OSError as error:
-        raise BagError(f'{folder} cannot be read: {error.strerror}') from error
+        raise BagError(
+            f'{folder} cannot be read ({error.strerror}): check the path and its permissions'
+        ) from error
     for suffixes in (('.mcap',), _OTHER_STORAGES):
         found = [file for file in names if file.name.endswith(suffixes)]
         if found:
@@ -296,7 +307,10 @@ def _size(paths: list[Path]) -> int:
     try:
         return sum(path.stat().st_size for path in paths)
     except OSError as error:
-        raise BagError(f'{paths[0].parent} cannot be read: {error.strerror}') from error
+        raise BagError(
+            f'{paths[0].parent} cannot be read ({error.strerror}): check the path and its '
+            'permissions'
+        ) from error
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:

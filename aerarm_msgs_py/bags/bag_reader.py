@@ -62,7 +62,9 @@ class JointStateSeries:
         index = {name: k for k, name in enumerate(self.names)}
         missing = [name for name in names if name not in index]
         if missing:
-            raise KeyError(f'joints {missing} are not among {list(self.names)}')
+            raise KeyError(
+                f'joints {missing} are missing from {list(self.names)}: check the joint names'
+            )
         order = [index[name] for name in names]
         return JointStateSeries(
             tuple(names),
@@ -320,8 +322,8 @@ def read_contents(
     irregular = builders[name].irregular
     if irregular:
         warnings.warn(
-            f'{irregular} fields of topic {name} of {path} were left out: their length '
-            'was not that of the names',
+            f'{irregular} fields of topic {name} of {path} were ignored: they do not have one '
+            'value per joint name',
             BagWarning,
             stacklevel=2,
         )
@@ -351,8 +353,8 @@ def _tell_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
     """Warn of messages that are missing by their numbers, if the bag has no count."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
-            f'{path}: {lost} messages of {topic} are missing between its first and its last one, '
-            'by their numbers: the recorder lost them, or the bag was damaged',
+            f'{path}: by their sequence numbers, {lost} messages of {topic} are missing between '
+            'the first and the last; the recorder lost them, or the bag is damaged',
             BagWarning,
             stacklevel=3,
         )
@@ -362,7 +364,10 @@ def _add(builder: JointStateBuilder, block: MessageBlock, path: Path | str) -> N
     try:
         builder.add(block)
     except ValueError as error:
-        raise BagError(f'topic {block.topic} of {path} cannot be decoded: {error}') from error
+        raise BagError(
+            f'topic {block.topic} of {path} cannot be decoded ({error}): check that the bag '
+            'is complete'
+        ) from error
 
 
 def _add_texts(texts: list[tuple[float, str]], block: MessageBlock, budget: ReadBudget) -> None:
@@ -442,7 +447,10 @@ def joint_state_blocks(
         try:
             stamp_ns, values = decoder.decode(block.payloads)
         except ValueError as error:
-            raise BagError(f'topic {topic} of {path} cannot be decoded: {error}') from error
+            raise BagError(
+                f'topic {topic} of {path} cannot be decoded ({error}): check that the bag is '
+                'complete'
+            ) from error
         yield JointStateSeries(
             names=tuple(decoder.names),
             stamp=stamp_ns / 1e9,
@@ -454,8 +462,8 @@ def joint_state_blocks(
         )
     if decoder.irregular:
         warnings.warn(
-            f'{decoder.irregular} fields of topic {topic} of {path} were left out: their length '
-            'was not that of the names',
+            f'{decoder.irregular} fields of topic {topic} of {path} were ignored: they do not '
+            'have one value per joint name',
             BagWarning,
             stacklevel=2,
         )

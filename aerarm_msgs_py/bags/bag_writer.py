@@ -137,7 +137,9 @@ class BagWriter:
         self, directory: Path | str, topics: Sequence[RecordedTopic], compression: str = 'zstd'
     ) -> None:
         if compression not in COMPRESSIONS:
-            raise BagError(f'compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}')
+            raise BagError(
+                f'unknown compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}'
+            )
         self.directory = Path(directory)
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         self._make_directory()
@@ -146,7 +148,10 @@ class BagWriter:
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
         except OSError as error:
-            raise BagError(f'{self.directory} cannot be written: {error.strerror}') from error
+            raise BagError(
+                f'{self.directory} cannot be written ({error.strerror}): check permissions '
+                'and free space'
+            ) from error
         self._queue: deque[RecordedMessage] = deque()
         self._held: list[RecordedMessage] = []
         self._failure: Exception | None = None
@@ -207,18 +212,18 @@ class BagWriter:
     def _check(self) -> None:
         if self._failure is not None:
             reason = getattr(self._failure, 'strerror', None) or self._failure
-            raise BagError(f'{self.directory} cannot be written: {reason}') from self._failure
+            raise BagError(
+                f'{self.directory} cannot be written ({reason}): check permissions and free space'
+            ) from self._failure
 
     def _make_directory(self) -> None:
         try:
             self.directory.mkdir(parents=True)
         except FileExistsError:
-            raise BagError(
-                f'{self.directory} exists and is not overwritten: choose another directory'
-            ) from None
+            raise BagError(f'{self.directory} already exists: choose another directory') from None
         except OSError as error:
             raise BagError(
-                f'{self.directory} cannot be made ({error.strerror}): check path and permissions'
+                f'{self.directory} cannot be created ({error.strerror}): check path and permissions'
             ) from error
 
     def _work(self) -> None:

@@ -115,10 +115,13 @@ def read_poses(
                     series.rows.append([row[0], time, *row[1:]])
             except ValueError as error:
                 raise BagError(
-                    f'topic {block.topic} of {path} cannot be decoded: {error}'
+                    f'topic {block.topic} of {path} cannot be decoded ({error}): check '
+                    'that the bag is complete'
                 ) from error
         if sum(len(series.rows) for series in found.values()) > _MOST:
-            raise BagError(f'{path} holds more than {_MOST} poses: cut it to the motion needed')
+            raise BagError(
+                f'{path} contains more than {_MOST} poses: cut the bag to the motion that you need'
+            )
     return {name: _series(name, rows) for name, rows in found.items()}
 
 

@@ -304,7 +304,7 @@ class Float64ArrayCdr:
 
     def __init__(self, n: int) -> None:
         if n < 1:
-            raise ValueError(f'an array needs at least one number, not {n}')
+            raise ValueError(f'an array needs at least one number, but {n} was given')
         self.n = n
         self._buffer = bytearray(_HEADER.size + 8 * n)
         _HEADER.pack_into(self._buffer, 0, LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, n)
@@ -313,7 +313,10 @@ class Float64ArrayCdr:
     def pack(self, data: ArrayLike) -> bytes:
         """Serialize (n,) numbers; raises ValueError for another length."""
         if np.shape(data) != self._data.shape:
-            raise ValueError(f'{self.n} numbers are needed, not an array of shape {np.shape(data)}')
+            raise ValueError(
+                f'an array of {self.n} numbers is needed, but the given one has the shape '
+                f'{np.shape(data)}'
+            )
         self._data[:] = data
         return bytes(self._buffer)
 

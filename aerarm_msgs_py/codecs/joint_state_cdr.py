@@ -178,7 +178,7 @@ class JointStateCdr:
     def __init__(self, names: Sequence[str], frame_id: str = '') -> None:
         self.names = tuple(names)
         if not self.names or len(set(self.names)) != len(self.names):
-            raise ValueError(f'joint names must be given and differ, check {list(names)}')
+            raise ValueError(f'joint names must not be empty and must differ: check {list(names)}')
         self.frame_id = frame_id
         self._prefix = CdrPrefix(_PREFIX_OFFSET)
         self._prefix.add_string(frame_id)
@@ -225,8 +225,8 @@ class JointStateCdr:
             if values is not None:
                 if getattr(values, 'shape', None) != view.shape and np.shape(values) != view.shape:
                     raise ValueError(
-                        f'values has the shape {np.shape(values)}: give {len(self.names)} values, '
-                        f'one per joint {self.names}'
+                        f'values has the shape {np.shape(values)}: pass {len(self.names)} '
+                        f'values, one per joint {self.names}'
                     )
                 view[:] = values
         return bytes(buffer)
@@ -430,7 +430,7 @@ class JointStateDecoder:
         if repeated:
             raise ValueError(
                 f'a message names joint {", ".join(repeated)} more than once: check the joint '
-                'names of the node that publishes it'
+                'names of its publisher'
             )
 
     def _column(self, name: str) -> int:

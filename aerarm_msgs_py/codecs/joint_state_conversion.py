@@ -67,7 +67,7 @@ def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -
     """
     missing = [name for name in wanted if name not in names]
     if missing:
-        raise ValueError(f'joints {missing} are missing among {list(names)}')
+        raise ValueError(f'joints {missing} are missing from {list(names)}: check the joint names')
     order = [list(names).index(name) for name in wanted]
     return JointSample(
         sample.stamp_ns, *(None if field is None else field[order] for field in sample[1:])
@@ -82,7 +82,8 @@ def _checked(names: tuple[str, ...], sample: JointSample) -> tuple[tuple[str, ..
     lengths = [0 if field is None else len(field) for field in sample[1:]]
     if any(length not in (0, len(names)) for length in lengths):
         raise ValueError(
-            f'{len(names)} names with {lengths[0]} positions, {lengths[1]} velocities and '
-            f'{lengths[2]} efforts: each must be empty or have one number a name'
+            f'the message has {len(names)} names, but {lengths[0]} positions, {lengths[1]} '
+            f'velocities and {lengths[2]} efforts: each array must be empty or have one number '
+            'per name'
         )
     return names, sample

@@ -36,7 +36,7 @@ def check_claim(data: bytes, compression: str, size: int) -> None:
         If the compression is unknown or the size is impossible.
     """
     if compression not in COMPRESSIONS:
-        raise DecompressionError(f'its compression {compression[:20]!r} is not known')
+        raise DecompressionError(f'unknown compression {compression[:20]!r}')
     possible = True
     if not compression:
         possible = len(data) == size
@@ -46,7 +46,7 @@ def check_claim(data: bytes, compression: str, size: int) -> None:
         content = content_size(data)
         possible = content is None or content == size
     if not possible:
-        raise DecompressionError(f'it claims to hold {size} bytes, which it cannot')
+        raise DecompressionError(f'the stated size of {size} bytes is impossible')
 
 
 def content_size(data: bytes) -> int | None:
@@ -85,7 +85,7 @@ def decompress(data: bytes, compression: str, size: int) -> bytes:
         except _FAILURES as error:
             raise DecompressionError(str(error)) from None
     if len(records) != size:
-        raise DecompressionError(f'it holds {len(records)} bytes instead of {size}')
+        raise DecompressionError(f'{len(records)} bytes after decompression instead of {size}')
     return bytes(records)
 
 
@@ -201,7 +201,9 @@ class CompressedFile:
             try:
                 self._decompress(file)
             except (OSError, zstandard.ZstdError, MemoryError) as error:
-                raise BagError(f'{self.path} cannot be decompressed: {error}') from error
+                raise BagError(
+                    f'{self.path} cannot be decompressed ({error}): copy the file again'
+                ) from error
             self._inner = self._opened(file, self._budget)
             yield from self._inner.blocks(topics)
 
@@ -243,8 +245,8 @@ def decompressed(
             continue
     if len(messages) < len(sound):
         report.tell(
-            f'is damaged: {len(sound) - len(messages)} messages of {block.topic} are left out, '
-            'as they cannot be decompressed'
+            f'is damaged: {len(sound) - len(messages)} messages of {block.topic} cannot be '
+            'decompressed and are ignored'
         )
     if not messages:
         return None

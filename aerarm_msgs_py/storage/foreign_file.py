@@ -105,13 +105,14 @@ class ForeignFile:
             if not count:
                 repair = _REPAIRS[self.path.suffix]
                 raise BagError(
-                    f'{self.path} cannot be read: {error}; copy it again, or repair it ({repair})'
+                    f'{self.path} cannot be read: {error}; copy the file again, or '
+                    f'repair it ({repair})'
                 )
             self._report.tell(f'is damaged ({error}): only its first {count} messages are read')
         if missing := end['missing']:
             self._report.tell(
-                f'is damaged: {missing} messages are left out, as nothing tells their topic or '
-                'time, or they are not of its type'
+                f'is damaged: {missing} messages of another type, or without a topic or time, '
+                'are ignored'
             )
         self._report.finish()
 
@@ -122,9 +123,11 @@ class ForeignFile:
             with self.path.open('rb') as stream:
                 found = stream.read(len(beginning))
         except OSError as error:
-            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+            raise BagError(
+                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+            ) from error
         if not size:
-            raise BagError(f'{self.path} is empty: record or copy it again')
+            raise BagError(f'{self.path} is empty: record or copy the file again')
         if found != beginning:
             raise BagError(f'{self.path} is not {kind}: check the path')
         return size
@@ -179,8 +182,8 @@ class ForeignFile:
             end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
         if end['limit']:
             raise BagError(
-                f'{self.path} takes more {end["limit"]} to read than a file of its size may: is it '
-                'damaged, or made to fill the memory? If it can be trusted, raise the limit (ratio)'
+                f'{self.path} takes more {end["limit"]} to read than its size allows. The file '
+                "may be damaged or malicious; if you trust it, raise the limit 'ratio'"
             )
 
 
@@ -237,7 +240,9 @@ def _read(path: Path, topics: Collection[str] | None, part_bytes: int) -> int:
     store = get_typestore(Stores.ROS2_JAZZY)
     with rosbag1.Reader(path) if of_ros1 else rosbag2.Reader(path) as reader:
         if len(reader.connections) > MOST_TOPICS:
-            raise ValueError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
+            raise ValueError(
+                f'the bag has more than {MOST_TOPICS} topics: check whether it is damaged'
+            )
         known = {name: info for name, info in reader.topics.items() if len(name) < _LONGEST_NAME}
         described = [(name, str(t.msgtype or ''), t.msgcount) for name, t in known.items()]
         _write(_TOPICS, 0, json.dumps(described).encode())

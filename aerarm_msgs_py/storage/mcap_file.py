@@ -177,14 +177,16 @@ class McapFile:
                 for run in self._runs(stream, size, budget, topics):
                     yield from self._blocks_of(run, budget, topics)
         except OSError as error:
-            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+            raise BagError(
+                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+            ) from error
         self._report.finish()
 
     def _check_magic(self, found: bytes) -> None:
         if not found:
             raise BagError(
-                f'{self.path} is empty: was its recorder stopped before it wrote anything, or '
-                'the copy cut short? Record or copy it again'
+                f'{self.path} is empty: record or copy the bag again (the recorder stopped '
+                'before it wrote anything, or the copy was interrupted)'
             )
         if found != MAGIC:
             raise BagError(f'{self.path} is not an MCAP file: check the path')
@@ -230,9 +232,9 @@ class McapFile:
         """Return the content of a record; empty if it exceeds the limit of a part."""
         if record.length > budget.part_bytes:
             self._report.tell(
-                f'holds a record of {record.length} bytes at byte {record.start}, more than the '
-                f'{budget.part_bytes} that one may have (limits part_bytes and ratio): it is '
-                'left out',
+                f'has a record of {record.length} bytes at byte {record.start}, above the limit '
+                f'of {budget.part_bytes} bytes per record (limits part_bytes and ratio): the '
+                'record is ignored',
                 record.length,
             )
             return b''
@@ -242,8 +244,8 @@ class McapFile:
     def _tell_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
         if indexes.messages or not indexes.complete:
             self._report.tell(
-                f'is damaged: {indexes.messages or "some"} messages are missing, of which only '
-                f'the index at byte {record.start} is left'
+                f'is damaged: {indexes.messages or "some"} messages are lost; only their index '
+                f'at byte {record.start} is left'
             )
 
     def _chunk(
@@ -268,7 +270,8 @@ class McapFile:
             if record.whole:  # otherwise the truncated end was reported
                 listed = f' with {indexes.messages} messages' if indexes.messages else ''
                 self._report.tell(
-                    f'is damaged: {place}{listed}, {record.length} bytes, is left out: {error}',
+                    f'is damaged: {place}{listed} ({record.length} bytes) is ignored, '
+                    f'because: {error}',
                     record.length,
                 )
 
@@ -298,13 +301,14 @@ class McapFile:
             if not run.indexes.agree_with(starts):
                 self._report.tell(
                     f'is damaged: the index behind {run.place} lists {run.indexes.messages} '
-                    f'messages, and it holds {len(starts)} elsewhere; those are used'
+                    f'messages, but the chunk has {len(starts)} at other places; the reader uses '
+                    'those'
                 )
         headers = elements_at(records, MESSAGE_HEADER, starts)
         for index, own in self._topics.groups(headers['channel']):
             if index < 0:
                 self._report.tell(
-                    f'is damaged: {len(own)} messages are left out, as nothing tells their topic'
+                    f'is damaged: {len(own)} messages without a known topic are ignored'
                 )
             elif topics is None or self._topics.names[index] in topics:
                 yield from self._block(
@@ -315,8 +319,8 @@ class McapFile:
         """Report unknown records; the truncated end of a file was already reported."""
         if unread and run.place:
             self._report.tell(
-                f'is damaged: of {run.place} {unread} bytes behind {len(starts)} messages are '
-                'left out, as they are no messages',
+                f'is damaged: in {run.place}, {unread} bytes after {len(starts)} messages are '
+                'not messages and are ignored',
                 unread,
             )
 
@@ -342,8 +346,8 @@ class McapFile:
                 yield part
                 continue
             self._report.tell(
-                f'is damaged: it holds {len(first) - int(first.sum())} messages of {topic} '
-                'twice; they are read once'
+                f'is damaged: {len(first) - int(first.sum())} messages of {topic} are stored '
+                'twice; each is read once'
             )
             if first.any():
                 yield part.chosen(first)

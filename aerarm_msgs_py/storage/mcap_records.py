@@ -43,7 +43,7 @@ class RecordFields:
     def take(self, size: int) -> bytes:
         """Read `size` bytes."""
         if size > self.left:
-            raise ValueError(f'it ends {size - self.left} bytes too early')
+            raise ValueError(f'the record is {size - self.left} bytes too short')
         self.position += size
         return self._content[self.position - size : self.position]
 
@@ -106,11 +106,11 @@ class McapChunk:
         """
         try:
             if len(self.data) < self.data_size:
-                raise ChunkError(f'it ends {self.data_size - len(self.data)} bytes too early')
+                raise ChunkError(f'the chunk is {self.data_size - len(self.data)} bytes too short')
             if self.size > budget.part_bytes:
                 raise ChunkError(
-                    f'it claims to hold {self.size} bytes, more than the {budget.part_bytes} '
-                    'that a chunk may (limits part_bytes and ratio)'
+                    f'the chunk states a size of {self.size} bytes, above the limit of '
+                    f'{budget.part_bytes} bytes (limits part_bytes and ratio)'
                 )
             check_claim(self.data, self.compression, self.size)
             if self.compression:
@@ -119,7 +119,7 @@ class McapChunk:
         except DecompressionError as error:
             raise ChunkError(str(error)) from None
         if self.crc and zlib.crc32(records) != self.crc:
-            raise ChunkError('its checksum is wrong')
+            raise ChunkError('wrong checksum')
         return records
 
     def beginning(self, budget: ReadBudget) -> bytes:
@@ -182,7 +182,7 @@ class McapTopics:
             schema = fields.number(2)
             topic = fields.text()
         except ValueError as error:
-            self._report.tell(f'is damaged: the record of a topic is left out, {error}')
+            self._report.tell(f'is damaged: the record of a topic is ignored, {error}')
             return
         if self._claimed.setdefault(number, topic) != topic:
             self._contradict(number, topic)
@@ -220,15 +220,17 @@ class McapTopics:
     def _contradict(self, number: int, topic: str) -> None:
         if self._index[number] != _CONTRADICTED:
             self._report.tell(
-                f'is damaged: channel {number} is called {self._claimed[number][:200]} and '
-                f'{topic[:200]}, its messages are left out'
+                f'is damaged: channel {number} has the two names {self._claimed[number][:200]} '
+                f'and {topic[:200]}, its messages are ignored'
             )
         self._index[number] = _CONTRADICTED
 
     def _place(self, topic: str, kind: str) -> int:
         if topic not in self.types:
             if len(self.names) == MOST_TOPICS:
-                raise BagError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
+                raise BagError(
+                    f'the bag has more than {MOST_TOPICS} topics: check whether it is damaged'
+                )
             self._places[topic] = len(self.names)
             self.names.append(topic)
         self.types[topic] = kind

@@ -365,20 +365,20 @@ class McapWalk:
         if index == len(self._chunks) or self._chunks[index] >= self._size:
             return None
         lost = self._chunks[index] - position
-        self._report.tell(f'is damaged: {lost} bytes at byte {position} are left out', lost)
+        self._report.tell(f'is damaged: {lost} bytes at byte {position} are ignored', lost)
         return self._chunks[index]
 
     def _tell_cut(self, position: int) -> None:
         rest = self._size - position
         self._report.tell(
-            f'is cut off at byte {position} (was its recorder killed?): of its last {rest} bytes '
-            'only complete messages are used',
+            f'is cut off at byte {position} (the recorder may have been killed): of its last '
+            f'{rest} bytes only complete messages are used',
             rest,
         )
 
     def _tell_private(self, position: int, opcode: int, length: int) -> None:
         self._report.tell(
-            f'holds a record of the unknown kind {opcode} at byte {position}: its {length} bytes '
-            'are left out',
+            f'has a record of the unknown kind {opcode} at byte {position}: its {length} bytes '
+            'are ignored',
             length,
         )

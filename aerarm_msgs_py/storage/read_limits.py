@@ -53,8 +53,7 @@ class DamageReport:
         """Warn once of the damages that were not reported individually."""
         if self.places > _TOLD:
             warnings.warn(
-                f'{self._path} is damaged at {self.places} places in all, where {self._lost} '
-                'bytes are left out',
+                f'{self._path} is damaged at {self.places} places; {self._lost} bytes are ignored',
                 BagWarning,
                 stacklevel=2,
             )
@@ -138,7 +137,7 @@ class ReadLimits:
     def __post_init__(self) -> None:
         for name, value in (('part_bytes', self.part_bytes), ('ratio', self.ratio)):
             if not (math.isfinite(value) and value >= 1):
-                raise BagError(f'the limit {name} of a bag is {value}: it must be 1 or more')
+                raise BagError(f'limit {name} of a bag is {value}: set it to 1 or more')
 
 
 class ReadBudget:
@@ -177,7 +176,7 @@ class ReadBudget:
         self._left -= size
         if self._left < 0:
             raise BagError(
-                f'{self._path} would become more than {self._ratio:g} times its {self._size} '
-                'bytes when read: is it damaged, or made to fill the memory? If it can be '
-                'trusted, raise the limit (ratio)'
+                f'{self._path} would grow to more than {self._ratio:g} times its {self._size} '
+                'bytes when read. The file may be damaged or malicious; if you trust it, raise '
+                "the limit 'ratio'"
             )

@@ -137,8 +137,8 @@ def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
     """Return the mixer's name, and the rotor of each of its motors."""
     if drone.is_fully_actuated or drone.n not in _MIXERS:
         raise ValueError(
-            f"loops 'betaflight': {drone.name} is no quadrotor or hexarotor with rotors in one "
-            'plane in the form of an X'
+            f"loops 'betaflight': {drone.name} is not a quadrotor or hexarotor with its rotors "
+            'in one plane and in X form; choose other loops'
         )
     name, motors = _MIXERS[drone.n]
     places = np.array([rotor.position for rotor in drone.rotors])
@@ -151,8 +151,8 @@ def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
         rotor = int(np.argmin(distances))
         if distances[rotor] > _NEAR or turns[rotor] != yaw:
             raise ValueError(
-                f"loops 'betaflight': {drone.name} has no rotor where its mixer {name} has one, or "
-                'it turns the other way'
+                f"loops 'betaflight': {drone.name} has no rotor where the mixer {name} expects "
+                'one, or the rotor turns the other way; check rotors in the drone file'
             )
         order.append(rotor)
     return name, order
@@ -220,7 +220,7 @@ class BetaflightFlight:
         self._silence = np.inf
         self._thrust = np.zeros(len(self._thrust_max))
         self._is_armed = False
-        self.problem = 'no data from Betaflight: start it before this node'
+        self.problem = 'no data from Betaflight: start Betaflight before this node'
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
@@ -268,7 +268,7 @@ class BetaflightFlight:
         """Detect whether the firmware is armed, by the idling motors."""
         self._is_armed = least > 0.5 * self._setup.idle
         self._switched = (self._switched + dt) % (_TRY + _PAUSE)
-        self.problem = '' if self._is_armed else 'Betaflight is being armed'
+        self.problem = '' if self._is_armed else 'Betaflight is arming'
 
     def _sticks(self, state: FlightState, force: Array, turn: float) -> list[int]:
         """Return roll, pitch, throttle and yaw for a force in the world, and a turn [rad]."""

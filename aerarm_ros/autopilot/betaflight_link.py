@@ -113,8 +113,8 @@ class BetaflightLink:
         except OSError as error:
             self.close()
             raise ValueError(
-                f"loops 'betaflight': UDP port {motor_port}: {error.strerror}: does another "
-                'flight_control or simulator run?'
+                f"UDP port {motor_port} of loops 'betaflight' cannot be opened "
+                f'({error.strerror}): stop the other flight_control or simulator'
             ) from None
 
     def exchange(

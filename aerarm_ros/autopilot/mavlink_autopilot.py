@@ -211,7 +211,7 @@ class MavlinkAutopilot:
         w, x, y, z = (message[name] for name in ('q1', 'q2', 'q3', 'q4'))
         quaternion = attitude_ned_frd_to_enu_flu([x, y, z, w])
         if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # also rejects NaN
-            self.text = 'ATTITUDE_QUATERNION: NaN, or no unit quaternion'
+            self.text = 'ATTITUDE_QUATERNION: NaN, or not a unit quaternion'
             return
         self.attitude = quaternion / np.linalg.norm(quaternion)
         self._rate = frd_to_flu([message[f'{axis}speed'] for axis in ('roll', 'pitch', 'yaw')])

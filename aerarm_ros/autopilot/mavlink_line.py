@@ -13,7 +13,7 @@ from aerarm_ros.autopilot.mavlink import FrameReader, Message
 _CHUNK = 65536
 _PORTS = 65535
 _UDP, _SERIAL = 'udp', 'serial'
-_FORMS = 'udp:PORT to listen, udp:HOST:PORT to send first, or serial:DEVICE:BAUD'
+_FORMS = 'udp:PORT (listen), udp:HOST:PORT (send first) or serial:DEVICE:BAUD'
 
 
 class Line(Protocol):
@@ -124,7 +124,10 @@ class SerialLine:
     def __init__(self, device: str, baud: int) -> None:
         rate = getattr(termios, f'B{baud}', None)
         if rate is None:
-            raise ValueError(f'{baud} is no baud rate of this system: 57600 and 921600 are usual')
+            raise ValueError(
+                f'{baud} is not a baud rate of this system: use a common one, such as '
+                '57600 or 921600'
+            )
         self._reader = FrameReader()
         self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
@@ -134,7 +137,9 @@ class SerialLine:
             termios.tcsetattr(self._file, termios.TCSANOW, settings)
         except termios.error as error:
             os.close(self._file)
-            raise OSError(f'{device} is no serial device ({error.args[-1]})') from None
+            raise OSError(
+                f'{device} is not a serial device ({error.args[-1]}): check its name'
+            ) from None
 
     @property
     def damaged(self) -> int:
@@ -158,7 +163,7 @@ class SerialLine:
             except BlockingIOError:
                 return found
             if not data:
-                raise OSError(errno.EIO, 'the device is gone')
+                raise OSError(errno.EIO, 'the serial device has disappeared')
             found += self._reader.feed(data)
 
     def close(self) -> None:
@@ -194,5 +199,6 @@ def open_line(text: str) -> UdpLine | SerialLine:
     except OSError as error:
         reason = getattr(error, 'strerror', None) or str(error)
         raise ValueError(
-            f'connection {text!r}: {reason}: check name, rights and that no other program uses it'
+            f'connection {text!r} cannot be opened ({reason}): check its name, its '
+            'permissions and that no other program uses it'
         ) from None

@@ -48,7 +48,10 @@ def torque_unit(drone: DroneConfig) -> Array:
     """
     effectiveness = drone.allocation * drone.column('thrust_max')
     if np.linalg.matrix_rank(effectiveness[3:]) < 3:
-        raise ValueError('drone: its rotors give no moment about one of its axes')
+        raise ValueError(
+            'the rotors of the drone file produce no moment about one of its axes: check '
+            'positions and axes of the rotors'
+        )
     mixer = np.linalg.pinv(effectiveness)[:, 3:]
     tilt = mixer[:, :2]
     turning = np.maximum(np.count_nonzero(np.abs(tilt) > _NO_TORQUE, axis=0), 1)

@@ -39,10 +39,10 @@ _TEXTS = 50  # number of stored messages from PX4
 class Stage(Enum):
     """Progress of PX4's start and take-off."""
 
-    BOOT = 'PX4 does not answer yet: start it before this node, with the same px4_instance'
-    SETTLE = "PX4's estimator settles"
-    ARM = 'PX4 is being armed'
-    SPOOL = "PX4's rotors spool up"
+    BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same px4_instance'
+    SETTLE = "PX4's estimator is settling"
+    ARM = 'PX4 is arming'
+    SPOOL = "PX4's rotors are spooling up"
     FLY = ''
 
 
@@ -92,7 +92,7 @@ class Px4Firmware:
     def problem(self) -> str:
         """Reason why PX4 does not fly; empty if it flies."""
         if self._simulator.is_lost:
-            return 'PX4 has ended or closed the line: start it and this node again'
+            return 'PX4 has ended or closed the connection: restart PX4 and this node'
         if self.stage is Stage.FLY:
             return self._loss()
         texts = [text for text in self.texts[-3:] if 'Arming denied' in text or 'Preflight' in text]

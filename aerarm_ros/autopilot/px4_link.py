@@ -207,6 +207,6 @@ def companion_writer() -> FrameWriter:
 
 def _taken(kind: str, port: int, error: OSError) -> str:
     return (
-        f"loops 'px4_sitl': {kind} port {port}: {error.strerror}: end the other flight_control or "
-        'simulator, or give another px4_instance'
+        f"{kind} port {port} of loops 'px4_sitl' cannot be opened ({error.strerror}): stop the "
+        'other flight_control or simulator, or set another px4_instance'
     )

@@ -63,7 +63,9 @@ class Px4Setup:
     def __post_init__(self) -> None:
         """Check the choice of sensors."""
         if self.sensors not in SENSORS:
-            raise ValueError(f'sensors {self.sensors!r}: give one of {", ".join(SENSORS)}')
+            raise ValueError(
+                f'sensors = {self.sensors!r} is unknown: choose one of {", ".join(SENSORS)}'
+            )
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
         """Return PX4's parameters by name.
@@ -80,12 +82,15 @@ class Px4Setup:
             If PX4 has too few motors, or the drone cannot hover on 10 to 80 % of its thrust.
         """
         if drone.n > ROTORS:
-            raise ValueError(f'drone: PX4 has {ROTORS} motors at most, {drone.name} has {drone.n}')
+            raise ValueError(
+                f'{drone.name} has {drone.n} rotors, but PX4 controls {ROTORS} at most: use '
+                'a drone file with fewer rotors'
+            )
         hover = hover_share(drone, body)
         if not 0.1 <= hover <= 0.8:
             raise ValueError(
-                f'drone: it hovers on {100.0 * hover:.0f} % of its thrust, and PX4 takes 10 to 80 %'
-                ' (MPC_THR_HOVER): check mass and thrust_max in the drone file'
+                f'the drone hovers at {100.0 * hover:.0f} % of its thrust, but PX4 accepts 10 to '
+                '80 % (MPC_THR_HOVER): check mass and thrust_max in the drone file'
             )
         by_sensors = {VISION: _VISION_PARAMETERS, GPS: _GPS_PARAMETERS}[self.sensors]
         return {

@@ -61,7 +61,7 @@ class CalibrationOptions:
         """Validate the level."""
         if self.level not in ('auto', *LEVELS):
             raise CalibrationError(
-                f'--level {self.level}: give one of auto, {", ".join(LEVELS)}'
+                f'--level {self.level} is unknown: choose one of auto, {", ".join(LEVELS)}'
             )  # fmt: skip
 
 
@@ -189,7 +189,8 @@ def calibrate(
     compliance = options.compliance and chain.has_masses
     if options.compliance and not chain.has_masses:
         messages.append(
-            'the URDF gives no masses: deflection of the joints under gravity is not estimated'
+            'the URDF gives no masses, so the deflection of the joints under gravity is '
+            'not estimated'
         )
     best, tried = chosen(start, options.level, compliance, options.eccentricity)
     kinds = LEVELS['geometry' if options.level == 'auto' else options.level]
@@ -214,8 +215,8 @@ def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:
     if not names:
         return []
     return [
-        f'these postures do not show {", ".join(names)}: they stay as drawn; postures in which the '
-        'joints around them move more would show them'
+        f'the postures do not determine {", ".join(names)}, which keep their nominal values: '
+        'record postures in which the neighbouring joints move further'
     ]
 
 
@@ -237,7 +238,9 @@ def _like(one: HeldOut, observations: Observations) -> HeldOut:
             assert isinstance(other, MarkerSource)
             missing = [name for name in source.names if name not in other.names]
             if missing:
-                raise CalibrationError(f'{one.name}: has no marker {missing[0]}: add its columns')
+                raise CalibrationError(
+                    f'{one.name} lacks marker {missing[0]}: add the columns of that marker'
+                )
             order = [other.names.index(name) for name in source.names]
             other = replace(other, names=source.names, position=other.position[:, order])
         sources.append(other)

@@ -74,13 +74,14 @@ def chain_of(
     known = [name for name in recorded if name in driven]
     if not known:
         raise CalibrationError(
-            f'none of the recorded joints ({_some(recorded)}) is in the URDF, which has '
-            f'{_some(sorted(driven))}: check the URDF, or rename the columns'
+            f'none of the recorded joints ({_some(recorded)}) is a joint of the URDF '
+            f'({_some(sorted(driven))}): check the URDF, or rename the columns'
         )
     link = link or _last_link(document, above, known)
     if link not in document.links:
         raise CalibrationError(
-            f'--link {link}: unknown link; the URDF has {_some(sorted(document.links))}'
+            f"link {link} (--link) is unknown: choose one of the URDF's links, "
+            f'{_some(sorted(document.links))}'
         )
     path = []
     at = link
@@ -91,11 +92,12 @@ def chain_of(
     missing = [name for name in moving if name not in known]
     if missing:
         raise CalibrationError(
-            f'no positions of joint {missing[0]}, which moves link {link}: the recorded joints are '
-            f'{_some(recorded)}; record it, or pass --lock {missing[0]} if it stood at zero'
+            f'no positions of joint {missing[0]}, which moves link {link}, are among the '
+            f'recorded joints {_some(recorded)}: record them, or pass --lock {missing[0]} if the '
+            'joint stayed at zero'
         )
     if not moving:
-        raise CalibrationError(f'--link {link}: no recorded joint moves it; name another link')
+        raise CalibrationError(f'no recorded joint moves link {link} (--link): name another link')
     children = [document.joints[name].child for name in moving]
     light, has_masses = _with_masses(text, children)
     robot = load_robot(light, gravity_in_base=gravity_in_base, joint_names=moving)
@@ -119,8 +121,8 @@ def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Seque
     if len(last) > 1 or most < len(known) - 1:
         behind = [document.joints[name].child for count, name in sorted(ends)[::-1]]
         raise CalibrationError(
-            'the recorded joints do not form one chain: name the link that carries the markers '
-            f'with --link, such as {", ".join(behind[:3])}'
+            'the recorded joints form several chains: name the link that carries the markers '
+            f'with --link, for example {", ".join(behind[:3])}'
         )
     return document.joints[last[0]].child
 

@@ -42,8 +42,8 @@ def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
             kept.append(k)
         else:
             messages.append(
-                f'marker {name} has the values of {source.names[same]} in every posture: it is '
-                'left out'
+                f'marker {name} has the values of {source.names[same]} in every posture and is '
+                'ignored'
             )
     names = tuple(source.names[k] for k in kept)
     return MarkerSource(
@@ -67,8 +67,8 @@ def check_count(observations: Observations) -> None:
     seen = np.any([source.seen for source in observations.sources], axis=0)
     if int(seen.sum()) < FEWEST:
         raise CalibrationError(
-            f'{int(seen.sum())} postures with measurements are too few: the base frame alone '
-            f'takes {FEWEST}; record at least 15, better 40'
+            f'only {int(seen.sum())} postures have measurements, but the base frame alone needs '
+            f'{FEWEST}: record at least 15, better 40'
         )
 
 
@@ -87,20 +87,20 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
         if not np.isfinite(q).all():
             row = int(np.flatnonzero(~np.isfinite(q))[0])
             raise CalibrationError(
-                f'{observations.labels[row]}: no position of joint {joint}: fill it in, or remove '
-                'the posture'
+                f'{observations.labels[row]} has no position of joint {joint}: add the value, or '
+                'remove the posture'
             )
         if not geometry.is_prismatic(i) and np.abs(q).max() > _LARGEST_TURN:
             raise CalibrationError(
-                f'joint {joint} is at {np.abs(q).max():.0f} rad in some posture: positions look '
-                'like degrees; pass --degrees, or state the unit in the column, as '
-                f'{joint} [deg]'
+                f'joint {joint} reaches {np.abs(q).max():.0f} rad: positions look like degrees; '
+                f'pass --degrees, or state the unit in the column name, as {joint} [deg]'
             )
         beyond = max(q.max() - robot.position_max[i], robot.position_min[i] - q.min())
         if beyond > 0.1:
             unit = 'm' if geometry.is_prismatic(i) else 'rad'
             messages.append(
-                f'joint {joint} is recorded {beyond:.2g} {unit} beyond the limits of the URDF'
+                f'the recorded positions of joint {joint} exceed the limits of the URDF '
+                f'by {beyond:.2g} {unit}'
             )
     return messages
 
@@ -124,9 +124,9 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
         measured = _spread(position)
         if predicted > 0.0 and _MILLIMETRES[0] < measured / predicted < _MILLIMETRES[1]:
             raise CalibrationError(
-                f'{source.name}: positions vary by {measured:.0f} between postures where the arm '
-                f'moves by {predicted:.2g} m: they look like millimetres; pass --length-unit mm, '
-                'or state the unit in the columns, as x1 [mm]'
+                f'{source.name}: positions vary by {measured:.0f}, but the arm moves by '
+                f'{predicted:.2g} m, so they look like millimetres; pass --length-unit mm, or '
+                'state the unit in the column names, as x1 [mm]'
             )
 
 
@@ -169,8 +169,9 @@ def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
         after = np.array([_distances(swapped[None], pair)[0] for pair in pairs])
         if not np.any(np.abs(after - usual) > limit):
             raise CalibrationError(
-                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} are '
-                'swapped: exchange them, or label them again in the motion capture software'
+                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} '
+                'are swapped; exchange their columns, or label them again in the motion capture '
+                'software'
             )
     counts = [sum(wrong[k, row] for k, pair in enumerate(pairs) if m in pair)
               for m in range(len(source.names))]  # fmt: skip
@@ -182,9 +183,8 @@ def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
         else f'marker {source.names[0]} or {source.names[1]}'
     )
     raise CalibrationError(
-        f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm '
-        'relative to the others: leave its cells empty there, or remove it with --ignore '
-        f'{source.names[marker]}'
+        f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm relative to the others; leave '
+        f'its cells empty in these postures, or remove it with --ignore {source.names[marker]}'
     )
 
 
@@ -231,27 +231,28 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
         swapped[[one, other]] = swapped[[other, one]]
         if float(np.nansum((predicted - swapped) ** 2)) < _EXPLAINED**2 * before:
             raise CalibrationError(
-                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} are '
-                'swapped: exchange them, or label them again in the motion capture software'
+                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} '
+                'are swapped; exchange their columns, or label them again in the motion capture '
+                'software'
             )
     marker = int(np.nanargmax(off[row]))
     raise CalibrationError(
         f'{labels[row]}{others}: marker {source.names[marker]} jumps by '
-        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures: leave its cells '
-        'empty there, or remove a posture that was in motion'
+        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures; leave its cells '
+        'empty in these postures, or remove postures in which the arm moved'
     )
 
 
 def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
     text = (
-        f'the URDF does not describe this arm: {1e3 * typical:.0f} mm of its motion of '
-        f'{1e3 * reach:.0f} mm stay unexplained'
+        f'the URDF does not describe this arm: {1e3 * typical:.0f} mm of its {1e3 * reach:.0f} '
+        'mm of motion remain unexplained'
     )
     joint = _turning_back(fit, typical)
     if joint:
-        return f'{text}; joint {joint} seems to turn the other way: check its sign and its axis'
+        return f'{text}; joint {joint} may turn the other way: check its sign and its axis'
     return (
-        f'{text}; check that URDF, joint columns, units and the link of the markers (--link '
+        f'{text}; check that the URDF, joint columns, units and the marker link (--link '
         f'{fit.geometry.link}) belong together'
     )
 

@@ -148,9 +148,9 @@ def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
         if moved[k] < (_STILL if not geometry.is_prismatic(k) else 0.1 * _STILL)
     ]
     advice = (
-        f'{", ".join(still)} hardly move: let every joint move'
+        f'{", ".join(still)} hardly move: move every joint further'
         if still
-        else 'record more, in which all joints move further'
+        else 'record more postures, in which all joints move further'
     )
     return (
         f'{name} cannot be estimated{uncertain}: {len(start.observations)} postures are too few or '

@@ -26,12 +26,11 @@ _HEADER = """\
 # offsets: added to the recorded joint positions. geometry: displacement x, y, z and rotation
 # vector rx, ry, rz of a joint's frame, in that frame as drawn. compliance: deflection per torque of
 # gravity.
-# What is not listed is as drawn: insignificant, or not to be told from the rest.
+# All other values stay nominal: insignificant, or not distinguishable from the estimates.
 """
 _CONFIG_HEADER = (
-    "# The arm's configuration with calibrated offsets. Use it with the calibrated.urdf next to "
-    'it,\n'
-    '# which has no offsets. Comments: see the original file.\n'
+    "# The arm's configuration with calibrated offsets. Use it with calibrated.urdf of this\n"
+    '# folder, which has no offsets. The original file has the comments.\n'
 )
 
 

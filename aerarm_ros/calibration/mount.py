@@ -120,7 +120,7 @@ def calibrate_mount(
         If the arm or the drone does not move, or the recordings do not overlap.
     """
     if not markers:
-        raise CalibrationError('no markers on the arm: the mount needs at least one')
+        raise CalibrationError('the arm has no markers: attach at least one marker to the arm')
     seen = [_in_body(track, drone) for track in markers]
     frames, position = _frames(seen, time)
     offsets = [time_offset(time, q, track) for track in seen]
@@ -143,7 +143,7 @@ def calibrate_mount(
     if fit.length > 0.02:
         raise CalibrationError(
             f'the markers are {1000.0 * fit.length:.0f} mm from their predicted positions: check '
-            'that markers and drone have the same frame, and calibrate the arm first'
+            'that markers and drone poses use one frame, and calibrate the arm first'
         )
     rotation, translation = base_pose(fit.states[0])
     deviations = fit.deviations
@@ -177,14 +177,15 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
     late, agreement = _rate_offset(body_time, body_rate, time, rate)
     if agreement < 0.5:
         raise CalibrationError(
-            'the rotation of the IMU differs from that of the drone: check that --imu and '
-            '--drone-pose are of the same drone, and that the drone turns by 20 degrees about two '
-            'axes'
+            'the rotations of IMU and drone disagree: check that --imu and --drone-pose belong '
+            'to one drone, and that it turns by 20 degrees about two axes'
         )
     own_time = time - late
     first, last = max(own_time[0], drone.time[0]) + 0.3, min(own_time[-1], drone.time[-1]) - 0.3
     if last - first < 5.0:
-        raise CalibrationError('IMU and drone overlap for less than 5 s: record them together')
+        raise CalibrationError(
+            'IMU and drone poses overlap for less than 5 s: record both at the same time'
+        )
     grid = np.arange(first, last, 1.0 / _RATE)
 
     def shifted(more: float) -> _ImuData:
@@ -304,8 +305,8 @@ def _rotation_by_rates(data: _ImuData) -> tuple[Array, Array, float]:
     strength = np.linalg.svd(body, compute_uv=False) / np.sqrt(len(body))
     if strength[1] < _LEAST_TURN:
         raise CalibrationError(
-            f'the drone turns with {strength[1]:.2g} rad/s only about a second axis: record a '
-            'flight, or a motion by hand, that rolls, pitches and yaws by 20 degrees'
+            f'the drone turns only slowly ({strength[1]:.2g} rad/s) about a second axis: record '
+            'a flight, or a motion by hand, that rolls, pitches and yaws by 20 degrees'
         )
     left, _, right = np.linalg.svd(body.T @ own)
     sign = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
@@ -341,8 +342,8 @@ def _in_body(track: Track, drone: Track) -> Track:
     inside &= np.isfinite(track.position).all(axis=1)
     if inside.sum() < 50:
         raise CalibrationError(
-            f'{track.name} and the drone are seen together in {int(inside.sum())} frames: record '
-            'both for at least 20 s'
+            f'only {int(inside.sum())} frames show both {track.name} and the drone: record both '
+            'for at least 20 s'
         )
     time = track.time[inside]
     turn = Slerp(drone.time, Rotation.from_matrix(drone.rotation))(time)
@@ -357,7 +358,7 @@ def _frames(tracks: Sequence[Track], time: Array) -> tuple[Array, Array]:
     common = common[:: max(1, len(common) // _SAMPLES)]
     if len(common) < 50:
         raise CalibrationError(
-            'markers and joint states overlap in fewer than 50 frames: record them together'
+            'markers and joint states overlap in fewer than 50 frames: record both at the same time'
         )
     position = np.full((len(common), len(tracks), 3), np.nan)
     for k, track in enumerate(tracks):
@@ -378,8 +379,8 @@ def _cross(vectors: Array) -> Array:
 
 
 _HEADER = """\
-# The drone with calibrated poses of the arm's base (mount) and of the IMU, in place of what was
-# there. Comments: see the file that it was made from.
+# The drone with calibrated poses of the arm's base (mount) and of the IMU, which replace the
+# nominal ones. The original file has the comments.
 """
 
 

@@ -152,8 +152,8 @@ def rest_observations(
     """
     if not len(rests.q):
         raise CalibrationError(
-            f'the arm never rests for {_SHORTEST:g} s: let it stop in each posture for a second, '
-            'as `arm calibrate` does'
+            f'the arm never rests for {_SHORTEST:g} s: stop in each posture for one second, as '
+            '`arm calibrate` does'
         )
     markers = [track for track in tracks if track.rotation is None]
     sources: list[Source] = []
@@ -173,8 +173,8 @@ def rest_observations(
         rests.start - rests.start[0]))  # fmt: skip
     if not any(source.seen.any() for source in sources):
         raise CalibrationError(
-            'no sensor saw anything while the arm rested: check that its stamps are of the same '
-            'time as those of the joint states'
+            'no sensor measured anything while the arm rested: check that sensors and joint '
+            'states are stamped by one clock'
         )
     return Observations(rests.q, tuple(sources), labels)
 

@@ -107,7 +107,7 @@ def _candidates(
     if len(found) < 2 * count:
         raise CalibrationError(
             f'only {len(found)} of {tried} random postures are free of collisions and visible: '
-            f'check the clearances and the ground, or ask for fewer than {count} postures'
+            f'check the clearances and the ground, or request fewer than {count} postures'
         )
     return np.array(found)
 

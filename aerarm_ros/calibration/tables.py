@@ -121,17 +121,21 @@ def read_postures(
     """
     try:
         if path.stat().st_size > _LARGEST:
-            raise CalibrationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
+            raise CalibrationError(f'{path} is larger than {_LARGEST >> 20} MB: shorten the file')
         is_npz = path.suffix.lower() == '.npz'
         wrong: dict[str, str] = {}
         columns = _npz_columns(path) if is_npz else _csv_columns(path, wrong)
     except OSError as error:
-        raise CalibrationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise CalibrationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
         if isinstance(error, CalibrationError):
             raise
         reason = ' '.join(str(error).split())
-        raise CalibrationError(f'{path}: is no table of numbers ({reason})') from None
+        raise CalibrationError(
+            f'{path} is not a table of numbers ({reason}): check the file format'
+        ) from None
     reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
     table = reader.table(columns)
     for name, problem in wrong.items():
@@ -170,14 +174,13 @@ class _Reader:
             self._thing(thing, axes)
         if not table.joints:
             raise CalibrationError(
-                f'{self._path}: no column is a joint of the URDF ({_some(self._known)}); its '
-                f'columns are {_some(columns)}: name them as the joints, or pass '
-                '--rename COLUMN=JOINT'
+                f'none of the columns of {self._path} ({_some(columns)}) is a joint of the URDF '
+                f'({_some(self._known)}): name them as the joints, or pass --rename COLUMN=JOINT'
             )
         if not table.measured and not table.contacts:
             raise CalibrationError(
-                f'{self._path}: no marker: name its columns x1, y1, z1 [m]; its columns are '
-                f'{_some(columns)}'
+                f'{self._path} has no marker (its columns are {_some(columns)}): name marker '
+                'columns x1, y1, z1 [m]'
             )
         return table
 
@@ -229,7 +232,7 @@ class _Reader:
     def _add_joint(self, joint: str, column: str, values: Array, unit: str) -> None:
         if joint in self._table.joints:
             raise CalibrationError(
-                f'{self._path}: column {column} is a second one of joint {joint}: leave one out'
+                f'{self._path} has two columns of joint {joint}, the second is {column}: remove one'
             )
         self._table.joints[joint] = values
         if unit == 'rad' and joint in self._prismatic:
@@ -246,7 +249,7 @@ class _Reader:
             return _ANGLE_UNITS[self._angle_unit]
         if unit.lower() not in units:
             raise CalibrationError(
-                f'{self._path}: column {name}: unit {unit} is not known: give one of '
+                f'column {name} of {self._path} has the unknown unit {unit}: use one of '
                 f'{", ".join(units)}'
             )
         return units[unit.lower()]
@@ -273,7 +276,8 @@ class _Reader:
         thing = self._axes.setdefault(match['name'] or '1', {})
         if axis in thing:
             raise CalibrationError(
-                f'{self._path}: columns {thing[axis][0]} and {name} are the same: leave one out'
+                f'columns {thing[axis][0]} and {name} of {self._path} mean the same '
+                'quantity: remove one'
             )
         thing[axis] = (name, values, factor)
         return True
@@ -286,8 +290,8 @@ class _Reader:
             return
         if missing:
             raise CalibrationError(
-                f'{self._path}: marker {thing} has no {missing[0]}: its columns are '
-                f'{", ".join(names)}; add it, or leave these out'
+                f'marker {thing} of {self._path} has no {missing[0]}, only {", ".join(names)}: '
+                'add the column, or remove the marker'
             )
         position = np.column_stack([axes[axis][2] * axes[axis][1] for axis in 'xyz'])
         rotation = _rotation(axes)
@@ -327,20 +331,22 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
         names = [name.strip().strip('"') for name in header.split(delimiter)]
         if all(_is_number(name) for name in names):
             raise CalibrationError(
-                f'{path}: the first line must name the columns, as x1, y1, z1, joint1, joint2'
+                f'the first line of {path} must name the columns, for example x1, y1, '
+                'z1, joint1, joint2'
             )
         rows = [line.rstrip('\r\n').split(delimiter) for line in file if line.strip()]
     if not rows:
-        raise CalibrationError(f'{path}: has no rows below its first line')
+        raise CalibrationError(f'{path} has no rows below its first line: add the measurements')
     for number, row in enumerate(rows, start=2):
         if len(row) != len(names):
             raise CalibrationError(
-                f'{path}: line {number} has {len(row)} values for {len(names)} columns'
+                f'line {number} of {path} has {len(row)} values, but there are '
+                f'{len(names)} columns: correct the line'
             )
     seen = [name for name in names if name]
     twice = next((name for name in seen if names.count(name) > 1), None)
     if twice is not None:
-        raise CalibrationError(f'{path}: column {twice} is given twice: leave one out')
+        raise CalibrationError(f'{path} has two columns named {twice}: remove one')
     columns = {}
     for place, name in enumerate(names):
         texts = [row[place].strip().strip('"') for row in rows]
@@ -349,7 +355,7 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
         values = np.array([_number(text) for text in texts])
         for line, (text, value) in enumerate(zip(texts, values, strict=True), start=2):
             if np.isnan(value) and text.lower() not in _UNSEEN:
-                wrong[name] = f"'{text}' in line {line} is no number: leave the cell empty"
+                wrong[name] = f"'{text}' in line {line} is not a number: leave the cell empty"
                 break
         columns[name or f'column {place + 1}'] = values
     return columns
@@ -358,7 +364,9 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
 def _npz_columns(path: Path) -> dict[str, Array]:
     with zipfile.ZipFile(path) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
-            raise CalibrationError(f'{path}: larger than {_LARGEST >> 20} MB, unpacked: cut it')
+            raise CalibrationError(
+                f'{path} is larger than {_LARGEST >> 20} MB when unpacked: shorten the file'
+            )
     columns: dict[str, Array] = {}
     with np.load(path, allow_pickle=False) as file:
         arrays = {key: np.asarray(file[key]) for key in file.files}
@@ -380,7 +388,10 @@ def _npz_columns(path: Path) -> dict[str, Array]:
             columns[key] = values
     lengths = {len(values) for values in columns.values()}
     if len(lengths) > 1:
-        raise CalibrationError(f'{path}: its arrays differ in length: {sorted(lengths)} rows')
+        raise CalibrationError(
+            f'the arrays of {path} differ in length ({sorted(lengths)} rows): save arrays of '
+            'equal length'
+        )
     return columns
 
 

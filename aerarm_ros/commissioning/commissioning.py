@@ -92,7 +92,7 @@ class CommissioningStep(ABC):
         """Process the answer to the prompt."""
         self.prompt = None
         if not yes:
-            self.findings.append(f'{self._name}: left out by the user')
+            self.findings.append(f'{self._name}: skipped by the user')
             self._end()
 
     def _end(self, fatal: bool = False) -> None:
@@ -109,7 +109,7 @@ class BoardStep(CommissioningStep):
         else:
             problem = report.boards[self._joint]
         if not problem and report.mode == 'fault':
-            problem = "the bridge is in fault: see its console, 'arm clear_fault'"
+            problem = "the bridge is in fault: see its log, then 'arm clear_fault'"
         if problem:
             self.findings.append(f'{self._name}: {problem}')
         self._end(bool(problem))
@@ -136,8 +136,9 @@ class TurnStep(CommissioningStep):
                 (self._name, home),
             ),
             Prompt(
-                f'Turn {self._name} by {np.degrees(turn):+.0f} degrees, to {home + turn:.4g} rad, '
-                f'within 3 degrees, and keep it there: {_direction(config, robot, joint, turn)}.',
+                f'Turn {self._name} by {np.degrees(turn):+.0f} degrees, to {home + turn:.4g} '
+                'rad, within 3 degrees, and keep it at that angle: '
+                f'{_direction(config, robot, joint, turn)}.',
                 (self._name, home + turn),
             ),
             Prompt(f'Turn {self._name} back to {home:.4g} rad.', (self._name, home)),
@@ -183,8 +184,9 @@ class TurnStep(CommissioningStep):
             self.measured['pulse_offset'] = offset
         elif not findings:
             self.findings.append(
-                f'{self._name}: no index pulse was seen between two frames in order, homing needs '
-                'its place: turn the joint slowly, check what else the host does, and repeat'
+                f'{self._name}: homing needs the place of the index pulse, but no index pulse '
+                'was seen between two consecutive frames. Turn the joint slowly, check the load '
+                'of this computer, and repeat'
             )
 
     def _ask(self) -> None:
@@ -197,8 +199,9 @@ class DriveStep(CommissioningStep):
     def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
         super().__init__(config, robot, joint)
         self.prompt = Prompt(
-            f'The motor of {self._name} aligns now, and turns it by {REACH:g} rad to either side. '
-            'Support the arm, keep your hands off the joint. THE ARM MOVES. Drive it?'
+            f'The motor of {self._name} aligns now, then turns the joint by {REACH:g} rad to '
+            'both sides. Support the arm and keep your hands off the joint. THE ARM MOVES. Drive '
+            'the motor?'
         )
 
     def answer(self, yes: bool) -> None:
@@ -226,8 +229,8 @@ def _turn(config: ArmConfig, joint: int) -> float:
     turn = float(np.clip(room, -_TURN, _TURN))
     if abs(turn) < _TURN_MIN:
         raise ValueError(
-            f'{this.name} has {abs(turn):.2f} rad to turn from its home configuration: '
-            f'commissioning needs {_TURN_MIN:g} rad, choose another rest_position'
+            f'{this.name} can turn only {abs(turn):.2f} rad from its home configuration, but '
+            f'commissioning needs {_TURN_MIN:g} rad: choose another rest_position'
         )
     return turn
 
@@ -240,9 +243,9 @@ def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
         tool = Kinematics(robot, robot.link_names[-1])
     speed = np.sign(turn) * tool.jacobian(np.array(config.rest_position))[:, joint]
     if np.linalg.norm(speed[:3]) > _TOOL_MOVES:
-        return f'the tool sets out towards {_axis(speed[:3])} of the base'
+        return f'the tool starts to move towards {_axis(speed[:3])} of the base'
     axis = _axis(speed[3:])
-    return f'counter-clockwise for an eye that the axis {axis} of the base points at'
+    return f"counter-clockwise, seen from the tip of the base's axis {axis}"
 
 
 def _axis(vector: NDArray[np.float64]) -> str:

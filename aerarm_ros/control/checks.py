@@ -41,7 +41,7 @@ def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
     """
     array = np.asarray(values, dtype=float)
     if array.shape not in ((), (n,)):
-        raise ValueError(f'{name} has {array.size} values, {n} are needed (or one for all)')
+        raise ValueError(f'{name} has {array.size} values, but needs {n} (or one for all)')
     if not np.all(np.isfinite(array)):
         raise ValueError(f'{name} = {array} must be finite')
     return np.broadcast_to(array, (n,)).copy()
@@ -116,7 +116,7 @@ class JointLimits:
         """
         if sorted(names) != sorted(self.names):
             raise RejectedInputError(
-                f'joint names {list(names)} are not those of the arm: give each of '
+                f'joint names {list(names)} do not match the arm: name each of '
                 f'{list(self.names)} once'
             )
         return [list(names).index(name) for name in self.names]
@@ -175,6 +175,6 @@ class JointLimits:
             joint = int(np.argmin(inside))
             raise RejectedInputError(
                 f'{what}: {self.names[joint]} needs {size[joint]:.3g} {unit}, '
-                f'{size[joint] - largest[joint]:.3g} more than its limit of {largest[joint]:.3g}: '
-                'slow the motion down'
+                f'{size[joint] - largest[joint]:.3g} more than its limit of '
+                f'{largest[joint]:.3g}; slow the motion down'
             )

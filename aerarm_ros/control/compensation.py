@@ -114,10 +114,10 @@ class FrictionCompensation:
     ) -> None:
         n = np.size(viscous)
         if not 0.0 <= fraction <= 1.0:
-            raise ValueError(f'fraction = {fraction} of the friction must lie in 0 .. 1')
+            raise ValueError(f'friction fraction = {fraction} must lie in 0 .. 1')
         self._viscous = fraction * non_negative('viscous friction', viscous, n)
         self._coulomb = fraction * non_negative('Coulomb friction', coulomb, n)
-        share = fraction * non_negative('load share', load_share, n)
+        share = fraction * non_negative('load-dependent friction', load_share, n)
         self._load_share = share if np.any(share) else None
         self._steepness = 1.0 / positive('width', width)
 

@@ -167,7 +167,7 @@ class ArmConfig:
         check_name('arm', 'name', self.name)
         check_name('arm', 'profile', self.profile)
         if not self.joints:
-            raise ConfigError('arm: joints is empty: an arm has at least one joint')
+            raise ConfigError('arm: joints is empty; list at least one joint')
         _check_unique('joints', 'name', (joint.name for joint in self.joints))
         _check_unique('boards', 'name', (board.name for board in self.boards))
         _check_unique('boards', 'device', (board.device for board in self.boards))
@@ -234,27 +234,31 @@ class ArmConfig:
         for joint in self.joints:
             if joint.board >= len(self.boards):
                 raise ConfigError(
-                    f'joint {joint.name}: board = {joint.board}, but boards lists only '
-                    f'{len(self.boards)} (numbered from 0)'
+                    f'joint {joint.name}: board = {joint.board}, but boards has only '
+                    f'{len(self.boards)} entries (numbered from 0); correct the number'
                 )
             place = (joint.board, joint.channel)
             if place in taken:
                 raise ConfigError(
-                    f'joint {joint.name}: board {joint.board}, channel {joint.channel} already '
-                    f'belongs to joint {taken[place]}: correct board or channel of one of them'
+                    f'joint {joint.name}: board {joint.board}, channel {joint.channel} is '
+                    f'already used by joint {taken[place]}; correct board or channel of one of '
+                    'them'
                 )
             taken[place] = joint.name
 
     def _check_gravity(self) -> None:
         if len(self.gravity_in_base) != 3:
-            raise ConfigError(f'arm: gravity_in_base = {self.gravity_in_base} needs x, y and z')
+            raise ConfigError(
+                f'arm: gravity_in_base = {self.gravity_in_base} needs x, y and z [m/s^2]'
+            )
         for value in self.gravity_in_base:
             check_range('arm', 'gravity_in_base', value, -20.0, 20.0, 'm/s^2')
 
     def _check_rest_position(self) -> None:
         if len(self.rest_position) != self.n:
             raise ConfigError(
-                f'arm: rest_position has {len(self.rest_position)} values for {self.n} joints'
+                f'arm: rest_position has {len(self.rest_position)} values for {self.n} '
+                'joints; give one per joint'
             )
         for joint, value in zip(self.joints, self.rest_position, strict=True):
             key = f'rest_position of {joint.name}'
@@ -264,14 +268,15 @@ class ArmConfig:
         for joint, driver in self.coupled_joints:
             if joint == driver or not {joint, driver} <= set(self.joint_names):
                 raise ConfigError(
-                    f'arm: coupled_joints: {joint}, {driver} are not two of the joints '
+                    f'arm: coupled_joints: {joint} and {driver} must be two different joints of '
                     f'{", ".join(self.joint_names)}'
                 )
 
     def _check_rated_payload(self) -> None:
         if len(self.rated_payload) != 4:
             raise ConfigError(
-                f'arm: rated_payload = {self.rated_payload} needs a mass and x, y, z of its centre'
+                f'arm: rated_payload = {self.rated_payload} needs mass, x, y and z of '
+                "the payload's centre of mass"
             )
         check_range('arm', 'mass of rated_payload', self.rated_payload[0], 0.0, 100.0, 'kg')
         for value in self.rated_payload[1:]:
@@ -344,7 +349,9 @@ def _coupled_joints(entries: Any) -> tuple[tuple[str, str], ...]:
         if not (
             isinstance(pair, list) and len(pair) == 2 and all(isinstance(x, str) for x in pair)
         ):
-            raise ConfigError(f'coupled_joints: {pair!r} is not a pair [joint, driver] of names')
+            raise ConfigError(
+                f'coupled_joints: {pair!r} must be a pair [joint, driver] of joint names'
+            )
     return tuple((joint, driver) for joint, driver in pairs)
 
 
@@ -352,7 +359,7 @@ def _part(where: str, key: str, entry: dict[str, Any], known: Mapping[str, objec
     name = entry[key]
     if not isinstance(name, str) or name not in known:
         listed = ', '.join(map(str, known))
-        raise ConfigError(f'{where}: {key} = {name!r} is not one of {key}s: {listed}')
+        raise ConfigError(f'{where}: {key} = {name!r} must be one of the {key}s {listed}')
     return known[name]
 
 

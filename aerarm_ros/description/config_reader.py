@@ -36,8 +36,8 @@ def check_range(owner: str, key: str, value: float, low: float, high: float, uni
     if not (math.isfinite(value) and low <= value <= high):
         unit_text = f' [{unit}]' if unit else ''
         raise ConfigError(
-            f'{owner}: {key} = {value} must lie in {low:g} .. {high:g}{unit_text}: '
-            'check the number and its unit'
+            f'{owner}: {key} = {value} must lie in {low:g} .. {high:g}{unit_text}; check the '
+            'number and its unit'
         )
 
 
@@ -87,7 +87,7 @@ class UniqueKeyLoader(LOADER):  # type: ignore[misc]
             key = getattr(key_node, 'value', None)
             if isinstance(key, str) and key in seen:
                 line = key_node.start_mark.line + 1
-                raise ConfigError(f'line {line}: key {key[:100]} is given twice')
+                raise ConfigError(f'line {line}: key {key[:100]} is given twice, remove one')
             seen.add(key if isinstance(key, str) else id(key_node))
         found: dict[Any, Any] = super().construct_mapping(node, deep)
         return found
@@ -127,7 +127,7 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
         configuration.
     """
     if len(text) > _LARGEST:
-        raise ConfigError(f'has more than {_LARGEST} bytes, which no configuration has')
+        raise ConfigError(f'the file is larger than {_LARGEST} bytes, more than any configuration')
     try:
         _check_events(text)
         return yaml.load(text, Loader=loader)
@@ -136,7 +136,7 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
     except yaml.YAMLError as error:
         # libyaml reaches its own limit before `_check_events` sees the nesting.
         if 'nesting depth' in str(error):
-            raise ConfigError(f'nested more than {_DEEPEST} deep') from None
+            raise ConfigError(f'nested more than {_DEEPEST} levels deep') from None
         raise ConfigError(f'not valid YAML: {" ".join(str(error).split())}') from None
     except (ValueError, TypeError, AttributeError, LookupError, OverflowError) as error:
         # A value that contradicts its form or tag, for example 2001-99-99.
@@ -149,12 +149,12 @@ def _check_events(text: str) -> None:
     for event in yaml.parse(text, Loader=LOADER):
         reason = ''
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
-            reason = 'anchors and aliases are not read: write it out'
+            reason = 'YAML anchors and aliases are not supported, write the values out'
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
-            reason = f'nested more than {_DEEPEST} deep'
+            reason = f'nested more than {_DEEPEST} levels deep'
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
-            reason = f'a number of {len(event.value)} characters'
+            reason = f'the number has {len(event.value)} characters'
         if reason:
             line = event.start_mark.line + 1 if event.start_mark else 0
             raise ConfigError(f'line {line}: {reason}')
@@ -181,8 +181,8 @@ def check_prefix(prefix: str) -> None:
     """
     if len(prefix) > _LONGEST or not _PREFIX.fullmatch(prefix):
         raise DescriptionError(
-            f'tf_prefix {prefix[:_LONGEST]!r} cannot stand before names of frames and joints: it '
-            'needs a letter first, then letters, digits, _ and single / only, as left_'
+            f'tf_prefix {prefix[:_LONGEST]!r} must begin with a letter and contain only letters, '
+            'digits, _ and single /, for example left_'
         )
 
 
@@ -204,11 +204,15 @@ def read_yaml(path: Path) -> dict[str, Any]:
         document = read_plain(path)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ConfigError(f'{path}: {reason}: check the path and its permissions') from None
+        raise ConfigError(
+            f'{path} cannot be read ({reason}): check the path and its permissions'
+        ) from None
     except ConfigError as error:
         raise ConfigError(f'{path}: {error}') from None
     if not isinstance(document, dict):
-        raise ConfigError(f'{path}: must hold a mapping of keys, see the packaged example')
+        raise ConfigError(
+            f'{path}: the file must contain a mapping of keys, compare with the packaged example'
+        )
     return document
 
 
@@ -240,7 +244,7 @@ def section(document: dict[str, Any], key: str, kind: type) -> Any:
     value = document[key]
     if not isinstance(value, kind) or not value:
         name = 'mapping' if kind is dict else 'list'
-        raise ConfigError(f'{key} must be a {name} that is not empty')
+        raise ConfigError(f'{key} must be a non-empty {name}')
     return value
 
 
@@ -260,11 +264,11 @@ def check_keys(where: str, entry: Any, config: type, also: tuple[str, ...] = ())
     unknown = [str(key) for key in entry if key not in known]
     if unknown:
         raise ConfigError(
-            f'{where}: unknown key {", ".join(unknown)}: the keys are {", ".join(known)}'
+            f'{where} has the unknown key {", ".join(unknown)}: its keys are {", ".join(known)}'
         )
     missing = [key for key in required if key not in entry]
     if missing:
-        raise ConfigError(f'{where}: key {", ".join(missing)} is missing')
+        raise ConfigError(f'{where} lacks the key {", ".join(missing)}')
 
 
 def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
@@ -291,7 +295,9 @@ def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
         raise ConfigError(f'{where} must be a mapping of keys, not {entry!r}')
     repeated = [key for key in given if key in entry]
     if repeated:
-        raise ConfigError(f'{where}: key {", ".join(repeated)} is given by its place, leave it out')
+        raise ConfigError(
+            f'{where}: the key {", ".join(repeated)} follows from the place of the entry, delete it'
+        )
     values = {**entry, **given}
     check_keys(where, values, config)
     hints = get_type_hints(config)

@@ -93,8 +93,8 @@ class ThermalConfig:
         check_range(owner, 'housing_share', self.housing_share, 0.05, 0.95, '')
         if self.housing_time < self.winding_time:
             raise ConfigError(
-                f'{owner}: housing_time = {self.housing_time} is below winding_time = '
-                f'{self.winding_time}: the housing warms more slowly than the winding'
+                f'{owner}: housing_time = {self.housing_time} must not be below winding_time = '
+                f'{self.winding_time}, because the housing warms more slowly than the winding'
             )
 
     @classmethod
@@ -172,8 +172,8 @@ class MotorConfig:
             check_range(owner, 'resistance_std', self.resistance_std, 0.0, 100.0, 'ohm')
         if self.thermal is not None and self.thermal.continuous_current > self.current_max:
             raise ConfigError(
-                f'{owner}: continuous_current = {self.thermal.continuous_current} of thermal is '
-                f'above current_max = {self.current_max}: lower it'
+                f'{owner}: continuous_current = {self.thermal.continuous_current} (thermal) is '
+                f'above current_max = {self.current_max}; lower continuous_current'
             )
 
     @property
@@ -284,9 +284,9 @@ class JointConfig:
         strongest = self.torque_per_ampere * self.motor.current_max
         if self.effort_max > 1.01 * strongest:
             raise ConfigError(
-                f'{owner}: effort_max = {self.effort_max} Nm exceeds what motor {self.motor.name} '
-                f"delivers at current_max, {strongest:.2f} Nm: lower it, or check the motor's kv "
-                "and current_max and the gear's ratio"
+                f'{owner}: effort_max = {self.effort_max} Nm exceeds the {strongest:.2f} Nm of '
+                f"motor {self.motor.name} at current_max; lower effort_max, or check the motor's "
+                'kv and current_max and the gear ratio'
             )
 
     @property

@@ -130,8 +130,8 @@ class RotorConfig:
         length = math.hypot(*self.axis)
         if abs(length - 1.0) > _UNIT_TOLERANCE:
             raise ConfigError(
-                f'{owner}: axis has length {length:.4g}, not 1: give a unit vector, [0, 0, 1] for '
-                'thrust upwards'
+                f'{owner}: axis has length {length:.4g} instead of 1; give a unit vector, for '
+                'example [0, 0, 1] for thrust upwards'
             )
         check_range(owner, 'moment_per_thrust', self.moment_per_thrust, -1.0, 1.0, 'Nm/N')
         check_range(owner, 'thrust_max', self.thrust_max, 1e-3, 1e4, 'N')
@@ -209,7 +209,7 @@ class DroneConfig:
         check_position('drone', 'centre_of_mass', self.centre_of_mass)
         check_vector('drone', 'size', self.size, 5.0, 'm')
         if min(self.size) <= 0.0:
-            raise ConfigError(f'drone: size = {list(self.size)} must be positive [m]')
+            raise ConfigError(f'drone: size = {list(self.size)} [m] must be positive')
         self._check_inertia()
         self._check_on_body('centre_of_mass', self.centre_of_mass)
         self._check_on_body('mount', self.mount.position)
@@ -281,10 +281,10 @@ class DroneConfig:
         share = self._liftable_share(total, middle)
         if share < THRUST_RESERVE:
             raise ConfigError(
-                f'drone {self.name}: its level rotors lift {share:.2f} times the weight of drone '
-                f'and arm ({self.mass:g} + {mass:.3g} kg), and {THRUST_RESERVE:g} times is the '
-                'minimum: check thrust_max, thrust_min and mass, or use stronger rotors, a '
-                'lighter arm, or a central mount'
+                f'drone {self.name}: with level rotors its thrust is {share:.2f} times the '
+                f'weight of drone and arm ({self.mass:g} + {mass:.3g} kg), below the minimum of '
+                f'{THRUST_RESERVE:g} times; check thrust_max, thrust_min and mass, or use '
+                'stronger rotors, a lighter arm, or a central mount'
             )
 
     @property
@@ -328,13 +328,13 @@ class DroneConfig:
         if principal[0] <= 0.0:
             raise ConfigError(
                 f'drone: inertia = {list(self.inertia)} has the principal moment '
-                f'{principal[0]:.3g} kg m^2: all three must be positive'
+                f'{principal[0]:.3g} kg m^2; all three must be positive'
             )
         if principal[2] > (principal[0] + principal[1]) * (1.0 + _ROUNDING):
             raise ConfigError(
-                f'drone: inertia = {list(self.inertia)} has principal moments '
-                f'{principal[0]:.3g}, {principal[1]:.3g}, {principal[2]:.3g} kg m^2, which no body '
-                'has: none may be larger than the sum of the others'
+                f'drone: inertia = {list(self.inertia)} has the principal moments '
+                f'{principal[0]:.3g}, {principal[1]:.3g}, {principal[2]:.3g} kg m^2; none may be '
+                'larger than the sum of the others'
             )
 
     def _check_reach(self) -> None:
@@ -344,37 +344,37 @@ class DroneConfig:
         if moment > largest:
             raise ConfigError(
                 f'drone: inertia = {list(self.inertia)} has the principal moment {moment:.3g} kg '
-                f'm^2, but {self.mass:g} kg within body and rotors have at most {largest:.3g}: '
-                'check the unit, kg m^2, and mass, size and rotors'
+                f'm^2, but {self.mass:g} kg within body and rotors reach {largest:.3g} at most; '
+                'check the unit [kg m^2], mass, size and rotors'
             )
 
     def _check_on_body(self, key: str, place: tuple[float, ...]) -> None:
         if any(abs(x) > 0.5 * length + _EDGE for x, length in zip(place, self.size, strict=True)):
             raise ConfigError(
-                f'drone: {key} at {list(place)} m is not on the body, whose size is '
-                f'{list(self.size)} m about its frame: check both'
+                f'drone: {key} at {list(place)} m is outside the body, whose size is '
+                f'{list(self.size)} m about its frame; check both'
             )
 
     def _check_rotors(self) -> None:
         if not self.rotors:
-            raise ConfigError('drone: rotors is empty: a drone has at least four')
+            raise ConfigError('drone: rotors is empty; list at least four rotors')
         for name in self.rotor_names:
             if self.rotor_names.count(name) > 1:
-                raise ConfigError(f'drone: rotor {name} is given twice')
+                raise ConfigError(f'drone: rotor {name} is listed twice; rename or remove one')
         # Hovering needs thrust along z and three moments.
         matrix = self.allocation[2:]
         matrix[1:] /= self._arm_length
         if np.linalg.matrix_rank(matrix, tol=1e-4) < 4:
             raise ConfigError(
-                'drone: thrust and the three moments cannot be chosen each by itself with these '
-                'rotors: check their positions, axes and the signs of moment_per_thrust'
+                'drone: these rotors cannot produce thrust and the three moments independently; '
+                'check their positions, axes and the signs of moment_per_thrust'
             )
         share = self._liftable_share(self.mass, np.array(self.centre_of_mass))
         if share < THRUST_RESERVE:
             raise ConfigError(
-                f'drone: its rotors lift {share:.2f} times its weight ({self.mass:g} kg) while it '
-                f'is level, and must lift {THRUST_RESERVE:g} times it: check thrust_max, '
-                'thrust_min and mass'
+                f'drone: with level rotors its thrust is {share:.2f} times its weight '
+                f'({self.mass:g} kg), below the minimum of {THRUST_RESERVE:g} times; check '
+                'thrust_max, thrust_min and mass'
             )
 
 

@@ -52,8 +52,12 @@ def _base_link(root: ET.Element, wanted: set[str]) -> str:
     bases = [name for name in links if name not in children]
     taken = wanted & set(links)
     if taken or len(bases) != 1:
-        what = f'it has a link {", ".join(taken)} already' if taken else 'it has no single base'
-        raise DescriptionError(f'the URDF cannot be put under drone_file: {what}')
+        what = (
+            f'the URDF already has a link {", ".join(taken)}'
+            if taken
+            else 'the URDF has no single base link'
+        )
+        raise DescriptionError(f'the URDF cannot be combined with drone_file: {what}')
     return bases[0]
 
 

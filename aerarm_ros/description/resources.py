@@ -25,9 +25,9 @@ def share_directory() -> Path:
             if (candidate / _MARKER).is_file():
                 return candidate
     raise FileNotFoundError(
-        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither next to the package nor '
-        f'in a share/{PACKAGE} folder above {module.parent}: install the package again, or run '
-        'from a complete checkout'
+        f"the shared files of {PACKAGE} (such as {_MARKER}) are neither in the package's parent "
+        f'folder nor in a share/{PACKAGE} folder above {module.parent}: install the package '
+        'again, or run from a complete checkout'
     )
 
 
@@ -60,7 +60,8 @@ def resource(*parts: str) -> Path:
         folder = path.parent
         present = sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
         raise FileNotFoundError(
-            f'no shared file {path}: the folder holds {", ".join(present) or "nothing"}'
+            f'shared file {path} does not exist: the folder contains '
+            f'{", ".join(present) or "nothing"}'
         )
     return path
 

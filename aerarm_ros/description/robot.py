@@ -87,7 +87,7 @@ class Robot:
         links = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY]
         name = self.full_name(link)
         if name not in links:
-            raise ValueError(f'there is no link {name!r}: the links are {", ".join(links)}')
+            raise ValueError(f'unknown link {name!r}: choose one of {", ".join(links)}')
         return self.model.frames[self.model.getFrameId(name, pin.FrameType.BODY)]
 
     def own_name(self, name: str) -> str:
@@ -167,9 +167,11 @@ class Robot:
         """
         pi = np.array(pi, dtype=float)
         if pi.shape != (self.n, 10):
-            raise ValueError(f'inertial parameters of shape {pi.shape}, not {(self.n, 10)}')
+            raise ValueError(
+                f'inertial parameters have the shape {pi.shape} instead of {(self.n, 10)}'
+            )
         if not np.all(np.isfinite(pi)) or np.any(pi[:, 0] == 0.0):
-            raise ValueError('inertial parameters must be finite, with masses other than zero')
+            raise ValueError('inertial parameters must be finite, and masses must not be zero')
         model = self.model.copy()
         for index, parameters in enumerate(pi):
             model.inertias[index + 1] = pin.Inertia.FromDynamicParameters(parameters)
@@ -252,9 +254,13 @@ def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
             return stream.read(LARGEST + 1).decode(), path
     except OSError as error:
         reason = error.strerror or str(error)
-        raise DescriptionError(f'{path}: {reason}: check the path and its permissions') from None
+        raise DescriptionError(
+            f'{path} cannot be read ({reason}): check the path and its permissions'
+        ) from None
     except UnicodeDecodeError:
-        raise DescriptionError(f'{path}: not a text file, so no URDF') from None
+        raise DescriptionError(
+            f'{path} is not a text file, so not a URDF: check the path'
+        ) from None
 
 
 def _moving_joints(
@@ -265,11 +271,11 @@ def _moving_joints(
     for name in (*locked, *(joint_names or ())):
         if name not in driven:
             known = ', '.join(driven) or 'none'
-            raise DescriptionError(f'there is no moving joint {name!r}: there are {known}')
+            raise DescriptionError(f'unknown moving joint {name!r}: the URDF has {known}')
     wanted = list(driven) if joint_names is None else list(joint_names)
     moving = [document.joints[name] for name in wanted if name not in locked]
     if not moving:
-        raise DescriptionError('no joint is left to move')
+        raise DescriptionError('no joint can move: at least one moving joint must not be locked')
     for joint in moving:
         if joint.mimics is not None:
             raise DescriptionError(
@@ -278,8 +284,8 @@ def _moving_joints(
     for joint in document.joints.values():
         if joint.kind in ('floating', 'planar'):
             raise DescriptionError(
-                f'joint {joint.name} is {joint.kind}; only joints of one degree of freedom are '
-                'supported'
+                f'joint {joint.name} is {joint.kind}, but only joints of one degree of freedom '
+                'are supported: lock it'
             )
     return moving
 
@@ -316,11 +322,13 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
         if model.parents[index] != index - 1:
             raise DescriptionError(
                 f'not a serial arm: joint {model.names[index]} does not follow joint '
-                f'{model.names[index - 1]}: lock the joints of side branches'
+                f'{model.names[index - 1]}; lock the joints of side branches'
             )
     asked = [joint.name for joint in moving]
     if sorted(asked) != sorted(names):
-        raise DescriptionError(f'joints {asked} are not all connected to the base: got {names}')
+        raise DescriptionError(
+            f'joints {asked} do not form one chain from the base: the chain has {names}'
+        )
     children = {joint.name: joint.child for joint in moving}
     for index, name in enumerate(names, start=1):
         if model.inertias[index].mass <= 0.0:
@@ -336,7 +344,7 @@ def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
     asked = [name for name in joint_names or names if name in names]
     if asked != names:
         raise DescriptionError(
-            f'joint_names are not in the order from base to tool, which is {", ".join(names)}'
+            f'joint_names must be in the order from base to tool: {", ".join(names)}'
         )
 
 

@@ -58,7 +58,9 @@ def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
     """Check every mesh file before any is loaded, once per reference."""
     names = [mesh.get('filename', '') for mesh in ET.fromstring(urdf).iter('mesh')]
     if len(names) > _MOST:
-        raise DescriptionError(f'the URDF names {len(names)} meshes, no arm has over {_MOST}')
+        raise DescriptionError(
+            f'the URDF names {len(names)} meshes, above the limit of {_MOST}: use fewer meshes'
+        )
     together = 0
     for name in names:
         path = name.partition('://')[2] if '://' in name else name
@@ -68,29 +70,31 @@ def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
                 break
     if together > _LARGEST_TOGETHER:
         raise DescriptionError(
-            f'the meshes of the URDF have {together / _MIB:.0f} MiB together, more than the '
-            f'{_LARGEST_TOGETHER // _MIB} that are read: simplify them'
+            f'the meshes of the URDF have {together / _MIB:.0f} MiB in total, above the limit of '
+            f'{_LARGEST_TOGETHER // _MIB} MiB: simplify them'
         )
 
 
 def _checked_size(file: Path) -> int:
     """Return the size of a mesh file in bytes, after checking the limit."""
     if not file.is_file():
-        raise DescriptionError(f'mesh {file} is no plain file')
+        raise DescriptionError(f'mesh {file} is not a regular file: check its path')
     if file.suffix.lower() not in _FORMATS:
-        raise DescriptionError(f'mesh {file} is none of {", ".join(_FORMATS)}: convert it')
+        raise DescriptionError(
+            f'mesh {file} has an unsupported format: convert it to one of {", ".join(_FORMATS)}'
+        )
     size = file.stat().st_size
     if size > _LARGEST:
         raise DescriptionError(
-            f'mesh {file} has {size / _MIB:.0f} MiB, more than the {_LARGEST // _MIB} that are '
-            'read: simplify it'
+            f'mesh {file} has {size / _MIB:.0f} MiB, above the limit of {_LARGEST // _MIB} MiB: '
+            'simplify it'
         )
     if file.suffix.lower() == '.dae':
         text = file.read_bytes()
         of_nodes = text.count(_INSTANCE_OF_NODE)
         if of_nodes > _MOST_INSTANCES_OF_NODES or text.count(_INSTANCE) > _MOST_INSTANCES:
             raise DescriptionError(
-                f'mesh {file} shows its parts too often, by <instance_...>: write them out, or '
-                'simplify it'
+                f'mesh {file} repeats its parts too often (<instance_...>): write them out, or '
+                'simplify the mesh'
             )
     return size

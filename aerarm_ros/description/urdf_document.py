@@ -101,7 +101,9 @@ class UrdfDocument:
         if self._root.tag != 'robot':
             raise DescriptionError(f'the root element is <{self._root.tag}>, not <robot>')
         if any('xacro' in element.tag for element in self._root.iter()):
-            raise DescriptionError('holds xacro macros: expand it first (xacro FILE > arm.urdf)')
+            raise DescriptionError(
+                'the file contains xacro macros, expand them first (xacro FILE > arm.urdf)'
+            )
         _check_numbers(self._root)
         self.links = self._read_links()
         self.joints = self._read_joints()
@@ -151,14 +153,16 @@ class UrdfDocument:
         for joint in self.joints.values():
             if joint.child in parent_joint:
                 raise DescriptionError(
-                    f'link {joint.child} hangs on two joints, {parent_joint[joint.child]} and '
-                    f'{joint.name}'
+                    f'link {joint.child} is the child of two joints, {parent_joint[joint.child]} '
+                    f'and {joint.name}'
                 )
             parent_joint[joint.child] = joint.name
         bases = sorted(self.links - parent_joint.keys())
         if len(bases) != 1:
-            listed = ', '.join(bases) or 'none: the joints form a loop'
-            raise DescriptionError(f'one link must hang on no joint, the base; here {listed}')
+            listed = ', '.join(bases) or 'none (the joints form a loop)'
+            raise DescriptionError(
+                f'exactly one link, the base, must not be a child of a joint; the URDF has {listed}'
+            )
 
     def _read_joint(self, element: ET.Element) -> UrdfJoint:
         name = _attribute(element, 'name', 'a joint')
@@ -173,7 +177,7 @@ class UrdfDocument:
                 raise DescriptionError(f'{owner} has no <{end}>')
             ends[end] = _attribute(link, 'link', f'{owner}, <{end}>')
             if ends[end] not in self.links:
-                raise DescriptionError(f'{owner}: there is no link {ends[end]!r} ({end})')
+                raise DescriptionError(f'{owner}: unknown {end} link {ends[end]!r}')
         limit = element.find('limit')
         if limit is None and kind in ('revolute', 'prismatic'):
             raise DescriptionError(f'{owner} is {kind} and needs a <limit>')
@@ -210,11 +214,13 @@ class UrdfDocument:
 def _parsed(text: str) -> ET.Element:
     """Parse an XML text of limited size and depth; return its root."""
     if len(text) > LARGEST:
-        raise DescriptionError(f'has more than {LARGEST} characters, which no URDF needs')
+        raise DescriptionError(
+            f'the file has more than {LARGEST} characters, above the limit for a URDF'
+        )
     if '<!DOCTYPE' in text or '<!ENTITY' in text:
         # Entities can expand a small text without limit; the dynamics library ignores them.
         raise DescriptionError(
-            'declares a document type or entities: write out what they stand for'
+            'the file declares a document type or entities: write out their text'
         )
     try:
         root = ET.fromstring(text)
@@ -224,10 +230,12 @@ def _parsed(text: str) -> ET.Element:
     while level:
         level, depth = [child for element in level for child in element], depth + 1
         if depth > _DEEPEST:
-            raise DescriptionError(f'elements are nested more than {_DEEPEST} deep')
+            raise DescriptionError(f'elements are nested more than {_DEEPEST} levels deep')
     for tag in ('link', 'joint'):
         if len(root.findall(tag)) > _MOST:
-            raise DescriptionError(f'has more than {_MOST} {tag}s, which no arm has')
+            raise DescriptionError(
+                f'the file has more than {_MOST} {tag}s, above the limit for an arm'
+            )
     return root
 
 
@@ -296,4 +304,4 @@ def _check_inertial(link: ET.Element) -> None:
 def _check_unique(kind: str, names: list[str]) -> None:
     for name in names:
         if names.count(name) > 1:
-            raise DescriptionError(f'{kind} {name} is given {names.count(name)} times')
+            raise DescriptionError(f'{kind} {name} is defined {names.count(name)} times')

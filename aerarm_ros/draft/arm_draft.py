@@ -83,12 +83,14 @@ class IdentifiedDrives:
         except (KeyError, TypeError, ValueError):
             shapes_fit = False
         if not shapes_fit or not np.isfinite(columns).all() or np.min(columns) < 0.0:
-            raise ConfigError(f'{path}: is no estimate: give the estimate.yaml of the identifier')
+            raise ConfigError(
+                f'{path} is not an estimate: pass the estimate.yaml of the identifier'
+            )
         missing = [name for name in joint_names if name not in names]
         if missing:
             raise ConfigError(
-                f'{path}: has no joint {", ".join(missing)}, but {", ".join(names)}: give the '
-                'estimate of this arm'
+                f'{path} has the joints {", ".join(names)}, but not {", ".join(missing)}: pass '
+                'the estimate of this arm'
             )
         order = [names.index(name) for name in joint_names]
         return cls(*(column[order] for column in columns))
@@ -144,8 +146,8 @@ class DriveDraft:
         effort = known.setdefault('effort_max', _two_digits(max(_LOAD_FACTOR * load, 0.1)))
         if effort <= load:
             raise DescriptionError(
-                f'joint {joint.name}: its effort limit of {effort:g} Nm does not hold the arm '
-                f'stretched out, {load:.3g} Nm: check its <limit> and the masses'
+                f'joint {joint.name}: its effort limit of {effort:g} Nm cannot carry the '
+                f'outstretched arm, which needs {load:.3g} Nm; check its <limit> and the masses'
             )
         guesses = {field for field in JointConfig.__dataclass_fields__ if field != 'name'}
         guesses -= found.keys() - {key for key, value in found.items() if value is None}
@@ -174,8 +176,8 @@ def require_turning(robot: Robot) -> None:
     for joint in robot.joints:
         if joint.kind == 'prismatic':
             raise DescriptionError(
-                f'joint {joint.name} slides, the drives here turn: hold it with --locked '
-                f'{joint.name}'
+                f'joint {joint.name} is prismatic, but the drives are rotary: lock it with '
+                f'--locked {joint.name}'
             )
 
 
@@ -266,8 +268,8 @@ def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple
     slowest, fastest = _rates(mobility, damping)
     if fastest > _BANDWIDTH_MAX:
         raise ValueError(
-            'damping that keeps the stopped arm from falling would need a velocity loop of '
-            f'{fastest / (2.0 * math.pi):.0f} Hz, too fast for the boards: check the masses and '
+            'keeping the stopped arm from falling needs a velocity loop of '
+            f'{fastest / (2.0 * math.pi):.0f} Hz, too fast for the boards: check masses and '
             'inertias of the last links, and velocity limits'
         )
     return min(_FASTEST_RATE, 0.25 * slowest) * damping, damping
@@ -352,8 +354,8 @@ class RestPosture:
         best = float(margins.max())
         if best < 0.0:
             self.problem = (
-                f'none of {len(postures)} postures keeps its clearance, the best one misses it by '
-                f'{-best:.2g} m: check the collision shapes, and ground_height'
+                f'none of {len(postures)} postures keeps the required clearance, the best one '
+                f'misses it by {-best:.2g} m: check the collision shapes and ground_height'
             )
         clear = [
             q for q, margin in zip(postures, margins, strict=True) if margin >= self._enough(best)

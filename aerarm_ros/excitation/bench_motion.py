@@ -87,15 +87,15 @@ class BenchPlan:
     def __post_init__(self) -> None:
         if len(set(self.speeds)) < 2 or min(self.speeds) <= 0.0:
             raise ExcitationError(
-                f'speeds {list(self.speeds)}: two or more different positive ones tell viscous '
-                'from Coulomb friction (4.13)'
+                f'speeds {list(self.speeds)} must be two or more different positive ones, to '
+                'separate viscous from Coulomb friction (4.13)'
             )
         if not 0.0 < self.span < 2.0 * np.pi:
             raise ExcitationError(f'span {self.span:g} must lie between 0 and 2 pi rad')
         if self.swings and not 0.0 < self.amplitude <= 0.5 * self.span:
             raise ExcitationError(
-                f'swings of {self.amplitude:g} rad must be above 0 and within half of the span of '
-                f'{self.span:g} rad'
+                f'swing amplitude {self.amplitude:g} rad must be above 0 and within half of the '
+                f'span of {self.span:g} rad'
             )
 
 
@@ -150,7 +150,7 @@ class BenchMotion:
 
     def require_feasible(self, checker: FeasibilityChecker) -> None:
         """Raise InfeasibleError if the motion violates a limit."""
-        checker.check(self.sequence, stop_early=True).require('the motion of the bench')
+        checker.check(self.sequence, stop_early=True).require('the motion of the motor bench')
 
     def _check(self, joint: int) -> None:
         limits, plan = self._limits, self._plan
@@ -158,13 +158,13 @@ class BenchMotion:
         room = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
         if room < plan.span:
             raise ExcitationError(
-                f'{name} has {max(room, 0.0):.3g} rad about {middle:.3g} rad, the span is '
-                f'{plan.span:.3g} rad: choose a smaller span or another posture'
+                f'{name} can move {max(room, 0.0):.3g} rad about {middle:.3g} rad, less than the '
+                f'span of {plan.span:.3g} rad: choose a smaller span or another posture'
             )
         if max(plan.speeds) > limits.velocity[joint]:
             raise ExcitationError(
-                f'{name} may turn at {limits.velocity[joint]:.3g} rad/s, not at '
-                f'{max(plan.speeds):.3g}: choose lower speeds'
+                f'the velocity limit of {name} is {limits.velocity[joint]:.3g} rad/s, below the '
+                f'largest speed of {max(plan.speeds):.3g} rad/s: choose lower speeds'
             )
 
     def _measure(self, joint: int) -> None:
@@ -193,8 +193,8 @@ class BenchMotion:
         steady = stroke.steady_time - _SETTLE
         if steady < _SHORTEST_STEADY:
             raise ExcitationError(
-                f'{name} runs at {speed:.3g} rad/s for {stroke.steady_time:.2f} s only, less than '
-                f'{_SETTLE + _SHORTEST_STEADY:g} s: choose a larger span or lower speeds'
+                f'{name} runs at {speed:.3g} rad/s for only {stroke.steady_time:.2f} s, less '
+                f'than {_SETTLE + _SHORTEST_STEADY:g} s: choose a larger span or lower speeds'
             )
         begin = self._time + stroke.ramp_time + _SETTLE
         signed = float(np.copysign(speed, travel))

@@ -56,16 +56,16 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
         raise ExcitationError(str(error)) from error
     except (ValueError, RuntimeError) as error:
         raise ExcitationError(
-            f'collision shapes are unreadable: {str(error).strip()}: check the mesh paths of the '
-            'URDF, or pass the folder of its packages (package_directories, --package-directory). '
-            'With check_clearance: false in the excitation configuration the arm moves without '
-            'collision checks'
+            f'collision shapes cannot be read ({str(error).strip()}): check the mesh paths of '
+            'the URDF, or pass the folder of its packages (package_directories, '
+            '--package-directory). With check_clearance: false in the excitation configuration, '
+            'the arm moves without collision checks'
         ) from error
     if not any(shape.parentJoint > 0 for shape in geometry.geometryObjects):
         raise ExcitationError(
-            'the URDF has no <collision> shape on a moving link, so the clearance is unknown: add '
-            'shapes, or set check_clearance: false in the excitation configuration, which moves '
-            'the arm without collision checks'
+            'no moving link of the URDF has a <collision> shape, so clearances are unknown: add '
+            'shapes, or set check_clearance: false in the excitation configuration to move the '
+            'arm without collision checks'
         )
     for shape in geometry.geometryObjects:
         if hasattr(shape.geometry, 'buildConvexHull'):
@@ -77,7 +77,7 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
 def _ground(robot: Robot, height: float) -> pin.GeometryObject:
     gravity = np.asarray(robot.gravity_in_base, dtype=float)
     if not np.linalg.norm(gravity) > 0.0:
-        raise ExcitationError('without gravity there is no ground: set the ground height to none')
+        raise ExcitationError('ground checks need gravity: set the ground height to none')
     up = -gravity / np.linalg.norm(gravity)
     plane = pin.hppfcl.Halfspace(up, height)
     return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)
@@ -117,7 +117,8 @@ def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
             bounds[row] += _reach(model, shape, list(model.supports[other.parentJoint]))
     if not np.isfinite(bounds).all():
         raise ExcitationError(
-            'a prismatic joint without position limits: how far the arm reaches is not known'
+            'the reach of the arm is unknown, because a prismatic joint has no position '
+            'limits: add them to the URDF'
         )
     return bounds
 
@@ -258,18 +259,21 @@ class _Selection:
         wanted = self._wanted(pair)
         nearest, farthest = float(distance.min()), float(distance.max())
         if frozenset(self._names(pair)) in self._unchecked:
-            self._note(pair, 'not checked, as configured')
+            self._note(pair, 'not checked, because the pair is in unchecked_pairs')
             return None
         if farthest - nearest < _CONSTANT and nearest >= 0.0:
             if nearest < wanted:
-                self._note(pair, f'{nearest:.3g} m in every posture, not checked')
+                self._note(pair, f'{nearest:.3g} m apart in every posture, not checked')
             return None
         if farthest < 0.0 and self._is_base_and_link_1(pair):
             self._note(pair, 'joined by joint 1 and overlapping in every posture, not checked')
             return None
         if self._both_of_the_arm(pair) and 0.0 <= farthest <= _BUILT_CLOSE * wanted:
             keep = max(min(wanted, 0.5 * float(np.median(distance))), 0.0)
-            self._note(pair, f'built close together, keeps {keep:.3g} m instead of {wanted:g} m')
+            self._note(
+                pair,
+                f'built close together, required distance {keep:.3g} m instead of {wanted:g} m',
+            )
             return keep
         if farthest < wanted:
             self._refuse(pair, farthest, wanted)
@@ -280,8 +284,8 @@ class _Selection:
         found = (
             'overlaps in every posture'
             if farthest < 0.0
-            else f'is never more than {farthest:.3g} m apart, {wanted - farthest:.2g} m less than '
-            f'the {wanted:g} m to be kept'
+            else f'is at most {farthest:.3g} m apart, {wanted - farthest:.2g} m less than the '
+            f'required {wanted:g} m'
         )
         remedy = (
             'ground_height and ground_clearance'
@@ -289,8 +293,8 @@ class _Selection:
             else "the collision shapes' sizes and origins and self_clearance"
         )
         raise ExcitationError(
-            f'{subject} {found}: check {remedy}, or name the pair in unchecked_pairs of the '
-            'excitation configuration if it touches by construction'
+            f'{subject} {found}: check {remedy}. If the links touch by construction, add the '
+            'pair to unchecked_pairs of the excitation configuration'
         )
 
     def _wanted(self, pair: pin.CollisionPair) -> float:
@@ -324,8 +328,8 @@ class _Selection:
             names = frozenset(map(self._robot.full_name, text.split(' to ')))
             if len(names) != 2 or not names <= known:
                 raise ExcitationError(
-                    f"unchecked_pairs: '{text}' is no pair of links with collision shapes, such "
-                    f"as 'one to other' of {', '.join(sorted(known))}"
+                    f"unchecked_pairs: '{text}' is not a pair of links with collision shapes, "
+                    f"such as 'one to other' of {', '.join(sorted(known))}"
                 )
             pairs.add(names)
         return pairs
@@ -384,7 +388,7 @@ class ClearanceChecker:
     ) -> None:
         required = (self_clearance, ground_clearance)
         if not all(np.isfinite(value) and value >= 0.0 for value in required):
-            raise ExcitationError(f'clearances must not be negative, got {required} m')
+            raise ExcitationError(f'clearances must not be negative, but {required} m was given')
         self._model = robot.model
         self._data = robot.model.createData()
         self._geometry = build_collision_geometry(robot, ground_height, package_directories)

@@ -30,7 +30,7 @@ def write_design(path: Path | str, text: str) -> None:
         write_whole(Path(path), text)
     except OSError as error:
         raise ExcitationError(
-            f'{path} cannot be written: {error.strerror}: check the folder and its permissions'
+            f'{path} cannot be written ({error.strerror}): check the folder and its permissions'
         ) from error
 
 
@@ -99,8 +99,9 @@ class TrajectoryFile:
             document['periods'] = self.periods
         document |= {'joints': joints, 'made_with': dict(self.made_with)}
         text = (
-            '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t)'
-            ' + cosine_k cos(k w0 t).\n# Hz, rad. Played by `excitation`.\n'
+            '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t) + cosine_k '
+            'cos(k w0 t).\n'
+            '# Units: Hz, rad. Run `excitation` to play the trajectory.\n'
         ) + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         write_design(path, text)
 
@@ -126,7 +127,7 @@ class TrajectoryFile:
     @classmethod
     def _from_document(cls, document: _Document) -> TrajectoryFile:
         if document.format != FORMAT:
-            raise ExcitationError(f'format is {document.format!r}, not {FORMAT!r}')
+            raise ExcitationError(f'format is {document.format!r} instead of {FORMAT!r}')
         if not isinstance(document.joints, dict) or not document.joints:
             raise ExcitationError('joints must map joint names to bias, sine and cosine')
         if document.periods is not None and document.periods < 1:
@@ -135,7 +136,7 @@ class TrajectoryFile:
             build(_JointSeries, f'joints.{name}', entry) for name, entry in document.joints.items()
         ]
         if len({len(values) for row in rows for values in (row.sine, row.cosine)}) != 1:
-            raise ExcitationError('sine and cosine must have one value a harmonic in every joint')
+            raise ExcitationError('sine and cosine need one value per harmonic in every joint')
         trajectory = FourierTrajectory(
             document.fundamental_frequency,
             np.array([row.bias for row in rows]),
@@ -155,8 +156,8 @@ class TrajectoryFile:
         """
         if set(joint_names) != set(self.joint_names):
             raise ExcitationError(
-                f'the trajectory is for joints {", ".join(self.joint_names)}, '
-                f'the arm has {", ".join(joint_names)}'
+                f'the trajectory has joints {", ".join(self.joint_names)}, but the arm has '
+                f'{", ".join(joint_names)}: use a trajectory that was designed for this arm'
             )
         rows = [self.joint_names.index(name) for name in joint_names]
         series = self.trajectory

@@ -112,7 +112,9 @@ class RandomTrajectory:
         broken: list[LimitMargin] = []
         for _ in range(attempts):
             if stop():
-                raise DesignStoppedError('stopped before a feasible random trajectory was found')
+                raise DesignStoppedError(
+                    'the design was stopped before a feasible random trajectory was found'
+                )
             trajectory = self.draw(generator)
             report = checker.check_trajectory(trajectory, ramp_time, stop_early=True)
             if report.feasible:
@@ -127,12 +129,12 @@ class RandomTrajectory:
             key=lambda margin: margin.relative,
         )
         binding = (
-            f'{limit} of {subject} binds in {100 * count / len(broken):.0f} % of them '
-            f'({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
+            f'{limit} of {subject} is outside its limit in {100 * count / len(broken):.0f} % of '
+            f'them ({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
         )
         return NothingDrawnError(
-            f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}: '
-            f'lower the amplitude ({self.amplitude:g} rad) or the fundamental '
+            f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}. '
+            f'Lower the amplitude ({self.amplitude:g} rad) or the fundamental '
             f'({self.fundamental:g} Hz), or check that limit and the bias',
             binding,
         )
@@ -215,7 +217,7 @@ class ExcitationPlanner:
                 return stages
             refused = refused or report.binding
         raise InfeasibleError(
-            f'no way found for the {name}: {refused}: bring the arm to another posture first'
+            f'no path was found for the {name} ({refused}): bring the arm to another posture first'
         )
 
     def _stages(self, name: str, way: Sequence[Array]) -> list[Stage]:

@@ -206,9 +206,9 @@ class ExcitationPlayer:
         worst = int(moved.argmax())
         if moved[worst] > self.START_TOLERANCE:
             raise ExcitationError(
-                f'{self._joint_names[worst]} moved by {moved[worst]:.3f} rad since the motion was '
-                'planned: check that the arm is held and that no person or node moves it, then '
-                'try again'
+                f'{self._joint_names[worst]} moved by {moved[worst]:.3f} rad after the motion '
+                'was planned: check that the arm is held and that no person or node moves it, '
+                'then try again'
             )
 
     def _elapsed(self, stamp_ns: int) -> float:
@@ -217,8 +217,8 @@ class ExcitationPlayer:
         gap = stamp_ns - self._last_ns
         if not 0 <= gap <= self._largest_gap_ns:
             raise ExcitationError(
-                f'joint state stamps jump by {gap * 1e-9:.3f} s: check that one bridge publishes '
-                'joint_states without pauses and that its clock is not being set'
+                f'joint state stamps jump by {gap * 1e-9:.3f} s: check that exactly one bridge '
+                'publishes joint_states without pauses and that no program sets its clock'
             )
         self._last_ns = stamp_ns
         return (stamp_ns - self._start_ns) * 1e-9
@@ -246,7 +246,7 @@ class ExcitationPlayer:
         distance = np.abs(error)
         worst = int(distance.argmax())  # first NaN, if any
         if np.isnan(distance[worst]):
-            raise ExcitationError('a joint state holds NaN: check the encoders and the bridge')
+            raise ExcitationError('a joint state contains NaN: check the encoders and the bridge')
         np.maximum(self.largest_error, distance, out=self.largest_error)
         if distance[worst] > self._tracking_limit and self.fault is None:
             self.fault = (

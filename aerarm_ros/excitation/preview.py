@@ -283,15 +283,21 @@ class Preview:
 
     def _page(self) -> str:
         sections = [
-            ('Trajectory', [self._trajectory()], 'One period with run-in and run-out. Dashed: what '
-             'an excitation may use of the limits. Click a joint to hide it.'),
+            ('Trajectory', [self._trajectory()], 'One period of the trajectory, with run-in and '
+                                                 'run-out. Dashed lines: limits of the '
+                                                 'excitation. Click a joint to hide it.'),
             ('Workspace', [self._path(), self._coverage()], 'Path of '
-             f'{self._animation.tool_name} in the base frame, and the share of each joint range '
-             'that is covered.'),
-            ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation of '
-             'the part of each parameter that can be identified, after one period at 1 kHz with '
-             'white torque noise. Smaller is better; a parameter without a bar cannot be seen by '
-             'any motion of this arm.'),
+                                                            f'{self._animation.tool_name} in the '
+                                                            'base frame, and the covered '
+                                                            'fraction of each joint range.'),
+            ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation '
+                                                                   'of each parameter, for its '
+                                                                   'identifiable part, after one '
+                                                                   'period at 1 kHz with white '
+                                                                   'torque noise. Smaller is '
+                                                                   'better. A parameter without '
+                                                                   'a bar cannot be identified '
+                                                                   'from any motion of this arm.'),
             ('Animation', [self._animation.figure(self._times, self._states.q)],
              'Collision shapes in the postures of the trajectory.'),
         ]  # fmt: skip
@@ -308,8 +314,8 @@ class Preview:
             f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number (5.2) '
             f'{quality.condition_number:.1f} (random start {other.condition_number:.1f}); with '
             f'scaled columns {quality.scaled_condition_number:.1f} '
-            f'({other.scaled_condition_number:.1f}); standard deviations {gain:.2f} times smaller '
-            'in the geometric mean.'
+            f'({other.scaled_condition_number:.1f}). Expected standard deviations are {gain:.2f} '
+            'times smaller (geometric mean).'
         )
         rows = [
             (m.limit, m.subject, float(m.reached), float(m.allowed), float(m.margin), m.unit)
@@ -319,7 +325,7 @@ class Preview:
         parts: list[str] = [table(headings, rows)]
         notes = self._result.report.notes
         if notes:
-            parts += [paragraph('Clearances that are not checked, or reduced:'), bullets(notes)]
+            parts += [paragraph('Clearances that are reduced or not checked:'), bullets(notes)]
         return [paragraph(lead, 'lead'), section('Limits', *parts)]
 
     def _trajectory(self) -> go.Figure:
@@ -375,7 +381,7 @@ class Preview:
         figure = go.Figure()
         figure.add_bar(x=np.round(covered, 1), y=names, orientation='h', showlegend=False,
                        marker_color='#5b8fb9')  # fmt: skip
-        figure.update_xaxes(title_text='covered share of the joint range [%]', range=[0, 100])
+        figure.update_xaxes(title_text='covered fraction of the joint range [%]', range=[0, 100])
         figure.update_yaxes(autorange='reversed', type='category')
         figure.update_layout(height=90 + 30 * len(names), margin={'t': 10, 'b': 60})
         return figure

@@ -160,7 +160,7 @@ class MotionLimits:
         """
         for name, share in (('position', position), ('velocity', velocity), ('effort', effort)):
             if not 0.0 < share <= 1.0:
-                raise ExcitationError(f'usable share of {name} must be in (0, 1], got {share}')
+                raise ExcitationError(f'usable fraction of {name} must be in (0, 1], got {share}')
         slack = (1.0 - position) * 0.5 * (self.position_max - self.position_min)
         slack = np.where(np.isfinite(slack), slack, 0.0)
         return MotionLimits(
@@ -284,7 +284,7 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
 def _build(document: dict[str, Any]) -> ExcitationConfig:
     if 'stop_time' in document:
         raise ConfigError(
-            'stop_time is no longer used, motions stop as fast as the limits of the arm allow: '
-            'delete the line'
+            'stop_time is no longer used: delete the line; motions stop as fast as the limits of '
+            'the arm allow'
         )
     return build(ExcitationConfig, 'top level', document)

@@ -54,8 +54,8 @@ class FourierTrajectory:
             )
         if self.alpha.shape != self.beta.shape or self.harmonics == 0:
             raise ExcitationError(
-                'sine and cosine coefficients must have one shape with at least one harmonic, '
-                f'got alpha {self.alpha.shape} and beta {self.beta.shape}'
+                'sine and cosine coefficients must have the same shape with at least one '
+                f'harmonic, got alpha {self.alpha.shape} and beta {self.beta.shape}'
             )
         if not all(np.isfinite(v).all() for v in (self.q0, self.alpha, self.beta)):
             raise ExcitationError('Fourier coefficients must be finite numbers')
@@ -295,8 +295,9 @@ class SteadyStroke:
             raise ExcitationError('speed and acceleration of a stroke must be positive')
         if self.steady_time <= 0.0:
             raise ExcitationError(
-                f'a stroke of {abs(self.travel):.3g} rad is too short for {self.speed:.3g} rad/s: '
-                f'its ramps alone take {self.speed * self.ramp_time:.3g} rad'
+                f'a stroke of {abs(self.travel):.3g} rad is too short for {self.speed:.3g} '
+                'rad/s, because acceleration and braking alone take '
+                f'{self.speed * self.ramp_time:.3g} rad'
             )
 
     @property

@@ -53,9 +53,9 @@ class Quality:
         """Return a comparison of expected standard deviations (geometric mean) with `other`."""
         gain = exp(other.log_deviation - self.log_deviation)
         if abs(gain - 1.0) < 0.005:
-            return f'deviations as large as {name}'
+            return f'standard deviations equal to those of {name}'
         ratio, word = (gain, 'smaller') if gain >= 1.0 else (1.0 / gain, 'larger')
-        return f'deviations {ratio:.2f} times {word} than {name}'
+        return f'standard deviations {ratio:.2f} times {word} than those of {name}'
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,9 @@ class DesignResult:
 
 THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
 OBJECTIVES = {
-    BOTH: 'd_optimal, with the condition number (5.2) held below a limit',
+    BOTH: 'd_optimal with an upper limit of the condition number (5.2)',
     INFORMATION: 'volume of the confidence ellipsoid under torque noise (D-optimality)',
-    SCALED: 'condition number of the base regressor with columns of norm one',
+    SCALED: 'condition number of the base regressor with normalised columns',
     THESIS: 'condition number of the regressor without rotor columns, thesis (5.2)',
 }
 
@@ -128,7 +128,7 @@ class DesignSpecification:
     def __post_init__(self) -> None:
         if self.objective not in OBJECTIVES:
             raise ExcitationError(
-                f'objective {self.objective!r} is none of {", ".join(OBJECTIVES)}'
+                f'objective {self.objective!r} is unknown: choose one of {", ".join(OBJECTIVES)}'
             )
         if not self.condition_limit > 1.0:
             raise ExcitationError(f'condition limit must exceed 1, got {self.condition_limit}')
@@ -148,9 +148,9 @@ class DesignSpecification:
         for name, limit in limits.items():
             if highest > limit * (1.0 + 1e-9):
                 raise InfeasibleError(
-                    f'frequency of highest harmonic: N f0 = {self.harmonics} x '
-                    f'{self.fundamental:g} Hz = {highest:g} Hz exceeds {limit:g} Hz, {name}: '
-                    'lower the harmonics or the fundamental'
+                    f'the highest harmonic, N f0 = {self.harmonics} x {self.fundamental:g} Hz = '
+                    f'{highest:g} Hz, exceeds {limit:g} Hz ({name}): lower the harmonics or the '
+                    'fundamental'
                 )
 
     def torque_noise(self) -> Array:
@@ -270,7 +270,7 @@ class TrajectoryDesigner:
         amplitude = self.specification.amplitude
         raise InfeasibleError(
             f'no random trajectory between a tenth and all of the amplitude {amplitude:g} rad is '
-            f'feasible, where {binding}: lower the amplitude or the fundamental '
+            f'feasible, because {binding}: lower the amplitude or the fundamental '
             f'({self.specification.fundamental:g} Hz), or check that limit and the bias'
         )
 
@@ -436,4 +436,6 @@ class TrajectoryDesigner:
 
 
 def _explain(remark: str, refusal: LimitMargin | None) -> str:
-    return remark if refusal is None else f'{remark}: the optimum breaks {refusal}'
+    return (
+        remark if refusal is None else f'{remark}, because the optimum exceeds a limit: {refusal}'
+    )

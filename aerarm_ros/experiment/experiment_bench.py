@@ -190,7 +190,7 @@ class ExperimentBench:
             desired = source.update(state.q, now, CYCLE).q
             rows.append(np.concatenate([[now - source.begin], plant.position, desired, bridge.tau]))
         if bridge.mode != 'running':
-            raise RuntimeError(f'{case.name}: the arm was stopped: {"; ".join(bridge.faults)}')
+            raise RuntimeError(f'{case.name}: the arm was stopped ({"; ".join(bridge.faults)})')
         table = np.array(rows)
         time = table[:, 0]
         ramp = self._motion.ramp_time

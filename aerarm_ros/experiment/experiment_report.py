@@ -17,14 +17,14 @@ from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.simulation.base_profile import STILL
 
 HEADINGS = (
-    'law; model of the controller; drone',
+    'control law; model of the controller; drone',
     'joints RMS [mrad]',
     'joints max [mrad]',
     'joints final [mrad]',
     'tool RMS [mm]',
     'tool max [mm]',
     'tool final [mm]',
-    'RMS over still: joint, tool',
+    'RMS relative to the resting arm: joint, tool',
 )
 _MOST_POINTS = 1500
 _TOOL_RMS = HEADINGS.index('tool RMS [mm]')

@@ -221,11 +221,11 @@ class ArmForecast:
         """
         if q.ndim != 2 or len(times) < 2 or not q.shape == dq.shape == ddq.shape:
             raise RejectedInputError(
-                'planned motion: it needs two points or more, each with positions, velocities '
+                'planned motion: two points or more are needed, each with positions, velocities '
                 'and accelerations'
             )
         if q.shape != (len(times), self._n):
-            raise RejectedInputError(f'planned motion: each point needs {self._n} joints')
+            raise RejectedInputError(f'planned motion: each point needs values of {self._n} joints')
         if not np.isfinite(times.sum() + q.sum() + dq.sum() + ddq.sum()):
             raise RejectedInputError('planned motion: its numbers must be finite')
         if times[0] != 0.0 or np.any(np.diff(times) <= 0.0) or times[-1] > _LONGEST:
@@ -267,7 +267,7 @@ class ArmForecast:
             return 'no plan for this time'
         here = self._path.evaluate(elapsed)
         if np.any(np.abs(here.q - measured.q) > _POSTURE):
-            return 'the arm is not where it was planned to be'
+            return 'the arm is not at its planned position'
         if self._use_measured and np.any(np.abs(here.dq - measured.dq) > _SPEED):
             return 'the arm does not move as planned'
         return ''
@@ -332,11 +332,14 @@ class ArmFeedForward:
         """
         numbers = np.concatenate([[mass], com, inertia.ravel()])
         if not np.isfinite(numbers.sum()) or not 0.0 < mass < _MASS_MAX * self._drone.mass:
-            raise RejectedInputError(f'arm_inertia: {mass:.3g} kg under a drone, or NaN')
+            raise RejectedInputError(
+                f'arm_inertia: mass of {mass:.3g} kg is too large for this drone, not '
+                'positive, or NaN'
+            )
         if np.linalg.norm(com) > _REACH or np.linalg.eigvalsh(inertia)[0] < -_ROUNDING * mass:
             raise RejectedInputError(
-                f'arm_inertia: its centre is more than {_REACH:g} m away, or it has less than no '
-                'moment of inertia'
+                f'arm_inertia: the centre of mass is more than {_REACH:g} m away, or a moment of '
+                'inertia is negative'
             )
         self._arm.add(stamp, numbers)
 
@@ -349,7 +352,9 @@ class ArmFeedForward:
             If the wrench is not finite, or too large for any motion.
         """
         if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 100.0 * self._drone.mass:
-            raise RejectedInputError('base_wrench_motion: NaN, or no force or moment of this arm')
+            raise RejectedInputError(
+                'base_wrench_motion: a force or moment is NaN, or too large for this arm'
+            )
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
         self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
 

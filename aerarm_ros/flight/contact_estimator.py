@@ -300,6 +300,6 @@ class ContactEstimator:
         ahead = stamp - self._now
         if np.isfinite(ahead) and abs(ahead) > _OTHER_CLOCK:
             raise RejectedInputError(
-                f'{what}: it is stamped {ahead:+.3g} s from joint_states; contact needs both on '
-                "one clock: synchronise the drone's with this host's"
+                f'{what}: its stamp is {ahead:+.3g} s from that of joint_states; synchronise the '
+                "drone's clock with this host's"
             )

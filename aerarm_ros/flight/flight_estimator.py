@@ -77,7 +77,7 @@ class FlightEstimator:
         before = self._odometry
         if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
             raise RejectedInputError(
-                'odometry: a sample is not newer than the one before: one publisher only'
+                'odometry: a sample is not newer than the previous one; run only one publisher'
             )
         self._refuse_frozen_odometry(sample)
         if before is not None and sample.stamp > before.stamp:
@@ -88,17 +88,21 @@ class FlightEstimator:
         """Process an IMU sample; raises RejectedInputError."""
         before, odometry = self._imu, self._odometry
         if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
-            raise RejectedInputError('IMU: a sample is not newer than the one before')
+            raise RejectedInputError(
+                'IMU: a sample is not newer than the previous one; run only one publisher'
+            )
         rate = self._to_body @ sample.angular_velocity
         if odometry is not None and abs(sample.stamp - odometry.stamp) < SILENCE:
             is_moving = float(np.linalg.norm(odometry.rate)) > _MOVING_RATE
             reading = np.concatenate([sample.angular_velocity, sample.specific_force])
             if self._frozen_imu.is_frozen(reading, sample.stamp, is_moving):
-                raise RejectedInputError('IMU: it repeats itself while the drone turns: frozen')
+                raise RejectedInputError(
+                    'IMU: repeated samples while the drone turns (frozen); check the driver'
+                )
             if np.linalg.norm(rate - odometry.rate) > _GYRO_DOUBT:
                 raise RejectedInputError(
-                    'IMU: its angular velocity is not that of the odometry: a jump, or the '
-                    "drone file's pose of the IMU is wrong"
+                    'IMU: its angular velocity differs from that of the odometry; the odometry '
+                    "jumped, or the IMU's pose in the drone file is wrong"
                 )
         self._imu = sample
 
@@ -154,7 +158,7 @@ class FlightEstimator:
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen_odometry.is_frozen(reading, sample.stamp, is_moving):
             raise RejectedInputError(
-                'odometry: its pose repeats itself while the drone moves: frozen'
+                'odometry: repeated pose while the drone moves (frozen); check its source'
             )
 
     def _refuse_jump(self, before: OdometrySample, sample: OdometrySample) -> None:

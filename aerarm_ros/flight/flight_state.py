@@ -103,11 +103,12 @@ class OdometrySample:
         """Check that every number is finite and plausible."""
         numbers = [self.stamp, *self.position, *self.attitude, *self.velocity, *self.rate]
         if not np.all(np.isfinite(numbers)):
-            raise RejectedInputError('odometry: a value is NaN or infinite: check its source')
+            raise RejectedInputError('odometry: a value is NaN or infinite; check its source')
         norm = float(np.linalg.norm(self.attitude))
         if not 0.9 < norm < 1.1:
             raise RejectedInputError(
-                f'odometry: the orientation quaternion has length {norm:.3g}, not 1'
+                f'odometry: the orientation quaternion has length {norm:.3g} instead of '
+                '1; check its source'
             )
         for name, vector, limit, unit in (
             ('position', self.position, _POSITION_MAX, 'm'),
@@ -116,7 +117,7 @@ class OdometrySample:
         ):
             if np.linalg.norm(vector) > limit:
                 raise RejectedInputError(
-                    f'odometry: the {name} is above {limit:g} {unit}: check its unit'
+                    f'odometry: the {name} is above {limit:g} {unit}; check its unit'
                 )
         object.__setattr__(self, 'attitude', self.attitude / norm)
 
@@ -217,7 +218,9 @@ class FlightPath:
         if not all(np.all(np.isfinite(rows)) for rows in given):
             raise RejectedInputError('flight path: its numbers must be finite')
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
-            raise RejectedInputError('flight path: its times must rise, and not begin before zero')
+            raise RejectedInputError(
+                'flight path: its times must increase and must not be negative'
+            )
         if t[0] > 0.0 and start is not None:
             t = np.concatenate([[0.0], t])
             p, yaw = np.vstack([start.position, p]), np.concatenate([[start.yaw], yaw])
@@ -239,8 +242,8 @@ class FlightPath:
         hardest = float(np.linalg.norm(samples.ddq[:, :3], axis=1).max())
         if fastest > _PATH_SPEED_MAX or hardest > _ACCELERATION_MAX:
             raise RejectedInputError(
-                f'flight path: it takes {fastest:.1f} m/s and {hardest:.1f} m/s^2 (at most '
-                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}): give its points more time'
+                f'flight path: it needs {fastest:.1f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}); give its points more time'
             )
 
     @property
@@ -259,7 +262,9 @@ def _rows(values: npt.ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
         return None
     rows = np.array(values, dtype=float)
     if rows.shape != shape:
-        raise RejectedInputError('flight path: every point has a velocity, or none; so with others')
+        raise RejectedInputError(
+            'flight path: give a velocity for every point or for none; also for accelerations'
+        )
     return rows
 
 

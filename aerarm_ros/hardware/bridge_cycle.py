@@ -68,19 +68,20 @@ class BridgeReport:
             monitor = link.monitor
             if link.is_damped_unheard:
                 texts.append(
-                    f'{monitor.name} sends no valid frames; the bridge commands it to damp its '
-                    f'joints, disable switches it off: {monitor.problem}'
+                    f'{monitor.name} sends no valid frames ({monitor.problem}); the bridge '
+                    'commands the board to damp its joints, and to switch its motors off once '
+                    'the arm is disabled'
                 )
             elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
-                texts.append(f'{monitor.name} does not answer: {monitor.problem}')
+                texts.append(f'no answer from {monitor.name}: {monitor.problem}')
             elif not monitor.fault:
                 texts.append(monitor.echo.warning)
         if mode in ('unhomed', 'fault'):
             texts.append(self._zeros.problem)
         if mode == 'damping':
             texts.append(
-                f'no valid command for {intake.age(now):.2f} s, the arm is damped: check that the '
-                'controller runs'
+                f'no valid command for {intake.age(now):.2f} s, so the bridge damps the arm: '
+                'check that the controller runs'
             )
         texts += [*self._heat.warnings(), *self._loads.warnings()]
         if now - intake.last_rejection_time < _RECENT:
@@ -255,7 +256,9 @@ class BridgeCycle:
         if refusal:
             return Answer(False, refusal)
         self._align()
-        return Answer(True, 'the motors align now: the arm moves, keep it supported until ready')
+        return Answer(
+            True, 'the motors align now and the arm moves: support the arm until arm_mode is ready'
+        )
 
     def _align(self) -> None:
         self._enabled, self.mode = True, 'aligning'
@@ -293,15 +296,19 @@ class BridgeCycle:
         if silent and self._enabled:
             # Continuing without a known zero would switch off the boards that damp the arm.
             return Answer(
-                False, f'{", ".join(silent)} does not answer: disable first, or repair it'
+                False,
+                f'no answer from {", ".join(silent)}: disable the arm first, or repair '
+                'the connection',
             )
         # Motors that lost their alignment align again only on request.
         stays = self._enabled and all(link.may_be_damped for link in self.links)
         if stays and self.zeros.are_lost:
-            return Answer(False, f'disable first, the arm supported: {self.zeros.problem}')
+            return Answer(False, f'support the arm and disable it first: {self.zeros.problem}')
         violation = self.gate.state_violation(self.q, self.dq) or self.heat.refusal()
         if violation and self._enabled:
-            return Answer(False, f'the arm would stop again at once, {violation}')
+            return Answer(
+                False, f'the bridge would stop the arm again at once, because {violation}'
+            )
         reasons = [link.monitor.clear(link.state) for link in self.links]
         if any(reasons):
             return Answer(False, '; '.join(filter(None, reasons)))
@@ -319,7 +326,7 @@ class BridgeCycle:
         state, zeros = self.state, self.zeros
         is_held = self.mode in ('ready', 'running', 'damping')
         if not is_held and self._enabled:
-            return Answer(False, f'the arm is {self.mode}, homing starts from ready or idle')
+            return Answer(False, f'the arm is {self.mode}, but homing needs ready or idle')
         refusal = '' if is_held else self.probe.refusal or self._watch.refusal(driven=False)
         refusal = self._search.problem or refusal or zeros.refusal(state.motor_position)
         if not is_held and not refusal:
@@ -431,7 +438,7 @@ class BridgeCycle:
             self._search.end()
             if homing.fault:
                 self.gate.trip(homing.fault)
-                self.zeros.lose(homing.doubted, 'homing found its index pulses implausible')
+                self.zeros.lose(homing.doubted, 'homing found implausible index pulses')
             else:
                 self._set_zero(homing.zero)
                 self._encoders.clear()

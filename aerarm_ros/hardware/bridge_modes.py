@@ -42,7 +42,11 @@ COMMANDABLE = (*HELD, 'damping')
 
 def to_switch_on(mode: str) -> str:
     """Return the request that switches on the motors of an arm in a mode, as the user types it."""
-    return "'arm home', the arm in its home configuration" if mode == 'unhomed' else "'arm enable'"
+    return (
+        "'arm home', with the arm in its home configuration"
+        if mode == 'unhomed'
+        else "'arm enable'"
+    )
 
 
 class Answer(NamedTuple):

@@ -126,7 +126,7 @@ class FaultWatch:
         if self._gate.stop:
             return f'clear the fault first: {self._gate.stop}'
         silent = [
-            f'{link.monitor.name} does not answer: {link.monitor.problem}'
+            f'no answer from {link.monitor.name}: {link.monitor.problem}'
             for link in self._links
             if link.monitor.mode is BoardMode.DISCONNECTED
         ]
@@ -134,7 +134,7 @@ class FaultWatch:
         if silent:
             return '; '.join(silent)
         if not driven and any(link.state.system_enabled for link in self._links):
-            return 'the boards are still switching off: try again'
+            return 'the boards are still switching off: try again in a moment'
         return '' if driven else self._heat.refusal()
 
     def boards(self, enabled: bool) -> None:
@@ -151,8 +151,8 @@ class FaultWatch:
                 self._zeros.restarted(joints, f'{name} was switched off and on')
                 if enabled and self._zeros.are_lost:
                     self._gate.trip(
-                        f'{name} restarted while it was enabled, or its clock jumped: the zeros of '
-                        'its encoders are unknown, check its supply and its ground wire'
+                        f'{name} restarted while it was enabled, or its clock jumped, so the '
+                        'zeros of its encoders are unknown: check its supply and its ground wire'
                     )
 
     def joints(
@@ -188,7 +188,7 @@ class FaultWatch:
         if text:
             gate.trip(text)
         if not encoders.trusted.all():  # a second reading follows later
-            self._zeros.lose(encoders.lost, 'its encoder jumped or stood still')
+            self._zeros.lose(encoders.lost, 'its encoder jumped or stopped counting')
         violation = gate.state_violation(state.q, state.dq)
         if violation:
             gate.trip(violation)
@@ -276,15 +276,15 @@ class LoadCheck:
         for i, name in enumerate(self._config.joint_names):
             if fails[i]:
                 texts.append(
-                    f'{name} has a torque of {held[i]:.2f} Nm by its current instead of '
-                    f'{requested[i]:.2f} Nm: check the driver of {name}, supply and motor phases '
-                    "('arm commission')"
+                    f'{name} delivers {held[i]:.2f} Nm, computed from its current, instead of '
+                    f'the requested {requested[i]:.2f} Nm: check the driver of {name}, supply '
+                    "and motor phases ('arm commission')"
                 )
             elif differs[i]:
                 texts.append(
-                    f'{name} is held with {held[i]:.2f} Nm, but the model has a load of '
-                    f'{empty[i]:.2f} Nm, {loaded[i]:.2f} Nm with the rated payload: check the '
-                    f'payload, what touches or supports the arm, gravity_in_base, and gear ratio, '
+                    f'{name} holds {held[i]:.2f} Nm, but the model predicts a load of '
+                    f'{empty[i]:.2f} Nm, or {loaded[i]:.2f} Nm with the rated payload: check the '
+                    'payload, what touches or supports the arm, gravity_in_base, and gear ratio, '
                     f"sign, driver and torque constant of {name} ('arm commission')"
                 )
         return texts

@@ -301,8 +301,9 @@ class ThermalLimit:
         if not self._stops:
             return ''
         return (
-            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated), its largest '
-            f'temperature is {self._temperature_max:.0f}: support the arm, disable it, let it cool'
+            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated), above its '
+            f'limit of {self._temperature_max:.0f}: support the arm, disable it, let the motor '
+            'cool'
         )
 
     @property
@@ -318,7 +319,7 @@ class ThermalLimit:
         if not self.wait:
             return ''
         return (
-            f'{self._name} has {self.motor.winding:.0f} degC (estimated) in its motor: {self.wait}'
+            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated): {self.wait}'
         )
 
     def new_warning(self) -> str:
@@ -332,24 +333,29 @@ class ThermalLimit:
         """Return the warning about the motor temperature, or ''."""
         name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
         if self.lets_down:
-            return f'{name} yields beyond its limit, its motor has {temperature}: support it'
+            return (
+                f'{name} yields beyond its position limit because its motor has '
+                f'{temperature}: support the arm'
+            )
         if self.is_sinking:
             return (
-                f'{name} sinks: its motor has {temperature} and only {self.effort_limit:.2f} of '
-                f'{self._effort_max:.2f} Nm, less than the load: fold or support the arm'
+                f'{name} sinks because its motor has {temperature} and only '
+                f'{self.effort_limit:.2f} of {self._effort_max:.2f} Nm, less than the load: fold '
+                'or support the arm'
             )
         if self.is_reduced:
             return (
-                f'the torque of {name} is reduced to {self.effort_limit:.2f} of '
-                f'{self._effort_max:.2f} Nm, its motor has {temperature}: fold the arm, let it rest'
+                f'the torque of {name} is limited to {self.effort_limit:.2f} of '
+                f'{self._effort_max:.2f} Nm because its motor has {temperature}: fold the arm, '
+                'let the motor rest'
             )
         if not self._is_warm:
             return ''
         if self.remaining == inf:
-            return f'the motor of {name} has {temperature}: let it rest'
+            return f'the motor of {name} has {temperature}: let the motor rest'
         return (
-            f'the motor of {name} has {temperature}, at this load its torque is reduced in '
-            f'{self.remaining:.0f} s: fold the arm or lower its load'
+            f'the motor of {name} has {temperature}; at this load the bridge limits its torque '
+            f'in {self.remaining:.0f} s: fold the arm or lower its load'
         )
 
     def _limit(self, duration: float) -> None:
@@ -443,8 +449,8 @@ class HeatWatch:
         self._cycles = max(_CYCLES, config.n)
         unknown = {joint.motor.name for joint in config.joints if joint.motor.thermal is None}
         self.unknown = [
-            f'no thermal data for motor {name}: a third of its current_max counts as continuous; '
-            f'set motors.{name}.thermal in the configuration'
+            f'motor {name} has no thermal data, so a third of its current_max counts as '
+            f'continuous current: set motors.{name}.thermal in the configuration'
             for name in sorted(unknown)
         ]
 

@@ -54,9 +54,9 @@ class SupplyWatch:
         self._high_in_row = self._high_in_row + 1 if voltage > self._stage.voltage_max else 0
         self._warned_for -= duration
         if voltage > self._warn_above:
-            self._warn(f'{voltage:.1f} V, near its largest of {self._stage.voltage_max:g}')
+            self._warn(f'{voltage:.1f} V, near its maximum of {self._stage.voltage_max:g} V')
         elif voltage < self._warn_below:
-            self._warn(f'{voltage:.1f} V, near its least of {self._stage.voltage_min:g}')
+            self._warn(f'{voltage:.1f} V, near its minimum of {self._stage.voltage_min:g} V')
         elif self._warned_for <= 0.0:
             self._warning = ''
 
@@ -64,15 +64,15 @@ class SupplyWatch:
         """Return the voltage reason why the arm has to stop, or ''."""
         if self._high_in_row >= _IN_ROW:
             return (
-                f'the supply of {self._name} has {self.voltage:.1f} V, its limit is '
-                f'{self._stage.voltage_max:g}: it does not take braking energy back. Use a battery '
-                'or a braking resistor, or lower velocity_max'
+                f'the supply of {self._name} has {self.voltage:.1f} V, above its limit of '
+                f'{self._stage.voltage_max:g} V, because it does not absorb braking energy: use '
+                'a battery or a braking resistor, or lower velocity_max'
             )
         if self._low_in_row >= _IN_ROW:
             return (
-                f'the supply of {self._name} has {self.voltage:.1f} V, its limit is '
-                f'{self._stage.voltage_min:g}: support the arm, charge the battery or check the '
-                'leads; check profile_scales if the voltage is wrong'
+                f'the supply of {self._name} has {self.voltage:.1f} V, below its limit of '
+                f'{self._stage.voltage_min:g} V: support the arm, charge the battery or check '
+                'the leads; check profile_scales if the voltage is wrong'
             )
         return ''
 

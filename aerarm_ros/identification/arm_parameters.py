@@ -34,7 +34,8 @@ class LinkBounds:
             low, high = self.total_mass
             if not (np.isfinite([low, high]).all() and 0.0 <= low < high):
                 raise IdentificationError(
-                    f'total mass {low:g} .. {high:g} kg must rise from a number not below 0'
+                    f'total mass {low:g} .. {high:g} kg must be two increasing numbers, '
+                    'not negative'
                 )
 
 
@@ -118,13 +119,13 @@ def coupled_terms(
         unknown = [name for name in (joint, driver) if name not in joint_names]
         if unknown:
             raise IdentificationError(
-                f'coupled joints {joint}, {driver}: no joint {", ".join(unknown)}: the arm has '
-                f'{", ".join(joint_names)}'
+                f'coupled joints {joint}, {driver}: unknown joint {", ".join(unknown)}; the arm '
+                f'has {", ".join(joint_names)}'
             )
         if joint == driver:
             raise IdentificationError(
-                f'coupled joints {joint}, {driver}: a joint is coupled to another one, its own '
-                'friction and rotor are there anyway'
+                f"coupled joints {joint}, {driver}: name two different joints, because a joint's "
+                'own friction and rotor are always in the model'
             )
         index = list(joint_names).index(driver)
         terms[list(joint_names).index(joint)] += [JointTerm(k, driver=index) for k in COUPLED]
@@ -168,8 +169,9 @@ class ArmParameters:
             missing = [name for name in robot.joint_names if name not in config.joint_names]
             if missing:
                 raise IdentificationError(
-                    f'joints {", ".join(missing)} of the URDF are not in the configuration, which '
-                    f'has {", ".join(config.joint_names)}: give --urdf and --config of one arm'
+                    f'joints {", ".join(missing)} of the URDF are not in the configuration, '
+                    f'which has {", ".join(config.joint_names)}: pass --urdf and --config of the '
+                    'same arm'
                 )
             order = [config.joint_names.index(name) for name in robot.joint_names]
             rotor_inertia = config.column('reflected_inertia')[order]

@@ -78,21 +78,22 @@ def extrapolation_warnings(
             joints = [
                 f'{name} by {100.0 * share:.0f} %'
                 if share < _HARDLY_MOVED
-                else f'{name}, which hardly moved there'
+                else f'{name}, which hardly moves in the identification motion'
                 for name, share in zip(names, beyond, strict=True)
                 if share > _TOLERATED
             ]
             if joints:
                 warnings.append(
                     f'{demand.bag}: {word} leaves the range of the identification motion '
-                    f'({", ".join(joints)}): its errors are those of extrapolation'
+                    f'({", ".join(joints)}), so the errors are those of extrapolation'
                 )
         grown = (demand.uncertainty > _GROWTH * known) & (demand.uncertainty > fit.noise.std)
         if grown.any():
             joints = [name for name, bad in zip(names, grown, strict=True) if bad]
             warnings.append(
-                f'{demand.bag}: needs parameters that the identification motion hardly excites '
-                f'(torque of {", ".join(joints)}): identify from a motion that is more like it'
+                f'{demand.bag}: the torque of {", ".join(joints)} depends on parameters that the '
+                'identification motion hardly excites; identify from a motion that is more '
+                'similar'
             )
     return warnings
 
@@ -128,7 +129,8 @@ class BagAssessment:
         """Return the torque errors as text, without the samples."""
         return (
             f'<{self.bag}: torque error {self.filtered:.2f} % filtered, '
-            f'{self.filtered_measured:.2f} % only the measured one, {self.raw:.2f} % raw>'
+            f'{self.filtered_measured:.2f} % with only the measured torque filtered, '
+            f'{self.raw:.2f} % raw>'
         )
 
 
@@ -242,8 +244,8 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
     warnings = []
     for trend in trends:
         for values, what, why in (
-            (trend.friction, 'friction', 'gears that get warm: let them, before recording'),
-            (trend.offset, 'torque offset', 'a sensor that drifts: set it to zero again'),
+            (trend.friction, 'friction', 'gears that warm up; let them warm up before recording'),
+            (trend.offset, 'torque offset', 'a drifting sensor; reset its zero'),
         ):
             told = [
                 f'{name} by {value:+.2g} Nm'
@@ -252,7 +254,7 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
             ]
             if told:
                 warnings.append(
-                    f'{trend.bag}: the {what} changes from its beginning to its end '
+                    f'{trend.bag}: the {what} changes from start to end of the bag '
                     f'({", ".join(told)}), as with {why}'
                 )
     return warnings

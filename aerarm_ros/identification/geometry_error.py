@@ -61,8 +61,8 @@ def geometry_text(result: IdentificationResult) -> str:
     cost = torque_error_per_length(identified, samples.q, samples.dq, samples.ddq)
     return (
         'The geometry of the URDF was not calibrated. An error of 1 mm per axis at each joint '
-        f'changes the torque of the links by {cost:.2g} %; the identification absorbs a part of '
-        'it. The calibrator measures the geometry.'
+        f'changes the torque of the links by {cost:.2g} %, of which the identification absorbs a '
+        'part. Run the calibrator to measure the geometry.'
     )
 
 

@@ -169,7 +169,7 @@ class Verdict:
     def text(self) -> str:
         """One line per limit, for a terminal."""
         return '\n'.join(
-            f'{"kept  " if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
+            f'{"passed" if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
             f'{check.limit:.4g}'
             for check in self.checks
         )
@@ -217,7 +217,9 @@ def read_limits(path: Path) -> dict[str, float]:
     try:
         document = read_plain(path)
     except OSError as error:
-        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise IdentificationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except ConfigError as error:
         raise IdentificationError(f'{path}: {" ".join(str(error).split())}') from None
     known = f'limits are {", ".join(LIMITS)}'
@@ -229,7 +231,7 @@ def read_limits(path: Path) -> dict[str, float]:
     for key, value in document.items():
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not np.isfinite(value) or value < 0.0:
-            raise IdentificationError(f'{path}: {key} = {value} must be a number not below 0')
+            raise IdentificationError(f'{path}: {key} = {value} must be a non-negative number')
     return {key: float(value) for key, value in document.items()}
 
 

@@ -121,20 +121,20 @@ def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]
         )
     if base.condition_number > _LARGEST_CONDITION:
         raise IdentificationError(
-            f'condition number {base.condition_number:.3g}: the motion is too short or too small '
-            'to excite the parameters; record a longer one that moves every joint'
+            f'condition number {base.condition_number:.3g} means that the motion is too short or '
+            'too small to excite the parameters: record a longer motion that moves every joint'
         )
     warnings = []
     possible = _structural_rank(regressor)
     if base.rank < possible:
         warnings.append(
-            f'the motion identifies only {base.rank} of {possible} parameter combinations; CAD '
-            'decides the others: move every joint'
+            f'the motion identifies only {base.rank} of {possible} parameter combinations, the '
+            'others keep CAD values: move every joint'
         )
     if base.condition_number > _POOR_CONDITION:
         warnings.append(
-            f'condition number {base.condition_number:.0f}: the parameters are poorly excited; '
-            'record a longer or livelier motion'
+            f'condition number {base.condition_number:.0f} means that the motion excites the '
+            'parameters poorly: record a longer or faster motion'
         )
     return warnings
 

@@ -96,8 +96,8 @@ class InputError:
     def warning(self) -> str:
         """Complete text of the warning."""
         return (
-            f'{self.text} (a simple model leaves {self.after:.2g} % of the torque then, '
-            f'{self.before:.2g} % now)'
+            f'{self.text} (with this change a simple model leaves {self.after:.2g} % of the '
+            f'torque unexplained, now {self.before:.2g} %)'
         )
 
 
@@ -299,15 +299,15 @@ def _trials(
 
 def _sign_text(name: str) -> str:
     return (
-        f"{name}'s effort has the opposite sign: check the direction of its motor, or give "
+        f'the effort of {name} has the opposite sign: check the direction of its motor, or pass '
         f'--effort-gain {name}=-1'
     )
 
 
 def _constant_text(name: str, factor: float) -> str:
     return (
-        f"{name}'s effort is {factor:.2g} times the value that the other joints' torque suggests: "
-        'check its torque constant, gear ratio and unit, or pass --effort-gain '
+        f"the effort of {name} is {factor:.2g} times the value that the other joints' torque "
+        'suggests: check its torque constant, gear ratio and unit, or pass --effort-gain '
         f'{name}={1.0 / factor:.3g}'
     )
 
@@ -315,20 +315,20 @@ def _constant_text(name: str, factor: float) -> str:
 def _gravity_text(gravity: Array) -> str:
     along = ' '.join(f'{value:.3g}' for value in gravity + 0.0)
     return (
-        f'gravity points another way than stated: check how the base is mounted, or give '
+        'gravity has another direction than stated: check how the base is mounted, or pass '
         f'--gravity {along}'
     )
 
 
 def _swap_text(one: str, other: str) -> str:
     return (
-        f'{one} and {other} have swapped names: check the order of the joints, or give '
+        f'the names of {one} and {other} are swapped: check the order of the joints, or pass '
         f'--rename {one}={other} {other}={one}'
     )
 
 
 def _zero_text(name: str, angle: float) -> str:
     return (
-        f"{name}'s zero is off by {np.degrees(angle):+.0f} degrees: check the zero of its encoder, "
-        'and whether the URDF is that of this arm'
+        f'the zero of {name} is off by {np.degrees(angle):+.0f} degrees: check the zero of its '
+        'encoder, and whether the URDF belongs to that arm'
     )

@@ -45,7 +45,7 @@ _MEANINGS = {
     TermKind.ROTOR: 'rotor inertia at the joint',
     TermKind.OFFSET: 'offset',
     TermKind.LOAD: 'friction per torque on the links',
-    TermKind.CREEP: 'friction that grows slowly with speed',
+    TermKind.CREEP: 'saturating viscous friction',
     TermKind.STRIBECK: 'friction at low speed only (Stribeck)',
     TermKind.FORWARD: 'Coulomb friction in positive direction only',
     TermKind.BACKWARD: 'Coulomb friction in negative direction only',
@@ -132,7 +132,7 @@ class JointTerm:
         sign = np.tanh(dq / self.width) if self.width > 0.0 else np.sign(dq)
         if self.kind is TermKind.LOAD:
             if load is None:
-                raise ValueError('friction that depends on the load needs the load')
+                raise ValueError('load-dependent friction needs the load')
             return np.asarray(load * sign)
         if self.kind is TermKind.FORWARD:
             return np.asarray(np.maximum(sign, 0.0))

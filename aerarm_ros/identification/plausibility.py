@@ -29,8 +29,8 @@ _FAR_OFF = 20.0  # [%] relative to a joint's own torque
 _FOLLOWS = 0.5  # fraction of a residual that two columns of another joint's motion explain
 
 _CHECK = (
-    'check sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the other '
-    "sign), gravity (--gravity), the topic, and the names of the bag's joints (--rename)"
+    'check sign and unit of the effort (--effort-gain JOINT=Nm/A, or =-1), gravity (--gravity), '
+    'the topic, and the joint names (--rename)'
 )
 
 
@@ -58,14 +58,14 @@ def error_warnings(
         suspects = _suspects(bags, cad, joints)
         hint = f' ({"; ".join(suspects)})' if suspects else ''
         warnings.append(
-            f'the CAD model with identified friction misses the measured torque by {drawn:.0f} %'
-            f'{hint}: {_CHECK}'
+            'the CAD model with identified friction differs from the measured torque by '
+            f'{drawn:.0f} %{hint}: {_CHECK}'
         )
     if sdp > max(_LARGE, _FAR_ABOVE * ols):
         warnings.append(
-            f'a physically consistent arm leaves {sdp:.1f} % of the torque unexplained, least '
-            f'squares without that condition {ols:.1f} %: no real arm of this URDF moves like '
-            f'this; {_CHECK}'
+            f'a physically consistent model leaves {sdp:.1f} % of the torque unexplained, '
+            f'unconstrained least squares {ols:.1f} %, so no real arm of this URDF moves like '
+            f'this: {_CHECK}'
         )
     return warnings
 
@@ -79,13 +79,13 @@ def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
     )
     if far_off := _shares(joints, errors, errors > _FAR_OFF):
         warnings.append(
-            f'the model explains little of the torque of some joints ({far_off} is residual): do '
+            f'the model explains little of the torque of some joints (residual {far_off}): do '
             'not rely on their friction and on parameters that only these joints identify'
         )
     if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
         warnings.append(
-            f'the model predicts little of the torque of some joints in validation ({far_off} is '
-            'residual): compare the ranges of both motions in the report'
+            'the model predicts little of the torque of some joints in validation (residual '
+            f'{far_off}): compare the ranges of both motions in the report'
         )
     return warnings
 
@@ -106,9 +106,9 @@ def coupling_warnings(
         if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
             pair = f'{joints[joint]}={joints[driver]}'
             warnings.append(
-                f"the residual of {joints[joint]} follows {joints[driver]}'s velocity or "
-                f'acceleration ({100.0 * share:.0f} % of it): if the drive of one passes the '
-                f'other, give --coupled {pair}'
+                f'the residual of {joints[joint]} follows the velocity or acceleration of '
+                f'{joints[driver]} ({100.0 * share:.0f} % of it): if one drive passes the other '
+                f'joint, pass --coupled {pair}'
             )
     return warnings
 
@@ -174,8 +174,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
         if at.any():
             links = [name for name, held in zip(fit.model.link_names, at, strict=True) if held]
             warnings.append(
-                f'mass of {", ".join(links)} is at its bound, {word} that of the URDF: check the '
-                'masses in the URDF and the unit of the effort'
+                f'mass of {", ".join(links)} is at its bound, {word} the mass in the URDF: check '
+                'the masses in the URDF and the unit of the effort'
             )
     start = 10 * fit.model.n
     loads = [term.kind is TermKind.LOAD for _, term in fit.model.joint_columns]
@@ -183,8 +183,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     if too_much.any():
         at_bound = np.array(fit.model.columns[start:])[too_much]
         warnings.append(
-            f'{", ".join(at_bound)} at the bound 1, which means a gear that loses all torque: '
-            'another load-dependent torque acts at these joints'
+            f'{", ".join(at_bound)} at the bound 1, as if the gear lost all torque: look for '
+            'another load-dependent torque at these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
     asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
@@ -204,16 +204,16 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             check = 'check the sign of the effort of these joints'
         elif kinds == {TermKind.ROTOR}:
             check = (
-                'right where torque sensors sit behind the gears; else velocities may lag, or the '
-                'model of these joints is not exact'
+                'expected if torque sensors sit behind the gears; else the velocities may lag, '
+                'or the model of these joints is inexact'
             )
         else:
             check = (
-                'the model of these joints is not exact, or their measured velocities lag '
-                'behind; check the errors joint by joint'
+                'the model of these joints is inexact, or their measured velocities lag; check '
+                'the errors per joint'
             )
         names = ', '.join(name for name, _ in held)
-        warnings.append(f'{names} left out, as the data ask for less than 0: {check}')
+        warnings.append(f'{names} omitted, because the data ask for a negative value: {check}')
     return warnings
 
 
@@ -222,7 +222,7 @@ def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, 
     found = []
     for name, factor in torque_factors(bags, cad, joints).items():
         if factor < 0.0:
-            found.append(f"{name}'s effort has the opposite sign")
+            found.append(f'the effort of {name} has the opposite sign')
         elif not 1.0 / _OTHER_UNIT < factor < _OTHER_UNIT:
-            found.append(f"{name}'s effort is {factor:.2g} times as large")
+            found.append(f'the effort of {name} is {factor:.2g} times as large')
     return found

@@ -125,11 +125,14 @@ def load_truth(path: Path, model: JointModel) -> Truth:
     try:
         return _truth(read_plain(path), model)
     except OSError as error:
-        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise IdentificationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         reason = ' '.join(str(error).split())
         raise IdentificationError(
-            f'{path}: not a file of true parameters of this arm ({reason})'
+            f'{path} is not a file of true parameters of this arm ({reason}): pass the '
+            'truth_file of the simulation'
         ) from None
 
 
@@ -142,7 +145,7 @@ def _truth(document: Any, model: JointModel) -> Truth:
     def column(key: str, default: float) -> Array:
         values = np.array(document.get(key, [default] * model.n), dtype=float)
         if values.shape != (model.n,):
-            raise ValueError(f'{key} has {values.size} values for {model.n} joints')
+            raise ValueError(f'{key} has {values.size} values, but the arm has {model.n} joints')
         return values
 
     return Truth(parameters, column('load_friction', 0.0), column('measured_per_true_torque', 1.0))

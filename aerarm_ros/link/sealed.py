@@ -48,7 +48,7 @@ def make_key(path: Path) -> None:
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        raise KeyFileError(f'key file {path} exists: copy it to the other host') from None
+        raise KeyFileError(f'key file {path} already exists: copy it to the other host') from None
     with os.fdopen(descriptor, 'w') as stream:
         stream.write(secrets.token_hex(KEY_SIZE) + '\n')
 
@@ -66,17 +66,19 @@ def read_key(path: Path) -> bytes:
         mode = path.stat().st_mode
     except OSError as error:
         raise KeyFileError(
-            f'key file {path}: {error.strerror}: start ground_link on the '
-            'drone, which makes one, and copy it to the ground'
+            f'key file {path} cannot be read ({error.strerror}): start ground_link on the drone, '
+            'which creates a key file, and copy it to the ground host'
         ) from None
     if mode & 0o077:
-        raise KeyFileError(f'key file {path} can be read by others: run chmod 600 {path}')
+        raise KeyFileError(f'key file {path} is readable by other users: run chmod 600 {path}')
     try:
         key = bytes.fromhex(text)
     except ValueError:
         key = b''
     if len(key) != KEY_SIZE:
-        raise KeyFileError(f'key file {path} holds no key of {2 * KEY_SIZE} hexadecimal digits')
+        raise KeyFileError(
+            f'key file {path} must contain {2 * KEY_SIZE} hexadecimal digits: copy it again'
+        )
     return key
 
 

@@ -63,7 +63,7 @@ def pack_window(window: Window) -> bytes:
 def unpack_window(content: bytes) -> Window:
     """Return the window of bytes; raises ValueError if they are invalid."""
     if len(content) < _HEAD.size:
-        raise ValueError('a window is cut off')
+        raise ValueError('a window of messages is truncated')
     stamp_ns, count, n = _HEAD.unpack_from(content)
     if len(content) != _HEAD.size + 8 * n:
         raise ValueError(f'a window of {n} numbers has {len(content)} bytes')

@@ -34,7 +34,7 @@ class LastLink:
 
 def checked_payload(payload: npt.ArrayLike) -> Array:
     """Return a payload's inertial parameters (10,); raises ValueError if they are impossible."""
-    return checked_body('payload', payload, ': give the ten of payload.yaml')
+    return checked_body('payload', payload, ': pass the ten inertial parameters of payload.yaml')
 
 
 class Dynamics:
@@ -174,7 +174,7 @@ def checked_rotor_inertia(rotor_inertia: npt.ArrayLike, n: int) -> Array:
     """
     inertia = np.asarray(rotor_inertia, dtype=float)
     if inertia.shape not in ((), (n,)):
-        raise ValueError(f'{inertia.size} rotor inertias for {n} joints')
+        raise ValueError(f'{inertia.size} rotor inertias were given for {n} joints')
     if not np.all(np.isfinite(inertia) & (inertia >= 0.0)):
         raise ValueError(f'rotor inertias {inertia} must be finite and not negative [kg m^2]')
     return np.broadcast_to(inertia, (n,)).copy()

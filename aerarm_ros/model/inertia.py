@@ -77,7 +77,7 @@ def barycentric_inertia(pi: npt.ArrayLike) -> Array:
     pi = _parameters(pi)
     mass = pi[..., 0, None, None]
     if np.any(mass == 0.0):
-        raise ValueError('a body of zero mass has no centre of mass: check the masses')
+        raise ValueError('a body of zero mass has no centre of mass: check the masses of the links')
     moment = pi[..., 1:4]
     return inertia_about_origin(pi) - _steiner(moment) / mass
 
@@ -162,7 +162,7 @@ def from_pseudo_inertia(matrix: npt.ArrayLike) -> Array:
     """
     matrix = np.asarray(matrix, dtype=float)
     if matrix.shape[-2:] != (4, 4):
-        raise ValueError(f'a pseudo-inertia matrix is 4x4, not of shape {matrix.shape}')
+        raise ValueError(f'a pseudo-inertia matrix must be 4x4, but its shape is {matrix.shape}')
     second_moment = matrix[..., :3, :3]
     # tr(P3) = 3/2 tr(Ibar) - tr(Ibar) = tr(Ibar)/2
     half_trace = np.trace(second_moment, axis1=-2, axis2=-1)
@@ -218,14 +218,14 @@ def checked_body(name: str, pi: npt.ArrayLike, advice: str = '') -> Array:
     values = np.array(pi, dtype=float)
     numbers = values.shape == (10,) and bool(np.isfinite(values).all())
     if not numbers or not is_physically_consistent(values, _ROUNDING):
-        raise ValueError(f'{name} {values.tolist()}: no body has these inertial parameters{advice}')
+        raise ValueError(f'{name} {values.tolist()} is physically impossible{advice}')
     return values
 
 
 def _parameters(pi: npt.ArrayLike) -> Array:
     pi = np.asarray(pi, dtype=float)
     if pi.ndim == 0 or pi.shape[-1] != 10:
-        raise ValueError(f'ten inertial parameters a body are needed, not shape {pi.shape}')
+        raise ValueError(f'each body needs ten inertial parameters, but the shape is {pi.shape}')
     return pi
 
 

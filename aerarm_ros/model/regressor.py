@@ -140,7 +140,7 @@ class Regressor:
         n = self.robot.n
         if parts[0].shape != (n, 10) or any(part.shape != (n,) for part in parts[1:]):
             shapes = [part.shape for part in parts]
-            raise ValueError(f'parameters of shapes {shapes} for an arm of {n} joints')
+            raise ValueError(f'parameters have the shapes {shapes}, but the arm has {n} joints')
         return np.concatenate([part.ravel() for part in parts])
 
     def _fill_rigid(self, out: Array, q: Array, dq: Array, ddq: Array) -> None:
@@ -153,8 +153,8 @@ class Regressor:
         shape = samples[0].shape
         if len(shape) != 2 or shape[1] != self.robot.n or any(s.shape != shape for s in samples):
             raise ValueError(
-                f'q, dq and ddq have shapes {[s.shape for s in samples]}, not all '
-                f'(samples, {self.robot.n})'
+                f'q, dq and ddq have the shapes {[s.shape for s in samples]}, but need (samples, '
+                f'{self.robot.n})'
             )
         return samples
 

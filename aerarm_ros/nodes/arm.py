@@ -35,20 +35,22 @@ NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
 _FAKE = 'fake_hardware'
 _MEANING = {
-    'enable': 'switch the motors on: they align first, THE ARM MOVES, then the bridge holds it',
-    'hold': 'hold a damped arm in place; hold a tracking arm once its controller stops',
-    'disable': 'switch the motors off: the arm sinks',
-    'clear_fault': 'clear a fault whose cause is gone',
-    'home': (
-        'turn slowly to the index pulses of the encoders, from the home configuration: THE ARM '
-        'MOVES'
+    'enable': (
+        'switch the motors on: they align first (THE ARM MOVES), then the bridge holds the arm'
     ),
-    'e_stop': 'damp the arm at once, latched until clear_fault',
+    'hold': 'hold a damped arm in place, or hold a tracking arm once its controller stops',
+    'disable': 'switch the motors off, so that the arm sinks',
+    'clear_fault': 'clear a fault after its cause is removed',
+    'home': (
+        'turn the joints slowly to the index pulses of the encoders, from the home '
+        'configuration: THE ARM MOVES'
+    ),
+    'e_stop': 'damp the arm at once, until clear_fault',
     'put_back': f'{_FAKE} with motors off: reset the arm to its initial configuration',
 }
 # Bridges that receive a request without a bridge's name.
 _WHO = {
-    'e_stop': 'every bridge of this namespace, of any name; all bridges if it has none',
+    'e_stop': 'all bridges of this namespace, or all bridges if it has none',
     'disable': 'every bridge of this namespace, of any name',
     'put_back': _FAKE,
 }
@@ -59,16 +61,18 @@ _PROGRAMS = {
         'excitation',
         'trajectory',
         'FILE',
-        'play a trajectory file, as soon as the arm is ready',
+        'play a trajectory file once the arm is ready',
     ),
     'record': ('recorder', 'bag', 'NAME', 'record a bag with the given name, until Ctrl-C'),
 }
-_HOME = 'if an encoder zero is unknown, home the arm first: it must be in its home configuration'
-_CALIBRATE = 'move through calibration configurations, rest in each and record: THE ARM MOVES'
-_INIT = 'write a first configuration of an arm from its URDF'
-_COMMISSION = (
-    'guide through the first power-on, joint by joint: THE ARM MOVES, after a confirmation'
+_HOME = (
+    'home the arm first if an encoder zero is unknown; the arm must be in its home configuration'
 )
+_CALIBRATE = (
+    'move the arm through calibration configurations and record at rest in each: THE ARM MOVES'
+)
+_INIT = 'write a first configuration of an arm from its URDF'
+_COMMISSION = 'guide through the first power-on, joint by joint: THE ARM MOVES after a confirmation'
 _TIMEOUT = 20.0  # [s]
 # Twice the longest time in which a new node discovers a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
@@ -240,8 +244,8 @@ def make_parser() -> argparse.ArgumentParser:
         choices=('base', 'world'),
         default='base',
         help=(
-            "frame of the position: base of the arm, or world of the drone's odometry, which needs "
-            'world_control (default: base)'
+            "frame of the position: 'base' of the arm, or 'world' of the drone's odometry, which "
+            'needs world_control (default: base)'
         ),
     )
     command.add_argument(
@@ -307,7 +311,7 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         'rest time in each configuration [s] (default: 1)'
     ))  # fmt: skip
     add('--span', type=positive_number, default=0.8, help=(
-        'share of the joint ranges to use (default: 0.8)'
+        'fraction of the joint ranges to use (default: 0.8)'
     ))  # fmt: skip
     add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
         'marker and pose topics to record (default: all except the outputs of this suite)'
@@ -343,7 +347,7 @@ def _add_init(command: argparse.ArgumentParser) -> None:
         nargs='+',
         default=[],
         metavar='JOINT',
-        help='joints that do not move, for example fingers',
+        help='joints to lock, for example fingers',
     )
     add(
         '--gravity',

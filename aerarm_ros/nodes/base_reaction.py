@@ -39,7 +39,9 @@ from aerarm_ros.ros.states.state_stream import base_header
 NAME = 'base_reaction'
 
 PARAMETERS = state_node_parameters(
-    Parameter('rate', 100.0, 'publishing rate of the whole wrench', 'Hz', 1.0, 1000.0),
+    Parameter(
+        'rate', 100.0, 'publishing rate of base_wrench and base_wrench_static', 'Hz', 1.0, 1000.0
+    ),
     Parameter(
         'cutoff',
         20.0,

@@ -63,8 +63,8 @@ class ContactEstimatorNode(StateNode):
         if not values.residuals_file:
             raise ValueError(
                 'residuals_file is not set: learn thresholds from a recording without contact '
-                '(contact_estimator --free BAG --model estimate.yaml --out DIR) and give '
-                'DIR/residuals.yaml'
+                '(contact_estimator --free BAG --model estimate.yaml --out DIR) and set '
+                'residuals_file to DIR/residuals.yaml'
             )
         self.base = self.arm.measured_base(values)
         known, dynamics = self._known_arm()

@@ -42,14 +42,14 @@ def _run(options: argparse.Namespace) -> int:
     out: Path = options.out
     try:
         if out.is_dir() and any(out.iterdir()):
-            raise FileExistsError('it is not empty')
+            raise FileExistsError('the folder is not empty')
         (out / 'logs').mkdir(parents=True)
         marker = out / INCOMPLETE
         marker.write_text('The demo is still running, or ended before it wrote all results.\n')
     except OSError as error:
         reason = error.strerror or error
         print(
-            f'demo: {out} cannot be used ({reason}): pass another folder with --out',
+            f'demo cannot use {out} ({reason}): pass another folder with --out',
             file=sys.stderr,
         )
         return USER_ERROR
@@ -59,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
         account = run.move_and_record()
         run.identify()
     except (DemoError, ArmClientError) as error:
-        print(f'demo: {error}\ndemo: {out} is incomplete', file=sys.stderr)
+        print(f'demo failed: {error}\ndemo: {out} is incomplete', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print(f'\ndemo: interrupted, all nodes were stopped; {out} is incomplete', file=sys.stderr)

@@ -69,13 +69,13 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         '--duration',
         type=float,
         default=20.0,
-        help=('number of whole periods, as a duration [s] (default: %(default)s)'),
+        help=('duration of the whole periods [s] (default: %(default)s)'),
     )
     add(
         '--amplitude',
         type=float,
         default=0.35,
-        help=('largest coefficient of the random starts [rad]'),
+        help=('largest Fourier coefficient of the random starts [rad]'),
     )
     add('--torque-noise', type=float, nargs='+',
         help=(
@@ -87,18 +87,21 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--starts', type=int, default=8, help='number of random starts (default: %(default)s)')
     add('--workers', type=int, default=os.cpu_count() or 1, help='processes')
     add('--time-limit', type=float, default=55.0, help='time limit [s] (default: %(default)s)')
-    add('--excitation-config', type=Path, help='obstacles and usable shares of the limits')
+    add('--excitation-config', type=Path, help='obstacles and usable fractions of the limits')
     add('--config', type=Path, help='drive train configuration (default: the packaged arm)')
     add(
         '--urdf',
         type=Path,
-        help=('URDF of another arm; without --config its own limits apply, and these options:'),
+        help=(
+            'URDF of another arm; without --config its own limits apply, together with these '
+            'options:'
+        ),
     )
     add(
         '--locked',
         nargs='*',
         default=[],
-        help=('joints of --urdf that do not move, for example fingers'),
+        help=('joints of --urdf to lock, for example fingers'),
     )
     add(
         '--package-directory',

@@ -185,7 +185,10 @@ class FlightControlNode:
             self._doing = ''
         elif self._target is not None and (attitude := self._estimator.attitude_alone()):
             self._thrust = self._law.level(attitude, dt)
-            self._doing = 'odometry is missing: the drone levels by the IMU and sinks'
+            self._doing = (
+                'odometry is missing, so the drone levels by the IMU and sinks: check the '
+                'odometry topic'
+            )
         else:
             self._note_silence()
             return
@@ -198,7 +201,9 @@ class FlightControlNode:
 
     def _note_silence(self) -> None:
         if self._target is not None:
-            self._doing = 'neither odometry nor IMU: the rotors stop. Check both topics'
+            self._doing = (
+                'neither odometry nor IMU data arrive, so the rotors stop: check both topics'
+            )
 
     # Callbacks.
 
@@ -214,14 +219,14 @@ class FlightControlNode:
     def _go_along(self, message: MultiDOFJointTrajectory) -> None:
         if self._target is None:
             raise RejectedInputError(
-                'flight_trajectory rejected: the drone has no position yet. Check odometry'
+                'flight_trajectory rejected, because the drone has no position yet: check odometry'
             )
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         begin = stamp or self._time
         if not -_LATEST < begin - self._time < _EARLIEST:
             raise RejectedInputError(
-                f'flight_trajectory rejected: its stamp is {begin - self._time:+.1f} s from now. '
-                'Use a zero stamp for now, and check the clocks'
+                f'flight_trajectory rejected, because its stamp is {begin - self._time:+.1f} s '
+                'from now: set the stamp to zero ("now"), and check the clocks'
             )
         self._path = begin, to_path(message, self._stream.frame, self._target)
 

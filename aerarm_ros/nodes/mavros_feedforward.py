@@ -25,8 +25,9 @@ PARAMETERS = set_point_parameters(
     'setpoint_raw/local',
     '/mavros/setpoint_raw/local',
     '/mavros/imu/data',
-    Parameter('firmware', PX4, 'whose rules the set points follow; ardupilot has no tilt ahead, '
-              'as its loops are not known', choices=(PX4, ARDUPILOT)),
+    Parameter('firmware', PX4, 'firmware of the autopilot, which decides the rules for set '
+                               'points; with ardupilot the node does not tilt ahead, because its '
+                               'loops are unknown', choices=(PX4, ARDUPILOT)),
 )  # fmt: skip
 
 # Frames of mavros_msgs/PositionTarget, and bits of type_mask in the order x, y, z.
@@ -86,11 +87,13 @@ def add_acceleration(
     frames = _FRAMES[firmware]
     if set_point.coordinate_frame not in frames:
         raise RejectedInputError(
-            f'set point rejected: coordinate_frame is {set_point.coordinate_frame}; for an '
-            f'acceleration {firmware} accepts {" or ".join(frames.values())}'
+            f'set point rejected: coordinate_frame is {set_point.coordinate_frame}, but '
+            f'accelerations for {firmware} need {" or ".join(frames.values())}'
         )
     if set_point.type_mask & _IS_FORCE:
-        raise RejectedInputError('set point rejected: it sets a force, not an acceleration')
+        raise RejectedInputError(
+            'set point rejected: it sets a force, send an acceleration instead'
+        )
     added = copy.deepcopy(set_point)
     position, velocity, wanted = (
         (set_point.type_mask & bits) == 0 for bits in (_POSITION, _VELOCITY, _ACCELERATION)

@@ -63,17 +63,18 @@ _SETTINGS = (
         'cost of one second of a free duration, for example the hover power of the drone',
         'W', 0.0, 1e5, live=True),
     Parameter('smoothness', 0.03, (
-        'weight of the squared acceleration, scaled by inertia for light joints: joints whose '
-        'motion costs nothing move evenly'
+        'weight of the squared acceleration, scaled by inertia for light joints; it makes joints '
+        'move evenly if their motion costs no energy'
     ),
               'J s^3/rad^2', 0.0, 100.0, live=True),
     Parameter('disturbance_price', 0.0,
         'weight of the reaction moment on the base, relative to energy; 3 balances the two',
         'J/(Nm)^2/s', 0.0, 1e6, live=True),
     Parameter('velocity_share', 0.9,
-        'usable share of the velocity and acceleration limits', '', 0.01,
+        'usable fraction of the velocity and acceleration limits', '', 0.01,
               1.0, live=True),
-    Parameter('effort_share', 0.8, 'usable share of the torque and current limits', '', 0.01, 1.0,
+    Parameter('effort_share', 0.8,
+        'usable fraction of the torque and current limits', '', 0.01, 1.0,
               live=True),
 )  # fmt: skip
 
@@ -81,7 +82,7 @@ PLANNER_PARAMETERS = (
     *_SETTINGS,
     Parameter('frame', 'tool0', 'link that a tool goal refers to'),
     Parameter('hold_time', 5.0,
-        'hold time at a tool goal; a longer time gives the holding torque more weight',
+        'hold time at a tool goal; a longer time increases the weight of the holding torque',
         's', 0.0, 3600.0, live=True),
     Parameter('lead', 0.0,
         'delay from the newest state to the start of a motion; 0 to start on arrival',
@@ -173,7 +174,7 @@ class MotionPlannerNode:
     def _on_joint_goal(self, message: JointState) -> None:
         self._limits.order(list(message.name))
         if len(message.position) != self._limits.n:
-            raise PlanError(f'joint goal rejected: it needs {self._limits.n} positions')
+            raise PlanError(f'joint goal rejected: it must have {self._limits.n} positions')
         goal = np.array(message.position)[self._limits.order(list(message.name))]
         self._send(self._planner.plan(self._start(), goal))
 
@@ -204,7 +205,8 @@ class MotionPlannerNode:
         speed = float(np.nanmax(np.abs(dq), initial=0.0))
         if speed > _AT_REST:
             raise PlanError(
-                f'the arm moves at {speed:.2f} rad/s: wait until it rests, motions start from rest'
+                f'the arm moves at {speed:.2f} rad/s, but motions start from rest: wait '
+                'until it rests'
             )
         return np.array(q)
 

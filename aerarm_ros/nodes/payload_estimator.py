@@ -64,8 +64,8 @@ class PayloadEstimatorNode(StateNode):
         values = self.values
         if self.arm.drone is not None and values.base_motion == NONE:
             raise ValueError(
-                'drone_file is given but base_motion is none: the estimator needs the motion of '
-                "the flying base, set base_motion to 'free'"
+                "drone_file is set but base_motion is none: set base_motion to 'free', because "
+                'the estimator needs the motion of the flying base'
             )
         self.base = self.arm.measured_base(values)
         self._estimator = PayloadEstimator(
@@ -132,7 +132,7 @@ class PayloadEstimatorNode(StateNode):
             told['centre [m]'] = payload.centre.round(4).tolist()
             told['standard deviations of the centre [m]'] = payload.centre_std.round(4).tolist()
             told['inertial parameters'] = payload.inertial.round(6).tolist()
-            told['their standard deviations'] = payload.std.round(6).tolist()
+            told['standard deviations of the inertial parameters'] = payload.std.round(6).tolist()
             told['not excited'] = ' '.join(estimate.unexcited) or 'none'
         told |= {f'friction: {name}': row.round(4).tolist() for name, row in friction}
         spread = zip(FRICTION_NAMES, estimate.friction_std, strict=True)

@@ -26,11 +26,11 @@ from aerarm_ros.ros.recording import SUITE_TOPICS, BagFeed, LossWatch, find_topi
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
-    Parameter('bag', '', 'directory of the bag, must not exist; recording_DATE_TIME if empty'),
+    Parameter('bag', '', 'directory of the new bag; recording_DATE_TIME if empty'),
     Parameter(
         'topics',
         SUITE_TOPICS,
-        "topics to record: names of the suite's topics, or NAME=TYPE for others",
+        'topics to record: topic names of this suite, or NAME=TYPE for other topics',
     ),
     Parameter('compression', 'zstd', 'compression of the bag', choices=tuple(COMPRESSIONS)),
     Parameter(

@@ -32,13 +32,14 @@ PARAMETERS = ParameterTable(
     Parameter(
         'rate',
         10.0,
-        'sampling rate of the tool position; the path is published after the tool moved',
+        'sampling rate of the tool position; the node publishes the path after each '
+        'motion of the tool',
         'Hz',
         0.1,
         50.0,
     ),
     Parameter('length', 500, 'points kept', '', 2, 10000),
-    Parameter('distance', 0.002, 'distance after which the path gets a new point', 'm', 1e-4, 1.0),
+    Parameter('distance', 0.002, 'distance between points of the path', 'm', 1e-4, 1.0),
     *ARM_FILES,
 )
 

@@ -43,7 +43,7 @@ TEXT_EVERY = 3
 
 PARAMETERS = ParameterTable(
     Parameter('host', '127.0.0.1', (
-        'address of the page server; an address other than the local host opens the page to the '
+        'address of the page server; any address other than the local host opens the page to the '
         'network and requires the token in the printed URL'
     )),
     Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
@@ -124,7 +124,7 @@ class View:
         print(f'{NAME}: open {address} in a browser', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: everyone with its address can move the arm'
+                'the page is open to the network: every holder of its URL can move the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)

@@ -197,9 +197,9 @@ class ContactDetector:
         if event is not None and event.cause is Cause.MODEL:
             return (
                 f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
-                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained that is '
-                'neither a contact nor a payload: check that the model is of this arm, or declare '
-                'the payload'
+                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained, neither '
+                'by a contact nor by a payload: check that the model belongs to this arm, or '
+                'declare the payload'
             )
         return self._watches[0].problem or self._watches[1].problem
 

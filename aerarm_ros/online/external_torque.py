@@ -100,8 +100,8 @@ class EncoderWatch:
         if len(frozen):
             names = ', '.join(self._names[index] for index in frozen)
             self.problem = (
-                f'position of {names} stays {state.q[frozen[0]]:.4g} rad at '
-                f'{state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
+                f'position of {names} stays at {state.q[frozen[0]]:.4g} rad while its velocity '
+                f'is {state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
             )
 
 
@@ -201,8 +201,8 @@ class ExternalTorque:
         """
         if recording.dq is None:
             raise IdentificationError(
-                f'{recording.name}: no velocities, which the observer needs: record them with the '
-                'positions'
+                f'{recording.name} has no velocities, which the observer needs: record them with '
+                'the positions'
             )
         self.reset()
         last = float(recording.time[0])
@@ -276,7 +276,7 @@ class ResidualBound:
         kept = list(rows)
         if len(kept) < _FEWEST:
             raise IdentificationError(
-                f'{len(kept)} states of free motion are too few to learn thresholds from: give at '
+                f'{len(kept)} states of free motion are too few to learn thresholds: record at '
                 f'least {_FEWEST}, and 20 s of motion that covers the workspace'
             )
         residual = np.array([row.residual for row in kept])
@@ -313,13 +313,13 @@ class ResidualBound:
         cls, values: Mapping[str, Any], joint_names: tuple[str, ...], name: str
     ) -> 'ResidualBound':
         """Create a bound from the values of `to_dict`; raises ValueError."""
-        advice = 'learn it again with contact_estimator --free'
+        advice = 'learn the bound again with contact_estimator --free'
         if values.get('features') != list(FEATURES):
-            raise ValueError(f'{name}: is no bound of residuals: {advice}')
+            raise ValueError(f'{name} is not a bound of residuals: {advice}')
         if values.get('joint_names') != list(joint_names):
             raise ValueError(
-                f'{name}: is of joints {values.get("joint_names")}, not {", ".join(joint_names)}: '
-                f'each arm has its own; {advice}'
+                f'{name} belongs to joints {values.get("joint_names")}, not to '
+                f'{", ".join(joint_names)}: {advice} for this arm'
             )
         n = len(joint_names)
         try:
@@ -330,10 +330,10 @@ class ResidualBound:
                 for key in ('observer_gain', 'margin', 'friction_spread', 'rest_share')
             )
         except (KeyError, TypeError, ValueError):
-            raise ValueError(f'{name}: a value is missing or is no number: {advice}') from None
+            raise ValueError(f'a value of {name} is missing or is not a number: {advice}') from None
         numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread, rest]])
         if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and gain * margin > 0.0):
-            raise ValueError(f'{name}: values must be finite and not negative: {advice}')
+            raise ValueError(f'values of {name} must be finite and not negative: {advice}')
         return cls(shares, noise, gain, margin, spread, rest)
 
 
@@ -376,6 +376,7 @@ def _tightest(size: Array, features: Array) -> Array:
     )
     if solution.x is None:
         raise IdentificationError(
-            'no thresholds follow from the free motion: its effort or velocity is not usable'
+            'no thresholds can be learnt from the free motion, because its effort or '
+            'velocity is unusable: record it again'
         )
     return np.asarray(solution.x / scale)

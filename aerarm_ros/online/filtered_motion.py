@@ -78,7 +78,7 @@ class FilteredMotion:
         self.n = n
         self.viscous = non_negative('viscous friction', viscous, n)
         self.coulomb = non_negative('Coulomb friction', coulomb, n)
-        self.load_share = non_negative('load share', load_share, n)
+        self.load_share = non_negative('load-dependent friction', load_share, n)
         self._dynamics = dynamics
         self._regressor = MomentumRegressor(dynamics.robot)
         self._bandwidth = bandwidth

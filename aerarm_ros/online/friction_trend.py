@@ -156,15 +156,17 @@ def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> Friction
     if joint_names is not None and not path.exists():
         return FrictionTrend(joint_names)
     if path.stat().st_size > _LARGEST:
-        raise TrendFileError(f'{path}: is too large for a trend of friction: give another file')
+        raise TrendFileError(f'{path} is too large for a friction history: name another file')
     lines = path.read_text(errors='replace').splitlines()
     names = _names(lines[0] if lines else '')
     if not names or lines[0] != _header(names):
-        raise TrendFileError(f'{path}: is no trend of friction: give a new file, or that of before')
+        raise TrendFileError(
+            f'{path} is not a friction history: name a new file, or the earlier one'
+        )
     if joint_names is not None and names != tuple(joint_names):
         raise TrendFileError(
-            f'{path}: is of joints {", ".join(names)}, not {", ".join(joint_names)}: each arm has '
-            'a file of its own'
+            f'{path} belongs to joints {", ".join(names)}, not to {", ".join(joint_names)}: name '
+            'a separate file for each arm'
         )
     records = []
     for number, line in enumerate(lines[1:], 2):
@@ -172,7 +174,7 @@ def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> Friction
             records.append(_record(line, len(names)))
         except ValueError:
             raise TrendFileError(
-                f'{path}: line {number} is no record of friction: take the line out'
+                f'line {number} of {path} is not a friction record: remove the line'
             ) from None
     return FrictionTrend(names, records)
 
@@ -205,5 +207,5 @@ def _record(line: str, n: int) -> FrictionRecord:
         when = when.replace(tzinfo=UTC)
     values = np.array(columns, dtype=float).reshape(2, 3, n)
     if not np.isfinite(values).all() or not (values[1] > 0.0).all():
-        raise ValueError('no numbers that can be used')
+        raise ValueError('the numbers are unusable')
     return FrictionRecord(when.timestamp(), values[0], values[1])

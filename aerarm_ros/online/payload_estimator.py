@@ -185,8 +185,8 @@ class EffortWatch:
         if len(frozen):
             names = ', '.join(self._names[index] for index in frozen)
             self.problem = (
-                f'effort of {names} stays {state.tau[frozen[0]]:.3g} Nm while it moves: check that '
-                'joint_states has measured torques'
+                f'effort of {names} stays at {state.tau[frozen[0]]:.3g} Nm while the joint '
+                'moves: check that joint_states has measured torques'
             )
 
 
@@ -442,7 +442,7 @@ class PayloadEstimator:
             self._begin(True, now)
         else:
             self._fault = (
-                'the arm has a payload since the start, or its model is wrong: start without a '
+                'the arm carried a payload at the start, or its model is wrong: start without a '
                 'payload and move, set payload.inertial_parameters, or identify the arm'
             )
 

@@ -45,7 +45,7 @@ class PayloadHandOver:
 
     def __init__(self, share: float, mass_rate: float, centre_rate: float) -> None:
         if not 0.0 <= share <= 1.0:
-            raise ValueError(f'share = {share} of the payload must lie in 0 .. 1')
+            raise ValueError(f'payload fraction = {share} must lie in 0 .. 1')
         self.share = share
         self._mass_rate = positive('mass_rate', mass_rate)
         self._centre_rate = positive('centre_rate', centre_rate)

@@ -128,8 +128,9 @@ class Replay:
         """
         if recording.dq is None:
             raise IdentificationError(
-                f'{recording.name}: no velocities: they are taken as they come while an arm works; '
-                'record them, or weigh with identifier --payload, which differentiates positions'
+                f'{recording.name} has no velocities, which the payload estimator needs: record '
+                'them, or estimate the payload with identifier --payload, which differentiates '
+                'positions'
             )
         tau = recording.tau - self._arm.other_torque(recording.dq)
         offset = self._now + _BETWEEN - float(recording.time[0])
@@ -156,8 +157,9 @@ class Replay:
         if not heard:
             gap = float(np.median(np.diff(recording.time)))
             raise IdentificationError(
-                f'{recording.name}: {recording.duration:.2g} s at {1.0 / gap:.3g} Hz are too '
-                'little to learn from: give a longer motion, recorded at 25 Hz or more'
+                f'{recording.name} is too short or too slow to learn from '
+                f'({recording.duration:.2g} s at {1.0 / gap:.3g} Hz): record a longer motion at '
+                '25 Hz or more'
             )
 
 

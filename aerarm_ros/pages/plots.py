@@ -48,7 +48,9 @@ def plotting_script() -> Html:
     # Located without import, because only its JavaScript is needed and the import is slow.
     found = importlib.util.find_spec('plotly')
     if found is None or not found.submodule_search_locations:
-        raise ValueError('plotly is not installed: install the package again')
+        raise ValueError(
+            'plotly is not installed: install this package again, with its dependencies'
+        )
     path = Path(found.submodule_search_locations[0]) / 'package_data' / 'plotly.min.js'
     packed = base64.b64encode(_compressed(path)).decode()
     script = Path(__file__).with_name('plots.js').read_text(encoding='utf-8')

@@ -176,7 +176,10 @@ class MotionPlanner:
         if settings.objective == QUINTIC:
             return self._quintic(q0, q1)
         if settings.objective == DISTURBANCE and not settings.duration:
-            raise PlanError('least disturbance needs a duration: the longer a motion, the less')
+            raise PlanError(
+                'least disturbance needs a duration, because longer motions always disturb '
+                'less: set duration'
+            )
         if settings.duration and settings.objective in (ENERGY, DISTURBANCE):
             return self._of_duration(q0, q1, settings.duration)
         price = _QUICK if settings.objective == TIME else settings.time_price + self._standby
@@ -190,7 +193,7 @@ class MotionPlanner:
         posture = np.array(q, dtype=float)
         n = self._model.n
         if posture.shape != (n,) or not np.isfinite(posture).all():
-            raise PlanError(f'{what}: {n} finite joint angles are needed, not {posture.tolist()}')
+            raise PlanError(f'{what} needs {n} finite joint angles, but has {posture.tolist()}')
         self._require(self._checker.check(standstill(posture)), f'the {what}')
         return posture
 
@@ -203,7 +206,7 @@ class MotionPlanner:
                 break
             path = PolynomialPath.rest_to_rest(q0, q1, _STRETCH * path.duration)
             report = self._checker.check(path)
-        self._require(report, f'a quintic of {path.duration:.3g} s')
+        self._require(report, f'a quintic motion of {path.duration:.3g} s')
         return self._made(path, report)
 
     def _quintic_duration(self, q0: Array, q1: Array) -> float:
@@ -254,7 +257,7 @@ class MotionPlanner:
                 return self._made(path, report)
             # Skip distances if possible, because they take most of the time.
             looks_around = looks_around or 'clearance' in report.binding.limit
-        self._require(report, 'every motion that was tried')
+        self._require(report, 'every motion that the planner tried')
         raise AssertionError
 
     def _stretched(
@@ -346,9 +349,9 @@ class MotionPlanner:
         except PlanError:
             return ''
         needed = quickest.path.duration
-        return f': the quickest takes {needed:.2f} s' if needed > duration else ''
+        return f'; the fastest motion takes {needed:.2f} s' if needed > duration else ''
 
     @staticmethod
     def _require(report: FeasibilityReport, what: str, advice: str = '') -> None:
         if not report.feasible:
-            raise PlanError(f'{what} is out of reach: {report.binding}{advice}')
+            raise PlanError(f'{what} is infeasible: {report.binding}{advice}')

@@ -72,7 +72,7 @@ class ToolPostures:
         """
         place = np.array(point, dtype=float)
         if place.shape != (3,) or not np.isfinite(place).all():
-            raise PlanError(f'tool goal: three finite numbers are needed, not {place.tolist()}')
+            raise PlanError(f'tool goal needs three finite numbers [m], but has {place.tolist()}')
         low, high = self._range(start)
         random = np.random.default_rng(0)  # equal goals give equal results
         seeds = [start, *random.uniform(low, high, (_SEEDS, len(start)))]
@@ -83,8 +83,8 @@ class ToolPostures:
                 found.append(q)
         if not found:
             raise PlanError(
-                f'tool goal ({place[0]:.3f}, {place[1]:.3f}, {place[2]:.3f}) m is out of reach: no '
-                'posture within the position limits puts the tool there'
+                f'tool goal ({place[0]:.3f}, {place[1]:.3f}, {place[2]:.3f}) m is out of reach: '
+                'choose a position that the tool reaches within the position limits'
             )
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 

@@ -168,7 +168,7 @@ class PeriodicLoop:
 
     def __init__(self, period: float) -> None:
         if not 10e-6 <= period <= 1000.0:
-            raise ValueError(f'period must lie between 10 us and 1000 s, not {period} s')
+            raise ValueError(f'period {period} s must lie between 10 us and 1000 s')
         self.period_ns = round(period * 1e9)
         span = max(20 * period, 1e-3)
         resolution = max(1e-6, span / 20_000)
@@ -236,8 +236,8 @@ class PeriodicLoop:
         share = 100.0 * self.missed / total if total else 0.0
         lateness = self.lateness.summary()
         return (
-            f'{self.cycles} cycles, {self.missed} missed ({share:.3f} %), woken '
-            f'{lateness.p50 * 1e6:.0f} us late (median), {lateness.p999 * 1e6:.0f} us (99.9 %)'
+            f'{self.cycles} cycles, {self.missed} missed ({share:.3f} %), wake-up latency '
+            f'{lateness.p50 * 1e6:.0f} us (median), {lateness.p999 * 1e6:.0f} us (p99.9)'
         )
 
 
@@ -292,7 +292,10 @@ class TimingStatistics:
 
     def __init__(self, resolution: float = 1e-6, span: float = 20e-3) -> None:
         if not 1e-9 <= resolution < span < math.inf:
-            raise ValueError(f'1 ns <= resolution < span is needed, not {resolution}, {span} [s]')
+            raise ValueError(
+                f'resolution {resolution} and span {span} [s] must satisfy 1 ns <= '
+                'resolution < span'
+            )
         self._width = round(resolution * _NANOSECONDS)
         self._last = math.ceil(span / resolution)
         self._bins = array('Q', repeat(0, self._last + 1))
@@ -399,7 +402,7 @@ def assess_timing(
         (
             execution.std,
             limits.execution_std,
-            f'cycle times spread by {execution.std * 1e6:.0f} us',
+            f'execution times of cycles have a standard deviation of {execution.std * 1e6:.0f} us',
         ),
     )
     levels = [
@@ -408,5 +411,5 @@ def assess_timing(
     ]
     worst = max(level for level, _ in levels)
     if worst == OK:
-        return OK, f'{rate:.1f} Hz, {execution.mean * 1e6:.0f} us a cycle'
+        return OK, f'{rate:.1f} Hz, {execution.mean * 1e6:.0f} us per cycle'
     return worst, '; '.join(text for level, text in levels if level == worst)

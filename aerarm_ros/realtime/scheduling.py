@@ -52,7 +52,7 @@ def set_fifo(priority: int) -> str | None:
         If the priority is out of range.
     """
     if not 2 <= priority <= 99:
-        raise ValueError(f'a SCHED_FIFO priority lies between 2 and 99, not {priority}')
+        raise ValueError(f'SCHED_FIFO priority {priority} must lie in 2 .. 99')
     caller = threading.get_native_id()
     try:
         os.sched_setscheduler(caller, os.SCHED_FIFO, os.sched_param(priority))
@@ -62,10 +62,10 @@ def set_fifo(priority: int) -> str | None:
                     os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority - 1))
     except OSError as error:
         return (
-            f'SCHED_FIFO priority {priority} was refused ({error.strerror}): the loop competes '
-            f'with every other process. Put the line "@realtime - rtprio 98" into {_LIMITS_FILE}, '
-            'add the user to the group realtime and log in again; in a container add '
-            '--cap-add=SYS_NICE.'
+            f'SCHED_FIFO priority {priority} was refused ({error.strerror}), so the loop '
+            'competes with every other process. Put the line "@realtime - rtprio 98" into '
+            f'{_LIMITS_FILE}, add the user to the group realtime and log in again; in a '
+            'container add --cap-add=SYS_NICE.'
         )
     return None
 
@@ -95,8 +95,8 @@ def set_affinity(cpus: Collection[int]) -> str | None:
         return None
     _try_affinity(before)
     return (
-        f'CPUs {sorted(cpus)} were refused, this process stays on {sorted(before)}: check the CPU '
-        'numbers, the isolcpus boot option and the cpuset of the container.'
+        f'CPUs {sorted(cpus)} were refused, so this process stays on {sorted(before)}: check the '
+        'CPU numbers, the isolcpus boot option and the cpuset of the container.'
     )
 
 
@@ -110,11 +110,10 @@ def keep_cpus_awake() -> str | None:
         _latency_request()
     except OSError as error:
         return (
-            f'CPUs may sleep between cycles ({_LATENCY_FILE}: {error.strerror}), which delays '
-            'every wake-up. Add the user to the group realtime and put the line '
+            f'CPUs may sleep between cycles and delay every wake-up ({_LATENCY_FILE}: '
+            f'{error.strerror}). Add the user to the group realtime and put the line '
             '\'KERNEL=="cpu_dma_latency", GROUP="realtime", MODE="0660"\' into '
-            '/etc/udev/rules.d/99-realtime.rules; in a container add '
-            f'--device={_LATENCY_FILE}.'
+            f'/etc/udev/rules.d/99-realtime.rules; in a container add --device={_LATENCY_FILE}.'
         )
     return None
 

@@ -84,7 +84,9 @@ class WaitedWaitable:
         except StopIteration:
             return
         coroutine.close()
-        raise RuntimeError(f'a callback of {self.handle} waits: this executor does not go on')
+        raise RuntimeError(
+            f'a callback of {self.handle} awaits, which this executor does not support'
+        )
 
 
 def waited_entities(node: Node) -> Iterator[WaitedEntity | WaitedWaitable]:

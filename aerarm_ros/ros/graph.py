@@ -29,10 +29,10 @@ def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
     service only to executors that run the subscription.
     """
     if publisher.topic_type != topic.type_name:
-        return f'it is {publisher.topic_type}, expected is {topic.type_name}'
+        return f'its type is {publisher.topic_type} instead of {topic.type_name}'
     compatibility, reason = qos_check_compatible(publisher.qos_profile, topic.qos)
     if compatibility == QoSCompatibility.ERROR:
-        return f'its quality of service does not fit: {reason}'
+        return f'its quality of service is incompatible: {reason}'
     return ''
 
 
@@ -131,19 +131,25 @@ def _problems(name: str, topic: Topic, publisher: TopicEndpointInfo) -> Iterator
     qos, wanted = publisher.qos_profile, topic.qos
     if publisher.topic_type != topic.type_name:
         yield (
-            f'{name} of {node} is not recorded: it is {publisher.topic_type}, expected is '
+            f'{name} of {node} is not recorded: its type is {publisher.topic_type} instead of '
             f'{topic.type_name}'
         )
     elif (
         wanted.reliability == ReliabilityPolicy.RELIABLE
         and qos.reliability == ReliabilityPolicy.BEST_EFFORT
     ):
-        yield f'{name} of {node} is not recorded: it is best effort, make it reliable'
+        yield (
+            f'{name} of {node} is not recorded, because it is best effort: make the '
+            'publisher reliable'
+        )
     elif (
         wanted.durability == DurabilityPolicy.TRANSIENT_LOCAL
         and qos.durability == DurabilityPolicy.VOLATILE
     ):
-        yield f'{name} of {node} is not recorded: it is volatile, make it transient local'
+        yield (
+            f'{name} of {node} is not recorded, because it is volatile: make the publisher '
+            'transient local'
+        )
 
 
 _CYCLES = 100  # [cycles] between two checks
@@ -222,14 +228,14 @@ class PublisherWatch:
             name = endpoint_name(endpoint) or UNNAMED
             problem = endpoint_problem(endpoint, self._topic)
             if problem:
-                problems.append(f'{self._name} of {name} is not heard: {problem}')
+                problems.append(f'{self._name} of {name} is not received: {problem}')
             else:
                 names[bytes(endpoint.endpoint_gid)] = name
         self.problems = tuple(problems)
         self._report(names)
 
 
-OF_AN_ARM = ': stop all but one, or give each arm a namespace or ROS_DOMAIN_ID of its own'
+OF_AN_ARM = ': stop all but one, or give each arm its own namespace or ROS_DOMAIN_ID'
 """What to do about a topic that an arm has."""
 
 

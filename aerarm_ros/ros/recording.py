@@ -58,9 +58,9 @@ class LossWatch:
             return ''
         counts = ', '.join(f'{count} of {name}' for name, count in losing.items())
         return (
-            f'losing messages: {counts} just now. This machine is too busy or its disk too slow: '
-            'end other programs, record fewer topics (parameter topics), or let more messages '
-            f'wait (parameter depth, {self._depth} now)'
+            f'the recorder has just lost messages ({counts}), because this machine is too busy '
+            'or its disk too slow: end other programs, record fewer topics (parameter topics), '
+            f'or raise the queue length (parameter depth, now {self._depth})'
         )
 
 
@@ -83,7 +83,7 @@ def find_topics(entries: Sequence[str]) -> list[Topic]:
     """
     topics = [_find_topic(entry.strip()) for entry in entries]
     if not topics or len({topic.name for topic in topics}) != len(topics):
-        raise ParameterError(f'parameter topics = {list(entries)}: give each topic once')
+        raise ParameterError(f'topics = {list(entries)} repeats a topic: name each topic once')
     return topics
 
 
@@ -113,8 +113,9 @@ def _find_topic(entry: str) -> Topic:
         return Topic(name, _message_class(kind), qos)
     if name not in TOPICS:
         raise ParameterError(
-            f'parameter topics: {name!r} is none of {", ".join(SUITE_TOPICS)}; for another topic '
-            'give NAME=TYPE, as scan=sensor_msgs/msg/LaserScan'
+            f'topic {name!r} in parameter topics is unknown: choose from '
+            f'{", ".join(SUITE_TOPICS)}, or write NAME=TYPE, for example '
+            'scan=sensor_msgs/msg/LaserScan'
         )
     return TOPICS[name]
 
@@ -125,8 +126,8 @@ def _message_class(kind: str) -> Any:
         return getattr(import_module(f'{package}.msg'), name)
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise ParameterError(
-            f'parameter topics: message type {kind!r} is not installed: check its spelling, '
-            'as sensor_msgs/msg/Imu, and its package'
+            f'message type {kind!r} in parameter topics is not installed: check its spelling, '
+            'for example sensor_msgs/msg/Imu, and its package'
         ) from error
 
 

@@ -98,8 +98,8 @@ class PlantParameters:
         """
         if config.joint_names != robot.joint_names:
             raise ValueError(
-                f'the configuration has joints {config.joint_names}, the URDF {robot.joint_names}: '
-                'give both for the same arm'
+                f'the configuration has joints {config.joint_names}, but the URDF has '
+                f'{robot.joint_names}: pass files of the same arm'
             )
         torque_constant = config.column('motor.torque_constant')
         kinds = [joint.gear.kind for joint in config.joints]
@@ -460,8 +460,8 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
     names = [model.joint(index).name for index in range(model.njnt)]
     if tuple(names) != robot.joint_names:
         raise PlantError(
-            f'the physics engine moves joints {names}, the arm {list(robot.joint_names)}: '
-            'locked joints cannot be simulated'
+            f'the physics engine moves joints {names}, but the arm has '
+            f'{list(robot.joint_names)}: locked joints cannot be simulated'
         )
     model.opt.timestep = SUBSTEP
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER

@@ -185,7 +185,7 @@ class BasePoseEstimator:
         if not -self._timeout <= age <= self._timeout:
             return f'no usable odometry for {age:.2f} s'
         if now - self._good_since < _READY:
-            return 'the odometry has just begun'
+            return 'the odometry has just started'
         return ''
 
     def accept_next(self) -> None:
@@ -298,18 +298,18 @@ class BasePoseEstimator:
     def _take(self, sample: OdometrySample, now: float) -> None:
         if -1.0 < sample.stamp - self._stamp <= 0.0:
             raise RejectedInputError(
-                'a sample is not newer than the one before: one publisher only'
+                'a sample is not newer than the previous one: run only one publisher'
             )
         age = self._drone_time(now) - sample.stamp
         if not -0.01 < age < self._timeout:
             self._problem = (
-                f'it is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check '
-                'its delay, and the clock of what stamps it'
+                f'a sample is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check its '
+                'delay, and the clock of its publisher'
             )
             if abs(age) > 5.0 * self._timeout:
                 self._problem = (
-                    f'its clock is {-age:+.2f} s off: synchronise the clocks of what '
-                    'stamps odometry, IMU and joint states'
+                    f'its clock is {-age:+.2f} s off: synchronise the clocks of the publishers '
+                    'of odometry, IMU and joint_states'
                 )
             raise RejectedInputError(self._problem)
         interval = self._interval = sample.stamp - self._stamp
@@ -322,7 +322,7 @@ class BasePoseEstimator:
         )
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen.is_frozen(reading, sample.stamp, moving > 0.0):
-            self._problem = 'it repeats itself while the drone moves: frozen'
+            self._problem = 'its pose stays the same while the drone moves (frozen)'
             raise RejectedInputError(self._problem)
         measured = self._measured(sample)
         if self._state is None or not -_FORGOTTEN < interval < _FORGOTTEN:
@@ -437,9 +437,11 @@ class BasePoseEstimator:
         distance, angle = float(np.linalg.norm(off)), float(np.linalg.norm(turn))
         if distance <= allowed and angle <= _TURN:
             return False
-        self._problem = f'it jumped by {distance:.2f} m and {angle:.2f} rad'
+        self._problem = f'its pose jumped by {distance:.2f} m and {angle:.2f} rad'
         if distance > self._jump_max or angle > self._jump_max:
-            self._problem += f' (jump_max: {self._jump_max:g}): check it, or send a new target'
+            self._problem += (
+                f' (jump_max: {self._jump_max:g}): check the odometry, or send a new target'
+            )
             raise RejectedInputError(self._problem)
         before = self._doubted
         if before is None or float(np.linalg.norm(off - before[1])) > allowed:

@@ -135,8 +135,9 @@ class RotorGovernor:
         if np.any(np.abs(still) > limit):
             worst = int(np.argmax(np.abs(still).max(axis=1)))
             raise RejectedInputError(
-                f'trajectory: {times[worst]:.1f} s after its begin the drone could not hover under '
-                f'the arm with {100.0 * self._share:.0f} % of its rotors: choose another posture'
+                f'trajectory rejected, because {times[worst]:.1f} s after its start the drone '
+                f"could not hover under the arm with {100.0 * self._share:.0f} % of its rotors' "
+                'range: choose another posture'
             )
         pace = _smoothed(_static_pace(across, still, limit), times)
         if pace.min() >= 1.0 - _ROUNDING:
@@ -150,8 +151,8 @@ class RotorGovernor:
                 return self._paced(points, times, tried, change)
             pace = _SLOWER * pace
         raise RejectedInputError(
-            'trajectory: the rotors cannot bear it at any pace: choose a motion that moves less of '
-            'the arm at once'
+            'trajectory rejected, because it demands too much of the rotors at any speed: choose '
+            'a motion that moves fewer links at once'
         )
 
     def _paced(

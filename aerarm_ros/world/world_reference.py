@@ -57,19 +57,23 @@ class WorldPath:
     ) -> None:
         t, p = np.array(times, dtype=float), np.array(places, dtype=float)
         if t.ndim != 1 or len(t) < 2 or p.shape != (len(t), 3):
-            raise RejectedInputError('tool path: two points or more, each with a time and a place')
+            raise RejectedInputError(
+                'tool path: two points or more are needed, each with a time and a position'
+            )
         slopes = _slopes(t, p) if velocities is None else np.array(velocities, dtype=float)
         if slopes.shape != p.shape:
-            raise RejectedInputError('tool path: every point needs a velocity, or none')
+            raise RejectedInputError('tool path: every point needs a velocity, or no point has one')
         curves = _slopes(t, slopes)
         if accelerations is not None:
             curves = np.array(accelerations, dtype=float)
         if curves.shape != p.shape:
-            raise RejectedInputError('tool path: every point needs an acceleration, or none')
+            raise RejectedInputError(
+                'tool path: every point needs an acceleration, or no point has one'
+            )
         if not all(np.all(np.isfinite(rows)) for rows in (t, p, slopes, curves)):
-            raise RejectedInputError('tool path: NaN or infinite: check its sender')
+            raise RejectedInputError('tool path: a value is NaN or infinite; check its publisher')
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
-            raise RejectedInputError('tool path: its times must rise, and not begin before zero')
+            raise RejectedInputError('tool path: its times must increase and must not be negative')
         self._path = PolynomialPath.quintic(t - t[0], p, slopes, curves)
         self._begin = float(t[0])
         self.duration = float(t[-1])
@@ -79,8 +83,8 @@ class WorldPath:
         hardest = float(np.linalg.norm(samples.ddq, axis=1).max())
         if fastest > velocity_max or hardest > acceleration_max:
             raise RejectedInputError(
-                f'tool path: it takes {fastest:.2f} m/s and {hardest:.1f} m/s^2 (at most '
-                f'{velocity_max:g} and {acceleration_max:g}): give its points more time'
+                f'tool path: it needs {fastest:.2f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'{velocity_max:g} and {acceleration_max:g}); give its points more time'
             )
 
     def at(self, time: float) -> TaskReference:
@@ -162,7 +166,7 @@ class WorldToolReference:
         self._off_since: float | None = None
         self._wrong_at = self._looked = -np.inf
         self._jumps, self._place = self.base.jumps, _ORIGIN  # of the tool, in the world
-        self.reason = 'control has just begun'
+        self.reason = 'control has just started'
         self.error = 0.0
         self._q = q
 
@@ -201,15 +205,15 @@ class WorldToolReference:
         """
         if not -_LATEST < begin - now < _EARLIEST:
             raise RejectedInputError(
-                f'tool path: it begins {begin - now:+.1f} s from now: stamp it zero for now, and '
-                'check the clocks'
+                f'tool path: it begins {begin - now:+.1f} s from now; set its stamp to zero '
+                '("now"), and check the clocks'
             )
         self._require_reach('tool path', path.places, now)
         self._begin(_Goal(path.places[0], path, begin, rotation), now)
 
     def _require_reach(self, what: str, places: Array, now: float) -> None:
         if np.abs(places).max() > _PLACE_MAX:
-            raise RejectedInputError(f'{what}: more than {_PLACE_MAX:g} m away: check its unit')
+            raise RejectedInputError(f'{what} is more than {_PLACE_MAX:g} m away: check its unit')
         self.base.accept_next()
         if self.base.problem(now):
             return  # checked again before the motion continues
@@ -217,8 +221,8 @@ class WorldToolReference:
         beyond = self._reach((places - pose.position) @ pose.rotation, self._q)
         if beyond > 0.0:
             raise RejectedInputError(
-                f'{what} {np.round(places[-1], 3).tolist()} is {beyond:.3f} m out of reach of the '
-                'arm where the base is now: bring the drone nearer, or check frame and unit'
+                f'{what} {np.round(places[-1], 3).tolist()} is {beyond:.3f} m out of reach of '
+                'the arm at the present base pose: move the drone nearer, or check frame and unit'
             )
 
     def _begin(self, goal: _Goal, now: float) -> None:
@@ -285,7 +289,10 @@ class WorldToolReference:
             self._off_since = now
         if now - self._off_since < _OFF_TIME:
             return ''
-        return f'the tool is {1e3 * self.error:.0f} mm off its target: out of reach, or pushed away'
+        return (
+            f'the tool is {1e3 * self.error:.0f} mm off its target, which is out of reach, '
+            'or something pushes the tool'
+        )
 
     def _may_resume(self, pose: BasePose, q: Array, now: float) -> bool:
         """Return whether there has been no problem for long enough."""
@@ -294,7 +301,7 @@ class WorldToolReference:
             self._looked = now
             beyond = self._reach(pose.to_base(goal.place)[np.newaxis], q)
             if beyond > 0.0:
-                self.reason = f'the target is {beyond:.3f} m out of reach: bring the drone nearer'
+                self.reason = f'the target is {beyond:.3f} m out of reach: move the drone nearer'
                 self._wrong_at = now
         return now - self._wrong_at > _RESUME
 

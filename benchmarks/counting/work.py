@@ -101,7 +101,7 @@ def control_law(cycles: int) -> None:
         cdr.pack(stamp_ns, effort=command.tau)
         loop.observe()
     if follower.status != 'moving':
-        raise SystemExit(f'the arm is not on its way: {follower.outcome}')
+        raise SystemExit(f'the arm does not follow its motion: {follower.outcome}')
 
 
 def topics(cycles: int) -> None:

@@ -141,11 +141,16 @@ class EnergyBench:
             for k in rows:
                 meter.add(states.stamp[k], ArmState(q[k], dq[k], tau[k]))
             if abs(meter.total.seconds - one.path.duration - SETTLE) > 0.03:
-                raise SystemExit(f'energy: only {meter.total.seconds:.2f} s of a motion recorded')
+                raise SystemExit(
+                    f'energy: only {meter.total.seconds:.2f} s of a motion were recorded: check '
+                    'the load of this computer'
+                )
             moving = rows[states.stamp[rows] <= end]
             off = 1e3 * (q[moving] - one.path.evaluate(states.stamp[moving] - one.begin).q)
             if np.abs(off).max() > ASTRAY:
-                off_by = f'{np.abs(off).max():.0f} mrad beside its path: it was heard of too late'
+                off_by = (
+                    f'{np.abs(off).max():.0f} mrad off its path, because the plan arrived too late'
+                )
                 self.refused.append(f'{one.shape} of move {one.pair}: {off_by}')
                 continue
             balance = self._model.balance(one.path)
@@ -183,7 +188,8 @@ class EnergyBench:
         path = trajectory.path(move.start, 'quintic')
         if abs(path.duration - move.duration) > 1e-6:
             raise SystemExit(
-                f'energy: a motion of {path.duration:.3f} s came for one of {move.duration:.3f} s'
+                f'energy: the planner answered with {path.duration:.3f} s instead of '
+                f'{move.duration:.3f} s'
             )
         self._wait_for(begin + path.duration)
         return begin, path
@@ -227,7 +233,7 @@ class EnergyBench:
         deadline = time.monotonic() + PATIENCE
         while not spin_until(self._node, condition, 1.0):
             if self._planner.returncode is not None or time.monotonic() > deadline:
-                raise SystemExit(f'energy: waited for {what}: {self._planner.tail(3)}')
+                raise SystemExit(f'energy: no {what} in time: {self._planner.tail(3)}')
 
     def _start(self, stack: ExitStack, name: str, values: dict) -> NodeProcess:
         log = self._folder / f'{name}.log'

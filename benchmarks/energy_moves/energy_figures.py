@@ -11,19 +11,19 @@ from aerarm_ros.planner.motion_plan import QUINTIC
 
 SAVING, PREDICTED, WITHIN = 0.45, 0.9, 0.1
 GOALS = (
-    f'Goals: median saving of {100 * SAVING:.0f} % against the quintic, no move worse; '
-    f'prediction within 10 % for {100 * PREDICTED:.0f} %; tracking no worse than the '
-    "quintic's."
+    f'Goals: median saving of {100 * SAVING:.0f} % relative to the quintic, no move worse; '
+    f'prediction within 10 % for {100 * PREDICTED:.0f} % of the moves; tracking error not above '
+    'that of the quintic.'
 )
 COLUMNS = (
-    'median of a move [J]',
+    'median energy of a move [J]',
     'predicted within 10 % [%]',
     'RMS error [mrad]',
     'RMS error of the median move [mrad]',
     'largest error [mrad]',
     'battery [min]',
 )
-SAVINGS = ('median [%]', 'least [%]', 'tenth [%]', 'nine tenths [%]', 'moves that take more')
+SAVINGS = ('median [%]', 'least [%]', 'tenth [%]', 'nine tenths [%]', 'moves with higher energy')
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +96,9 @@ class EnergyFigures:
         count = len(self.by_shape[PLANNED])
         for other, middle, least, low, high, worse in self.savings():
             lines.append(
-                f'less than the {other} of the same duration: median {middle:.1f} %, least '
-                f'{least:.1f} %, tenth {low:.1f} %, nine tenths {high:.1f} %; worse: '
-                f'{worse} of {count}'
+                f'saving relative to {other} of the same duration: median {middle:.1f} %, '
+                f'smallest {least:.1f} %, p10 {low:.1f} %, p90 {high:.1f} %; worse: {worse} of '
+                f'{count}'
             )
         return '\n'.join([*lines, GOALS])
 

@@ -36,8 +36,8 @@ def energy_page(
     body = [
         paragraph(note, 'lead'),
         paragraph(GOALS, 'note'),
-        section('What a move takes', table(['shape', *COLUMNS], rows, [names.index(PLANNED)])),
-        section('What planning saves', table(['than the', *SAVINGS], found.savings())),
+        section('Energy per move', table(['shape', *COLUMNS], rows, [names.index(PLANNED)])),
+        section('Saving by planning', table(['than the', *SAVINGS], found.savings())),
         section('Energy of a move', _against(found)),
         section('Saving and duration', _saving(found)),
         section('Predicted and measured', _predicted(found)),
@@ -71,7 +71,7 @@ def _predicted(found: EnergyFigures) -> Html:
         measured = found.column(shape, 'measured')
         off = 100.0 * (found.column(shape, 'predicted') / measured - 1.0)
         traces.append(_points(shape, measured, off))
-    return _figure('predicted', traces, 'measured [J]', 'predicted beyond measured [%]')
+    return _figure('predicted', traces, 'measured [J]', 'predicted minus measured [%]')
 
 
 def _tracking(found: EnergyFigures) -> Html:

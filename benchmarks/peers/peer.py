@@ -54,7 +54,9 @@ class Peer:
         except subprocess.CalledProcessError as error:
             missing = self._missing_packages() if 'pip' in error.cmd else []
             if missing:
-                return {'skipped': f'not on this machine: apt install {" ".join(missing)}'}
+                return {
+                    'skipped': (f'not installed on this machine: apt install {" ".join(missing)}')
+                }
             return {'skipped': _last_line(error)}
 
     def _python(self) -> Path:

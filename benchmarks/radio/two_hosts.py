@@ -32,7 +32,7 @@ def missing_rights() -> str:
     """Return why this machine cannot emulate two hosts, '' if possible."""
     absent = [tool for tool in _TOOLS if shutil.which(tool) is None]
     if absent:
-        return f'{", ".join(absent)} not installed: install util-linux and iproute2'
+        return f'{", ".join(absent)} is not installed: install util-linux and iproute2'
     probe = 'mount -t tmpfs tmpfs /dev/shm && ip link add name probe type veth peer name other'
     tried = subprocess.run(
         ['unshare', '-n', '-i', '-u', '-m', 'sh', '-c', probe], capture_output=True, text=True

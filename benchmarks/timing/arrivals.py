@@ -45,7 +45,7 @@ class Arrivals:
         """Wait for the observer to end; return median and p99 from state to command [us]."""
         output, _ = self._process.communicate()
         if self._process.returncode:
-            raise ArmClientError('no joint_command was heard by a third process')
+            raise ArmClientError('no joint_command was received by a third process')
         return json.loads(output)
 
 
@@ -69,7 +69,9 @@ def listen(seconds: float) -> list[float]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='from the first command')
+    parser.add_argument(
+        '--seconds', type=float, default=10.0, help='duration from the first command'
+    )
     options = parser.parse_args()
     set_fifo(PRIORITY)
     rclpy.init(args=[])

@@ -44,7 +44,7 @@ class Diagnosed:
         while key not in self.values.get(status, {}) if key else status not in self.values:
             if time.monotonic() > end:
                 raise ArmClientError(
-                    f'no diagnostics of {status} {key} in 20 s: is the machine overloaded?'
+                    f'no diagnostics of {status} {key} in 20 s: check the load of this computer'
                 )
             self.spin(0.1)
 

@@ -262,7 +262,7 @@ def fly(control: Px4FirmwareFlight, steps: list[Step] | None = None, flown: int 
             steps.append(Step())
 
     control.update(STILL, target, 0.004)
-    while control.is_settling and 'closed the line' not in control.problem:
+    while control.is_settling and 'closed the connection' not in control.problem:
         begin()
         control.settle()
     for step in range(flown):

@@ -42,7 +42,7 @@ def test_it_is_armed_then_hovers_and_goes_where_it_is_told() -> None:
     flight = StickFlight()
     assert 'no data from Betaflight' in flight.law.problem
     flight.go(0.3)
-    assert flight.law.problem == 'Betaflight is being armed'
+    assert flight.law.problem == 'Betaflight is arming'
     assert flight.firmware.sticks == [1500, 1500, 1000, 1500, 1000, 2000]
     np.testing.assert_allclose(flight.plant.base.position, 0.0, atol=1e-9)
     flight.go(0.7)

@@ -30,9 +30,9 @@ _LONGEST = 200.0  # [s] of virtual time
 ERRORS = {
     'swapped_channels:0': 'encoder of joint',
     'swapped_channels:1': 'encoder of joint',
-    'wrong_sign:0:0': 'counts against',
-    'wrong_sign:0:1': 'counts against',
-    'wrong_sign:1:1': 'counts against',
+    'wrong_sign:0:0': 'counts in the opposite direction',
+    'wrong_sign:0:1': 'counts in the opposite direction',
+    'wrong_sign:1:1': 'counts in the opposite direction',
     'wrong_ratio:0:0:27': 'motor makes 2',
     'wrong_ratio:0:1:31': 'motor makes 3',
     'wrong_ratio:1:0:28': 'motor makes 2',

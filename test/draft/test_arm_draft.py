@@ -138,8 +138,12 @@ def test_an_arm_that_hangs_has_no_ground(robots: dict[str, Robot]) -> None:
 @pytest.mark.parametrize(
     ('old', 'new', 'message'),
     [
-        ('type="revolute"', 'type="prismatic"', 'joint shoulder slides, the drives here turn'),
-        ('effort="8"', 'effort="1"', 'its effort limit of 1 Nm does not hold the arm stretched'),
+        (
+            'type="revolute"',
+            'type="prismatic"',
+            ('joint shoulder is prismatic, but the drives are rotary'),
+        ),
+        ('effort="8"', 'effort="1"', 'its effort limit of 1 Nm cannot carry the outstretched'),
     ],
 )
 def test_what_no_drive_can_be_guessed_for(old: str, new: str, message: str) -> None:
@@ -152,7 +156,7 @@ def test_what_a_urdf_leaves_open_is_guessed_and_told() -> None:
     text = resource('config', 'examples', 'three_joints.urdf').read_text()
     bare = text.replace('<collision>', '<!--').replace('</collision>', '-->')
     draft = ArmDraft(load_robot(bare.replace('effort="8"', 'effort="0"')), 'bare')
-    assert 'no <collision> shape' in draft.problem
+    assert 'no moving link of the URDF has a <collision> shape' in draft.problem
     assert 'effort_max' in draft.guesses[1]
     load = Dynamics(load_robot(text)).gravity(np.array([0.0, math.pi / 2, 0.0]))[1]
     assert draft.config.joints[1].effort_max > 2.0 * abs(load)

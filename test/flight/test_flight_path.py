@@ -48,8 +48,8 @@ def test_a_single_point_is_a_place() -> None:
 @pytest.mark.parametrize(
     ('change', 'reason'),
     [
-        ({'times': [0.0, 2.0, 1.0]}, 'must rise'),
-        ({'times': [-1.0, 2.0, 4.0]}, 'begin before zero'),
+        ({'times': [0.0, 2.0, 1.0]}, 'must increase'),
+        ({'times': [-1.0, 2.0, 4.0]}, 'must not be negative'),
         ({'times': [0.0, 0.1, 0.2]}, 'more time'),
         ({'times': []}, 'a time and a pose'),
         ({'positions': PLACES * np.nan}, 'finite'),

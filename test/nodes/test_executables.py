@@ -30,8 +30,8 @@ sys.exit(arm())
 @pytest.mark.parametrize(
     ('arguments', 'told'),
     [
-        ([], 'executables: the name of a command comes first: give one of arm, base_reaction'),
-        (['fake_hardwar'], "executables: 'fake_hardwar' is no command: give one of arm, "),
+        ([], 'executables: no command is given: choose one of arm, base_reaction'),
+        (['fake_hardwar'], "executables: 'fake_hardwar' is not a command: choose one of arm, "),
     ],
 )
 def test_by_name_what_is_wrong_is_one_line(arguments: list[str], told: str) -> None:
@@ -78,9 +78,9 @@ sys.exit(getattr(executables, name)())
     ('arguments', 'status', 'said'),
     [
         (['calibrator', '--help'], 0, ''),
-        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
+        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'the bag none.csv does not exist'),
         (['identifier', '--help'], 0, ''),
-        (['identifier', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
+        (['identifier', '--bag', 'none.csv'], USER_ERROR, 'the bag none.csv does not exist'),
         (['excitation_designer', '--help'], 0, ''),
         (['arm', 'enable'], USER_ERROR, 'arm: needs ROS 2 Jazzy (rclpy is missing): source '),
     ],

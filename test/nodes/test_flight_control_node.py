@@ -140,7 +140,7 @@ def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: Drone
     higher.header.frame_id = 'map'
     drone.set_point.publish(higher)
     drone.refuse(
-        "flight_set_point is in frame 'map'",
+        "flight_set_point rejected: its frame is 'map'",
         lambda: (drone.odometry_message(), drone.imu_message()),
     )
     assert drone.thrust() == pytest.approx(WEIGHT, rel=0.01)
@@ -282,12 +282,11 @@ def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: DroneS
         'position jumps by 3.00 m', lambda: (drone.odometry_message(3.0, 0.0, 0.0), None), steps=20
     )
     drone.hover(50)
-    drone.refuse(
-        'its pose repeats itself', lambda: (drone.odometry_message(), drone.imu_message(0.3))
-    )
+    drone.refuse('repeated pose', lambda: (drone.odometry_message(), drone.imu_message(0.3)))
     drone.hover(50)
     drone.refuse(
-        'not that of the odometry', lambda: (drone.odometry_message(), drone.imu_message(20.0))
+        'differs from that of the odometry',
+        lambda: (drone.odometry_message(), drone.imu_message(20.0)),
     )
     # A silent IMU is named; the odometry's rate serves.
     drone.problems.clear()

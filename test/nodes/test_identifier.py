@@ -219,10 +219,10 @@ def test_a_cut_bag_without_metadata_is_used_and_said_to_be_cut(bags: Path, tmp_p
 @pytest.mark.parametrize(
     ('option', 'words'),
     [
-        (('--effort-gain', 'joint2=-1'), "joint2's effort has the opposite sign"),
+        (('--effort-gain', 'joint2=-1'), 'the effort of joint2 has the opposite sign'),
         (('--gravity', 0, 0, 9.81), 'gravity (--gravity)'),
-        (('--fundamental', 0.13), 'the motion repeats itself every 10 s'),
-        (('--harmonics', 2), 'the motion has harmonics up to the 5th'),
+        (('--fundamental', 0.13), 'repeats every 10 s'),
+        (('--harmonics', 2), 'the motion has harmonics up to number 5'),
     ],
 )
 def test_implausible_results_say_what_to_check(

@@ -119,7 +119,7 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     refused = desk.ask(topics.JOINT_GOAL, goal)
     assert (refused['accepted'], refused['asked']) == (False, ASKED)
     assert 'a motion of 0.2 s is out of reach' in refused['text']
-    assert 'the quickest takes' in refused['text']
+    assert 'the fastest motion takes' in refused['text']
     point.header.frame_id = 'camera'
     assert "its frame is 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']
     assert 'needs 4 positions' in desk.ask(topics.JOINT_GOAL, JointState(name=NAMES))['text']
@@ -134,5 +134,5 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
 def test_a_tool_that_the_arm_has_not_is_refused_at_the_start(ros_domain: dict[str, str]) -> None:
     refused = run('motion_planner', parameters={'frame': 'hand'})
     assert refused.returncode == 1
-    assert "motion_planner: there is no link 'hand': the links are" in refused.stderr
+    assert "motion_planner: unknown link 'hand': choose one of" in refused.stderr
     assert len(refused.stderr.splitlines()) == 1

@@ -151,4 +151,4 @@ def test_what_cannot_stand_before_names_ends_a_node_with_one_line(
     done = run('fake_hardware', parameters={'tf_prefix': '/left'})
     assert done.returncode == 1
     (line,) = (done.stderr + done.stdout).splitlines()
-    assert "tf_prefix '/left' cannot stand before names" in line
+    assert "tf_prefix '/left' must begin with a letter" in line

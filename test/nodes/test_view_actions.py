@@ -124,7 +124,7 @@ def commission(viewer: Viewer, record: Path) -> None:
     wait('The motor of joint3 aligns now')
     viewer.set('Skip this step', True)
     wait(f'joint3 did not pass, see {record}')
-    assert load_record(record).joints['joint3'].findings == ('joint3: left out by the user',) * 2
+    assert load_record(record).joints['joint3'].findings == ('joint3: skipped by the user',) * 2
 
 
 def drive(viewer: Viewer) -> None:

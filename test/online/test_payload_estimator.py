@@ -180,7 +180,7 @@ def test_what_is_carried_from_the_start_is_told_and_not_weighed(run: CarryingRun
         (now, state) for now, state in run.states() if run.pick_up < now < run.pick_up + 2.0
     ]
     assert not any(estimate.carries for estimate in feed(estimator, carrying))
-    assert 'since the start' in estimator.problem
+    assert 'at the start' in estimator.problem
     bare = [(now, state) for now, state in run.states() if now < run.pick_up]
     later = [(now + run.put_down, state) for now, state in bare]
     assert not any(estimate.carries for estimate in feed(estimator, later))

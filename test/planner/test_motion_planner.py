@@ -106,19 +106,20 @@ def test_friction_of_loaded_gears_counts_for_the_limit_of_torque(setup, robot) -
 REFUSED: dict[str, tuple[Callable[[MotionPlanner], object], str]] = {
     'a goal beyond a limit': (
         lambda p: p.plan(UPRIGHT, [0.0, 1.5, 3.5, 0.0]),
-        'the goal is out of reach: position of joint3: 3.5 rad at t = 0.00 s, limit 2.967 rad',
+        'the goal is infeasible: position of joint3: 3.5 rad at t = 0.00 s, limit 2.967 rad',
     ),
     'a start in the ground': (
         lambda p: p.plan([0.0, -0.5, 0.0, 0.0], UPRIGHT),
-        'the start is out of reach: ground clearance of',
+        'the start is infeasible: ground clearance of',
     ),
     'too short': (
         lambda p: p.with_settings(duration=0.3).plan(LOW, HIGH),
-        r'a motion of 0.3 s is out of reach: \w+.* of joint.*limit.*: the quickest takes 0.[4-9]',
+        r'a motion of 0.3 s is infeasible: \w+.* of joint.*limit.*; the fastest motion takes '
+        '0.[4-9]',
     ),
     'no numbers': (
         lambda p: p.plan(UPRIGHT, [0.0, np.nan, 0.0, 0.0]),
-        'goal: 4 finite joint angles are needed',
+        'goal needs 4 finite joint angles',
     ),
 }
 

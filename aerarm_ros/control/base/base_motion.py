@@ -103,17 +103,17 @@ class ImuSample:
         if self.attitude is not None:
             numbers += [*self.attitude]
         if not np.all(np.isfinite(numbers)):
-            raise RejectedInputError('IMU: a value is NaN or infinite: check the driver')
+            raise RejectedInputError('IMU: a value is NaN or infinite; check the driver')
         if np.linalg.norm(self.specific_force) > _SPECIFIC_FORCE_MAX:
-            raise RejectedInputError('IMU: the acceleration is above 300 m/s^2: check its unit')
+            raise RejectedInputError('IMU: the acceleration is above 300 m/s^2; check its unit')
         if np.linalg.norm(self.angular_velocity) > _ANGULAR_VELOCITY_MAX:
-            raise RejectedInputError('IMU: the angular velocity is above 40 rad/s: check its unit')
+            raise RejectedInputError('IMU: the angular velocity is above 40 rad/s; check its unit')
         if self.attitude is not None:
             norm = float(np.linalg.norm(self.attitude))
             if not 0.9 < norm < 1.1:
                 raise RejectedInputError(
-                    f'IMU: the orientation quaternion has length {norm:.3g}, not 1: a zero '
-                    'quaternion means no attitude; set orientation_covariance[0] to -1'
+                    f'IMU: the orientation quaternion has length {norm:.3g} instead of 1; if the '
+                    'IMU has no attitude, set orientation_covariance[0] to -1'
                 )
             object.__setattr__(self, 'attitude', self.attitude / norm)
 
@@ -186,10 +186,16 @@ class Mount:
         model, imu_frame = robot.model, robot.full_name(imu_frame)
         if not model.existFrame(imu_frame):
             names = ', '.join(frame.name for frame in model.frames if frame.parentJoint == 0)
-            raise ValueError(f'the URDF has no link {imu_frame!r}; fixed to the base are: {names}')
+            raise ValueError(
+                f'link {imu_frame!r} (imu_frame) is not in the URDF: name a link that is fixed '
+                f'to the base, one of {names}'
+            )
         frame = model.frames[model.getFrameId(imu_frame)]
         if frame.parentJoint != 0:
-            raise ValueError(f'link {imu_frame!r} moves with the arm: it can hold no base IMU')
+            raise ValueError(
+                f'link {imu_frame!r} (imu_frame) moves with the arm: name a link that is '
+                'fixed to the base'
+            )
         placement = frame.placement
         return cls(np.array(placement.rotation), np.array(placement.translation))
 

@@ -208,13 +208,13 @@ class BaseMotionEstimator:
         if abs(age) <= self._hold_time:
             if self._watch is not None and self._watch.found:
                 return (
-                    f"IMU, its attitude alone until restart: {self._watch.found}, as 'full' "
-                    "excites itself on a light drone: set drone_file and base_motion 'free'"
+                    f"IMU, only its attitude until restart: {self._watch.found}, because 'full' "
+                    "is unstable on a light drone; set drone_file and base_motion 'free'"
                 )
             return 'IMU'
         if np.isinf(age):
-            return 'no IMU yet: configured gravity'
-        return f'IMU silent for {age:.2f} s: configured gravity'
+            return 'no IMU sample yet: using the configured gravity'
+        return f'no IMU sample for {age:.2f} s: using the configured gravity'
 
     def problem(self, now: float) -> str:
         """Return the problem at `now` [s], or an empty text."""
@@ -247,11 +247,11 @@ class BaseMotionEstimator:
         if self.mode == NONE:
             return
         if self.mode == ATTITUDE and sample.attitude is None:
-            self._refuse("IMU: it gives no attitude, which mode 'attitude' needs: use 'full'")
+            self._refuse("IMU: samples have no attitude, which mode 'attitude' needs; use 'full'")
         step = sample.stamp - self._stamp
         # A stamp far in the past means that the clock was set back, so start again.
         if -1.0 < step <= 0.0:
-            self._refuse('IMU: a sample is not newer than the one before: one publisher only')
+            self._refuse('IMU: a sample is not newer than the previous one; run only one publisher')
         continues = 0.0 < step < self._hold_time
         self._prediction = self._predict(sample, step if continues else None)
         self._stamp, self._received = sample.stamp, now

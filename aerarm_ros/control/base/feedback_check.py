@@ -41,8 +41,8 @@ def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
     if gain > LARGEST_GAIN:
         raise ValueError(
             f"base_motion 'full' on {drone.name} ({drone.mass:g} kg) is unstable: the IMU feeds "
-            f"the arm's torque back with a gain of {gain:.2g}, and the limit is {LARGEST_GAIN:g}: "
-            "use 'free', or 'attitude'"
+            f"the arm's torque back with a gain of {gain:.2g} (limit {LARGEST_GAIN:g}); use "
+            "'free' or 'attitude'"
         )
 
 
@@ -171,8 +171,8 @@ class OscillationWatch:
             joint = int(explained.argmax())
             torque = np.sqrt(power[joint]) * self._effort_max[joint]
             self.found = (
-                f'the torque of joint {joint + 1} ({torque:.1f} Nm RMS above {_CUTOFF:g} Hz) and '
-                "the base's acceleration oscillated together"
+                f'the torque of joint {joint + 1} ({torque:.1f} Nm RMS above {_CUTOFF:g} Hz) '
+                "oscillated together with the base's acceleration"
             )
 
     def _explained(self) -> Array:

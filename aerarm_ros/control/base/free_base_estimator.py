@@ -224,8 +224,8 @@ class ImuWatch:
         felt = float(np.linalg.norm(sample.specific_force))
         if felt > _FORCE_MAX:
             raise RejectedInputError(
-                f'IMU: an acceleration of {felt:.0f} m/s^2, which rotors cannot bring about: check '
-                'its mount and driver'
+                f'IMU: the acceleration of {felt:.0f} m/s^2 is more than the rotors can cause; '
+                'check its mount and driver'
             )
         if self._taken is not None:
             _refuse_jump(self._taken, sample, min(max(step, 0.0), _STEP_MAX))
@@ -242,7 +242,7 @@ class ImuWatch:
         since = sample.stamp - self._changed[what]
         if since > _FROZEN:
             raise RejectedInputError(
-                f'IMU: its {what} is frozen, the same numbers for {since:.1f} s: check the driver'
+                f'IMU: its {what} is frozen, unchanged for {since:.1f} s; check the driver'
             )
 
     def _refuse_turn(self, previous: ImuSample, sample: ImuSample, step: float) -> None:
@@ -256,7 +256,7 @@ class ImuWatch:
         size = float(np.linalg.norm(self._turn_error))
         if size > _TURN_ERROR:
             raise RejectedInputError(
-                f'IMU: angular velocity and attitude differ by {size:.1f} rad/s: check the '
+                f'IMU: angular velocity and attitude differ by {size:.1f} rad/s; check the '
                 'driver, and that both have the same axes'
             )
 
@@ -284,7 +284,7 @@ def _refuse_jump(taken: ImuSample, sample: ImuSample, step: float) -> None:
         size = float(np.abs(change).max())
         if size > limit:
             raise RejectedInputError(
-                f'IMU: its {what} jumps by {size:.2g} {unit} from one sample to the next: check '
+                f'IMU: its {what} jumps by {size:.2g} {unit} from one sample to the next; check '
                 'cable and driver'
             )
 
@@ -378,9 +378,9 @@ class FreeBaseEstimator:
         """Return the source of the base's motion at `now` [s], for diagnostics."""
         imu, rotors = self._imu_problem(now), self._rotor_problem(now)
         if imu:
-            return f'neither rotor commands nor IMU, base taken as hovering at weight: {imu}'
+            return f'neither rotor commands nor IMU, the base is assumed to hover: {imu}'
         if rotors:
-            return f'IMU below {self.correction.sustained_cutoff:.2g} Hz alone: {rotors}'
+            return f'only the IMU, below {self.correction.sustained_cutoff:.2g} Hz: {rotors}'
         return f'rotor commands + IMU below {self.correction.cutoff:g} Hz'
 
     def problem(self, now: float) -> str:
@@ -400,7 +400,7 @@ class FreeBaseEstimator:
             # A stamp far in the past means that the clock was set back, so start again.
             if -1.0 < step <= 0.0:
                 raise RejectedInputError(
-                    'IMU: a sample is not newer than the one before: one publisher only'
+                    'IMU: a sample is not newer than the previous one; run only one publisher'
                 )
             self._watch.check(sample)
         except RejectedInputError as error:
@@ -485,10 +485,11 @@ class FreeBaseEstimator:
             return f'no good IMU sample for {age:.2f} s'
         if self.correction.disagreement > _DISAGREEMENT_MAX:
             return (
-                f"the IMU's acceleration is {self.correction.disagreement:.1f} m/s^2 off "
-                'what rotor commands, mass and arm bring about: check IMU, drone file and thrust'
+                f"the IMU's acceleration differs by {self.correction.disagreement:.1f} m/s^2 "
+                'from that predicted by rotor commands, mass and arm; check IMU, drone file and '
+                'thrust'
             )
-        return '' if self.correction.is_ready else 'the IMU has just begun'
+        return '' if self.correction.is_ready else 'the IMU has just started'
 
     def _rotor_problem(self, now: float) -> str:
         problem = self.rotors.problem(now)
@@ -496,7 +497,10 @@ class FreeBaseEstimator:
             return problem
         thrust, weight = self.rotors.commanded_force, self.whole.mass * self._weight
         if thrust < _FLYING * weight:
-            return f'the rotors carry {100.0 * thrust / weight:.0f} % of the weight: not in flight'
+            return (
+                f'the rotors carry {100.0 * thrust / weight:.0f} % of the weight, so the '
+                'drone is not in flight'
+            )
         return ''
 
 

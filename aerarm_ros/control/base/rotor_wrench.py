@@ -76,7 +76,7 @@ class RotorWrench:
         if abs(age) > self._hold_time:
             return f'no good rotor command for {age:.2f} s'
         if now - self._changed > _FROZEN:
-            return f'rotor commands frozen for {now - self._changed:.1f} s'
+            return f'rotor commands unchanged for {now - self._changed:.1f} s'
         return ''
 
     def offer(self, names: Sequence[str], thrust: Array, stamp: float, now: float) -> None:
@@ -93,21 +93,23 @@ class RotorWrench:
             self._sent_names = tuple(names)
         if len(thrust) != len(self._names):
             raise RejectedInputError(
-                f'rotor_command: {len(thrust)} efforts for {len(self._names)} rotors: give the '
-                'thrust of each [N] as effort'
+                f'rotor_command: {len(thrust)} efforts for {len(self._names)} rotors; send the '
+                'thrust of each rotor [N] as effort'
             )
         if not np.isfinite(thrust.sum()):
-            raise RejectedInputError('rotor_command: a thrust is NaN or infinite: check the sender')
+            raise RejectedInputError(
+                'rotor_command: a thrust is NaN or infinite; check the publisher'
+            )
         thrust = thrust[self._order]
         if np.any(np.abs(thrust) > _ABSURD * np.maximum(np.abs(self._low), self._high)):
             raise RejectedInputError(
-                f'rotor_command: {np.abs(thrust).max():.3g} is far beyond thrust_max of '
-                f'{self._drone.name}: check the unit, N, and the drone file'
+                f'rotor_command: {np.abs(thrust).max():.3g} N is far above thrust_max of '
+                f'{self._drone.name}; check the unit [N] and the drone file'
             )
         # A stamp far in the past means that the clock was set back, so start again.
         if -1.0 < stamp - self._stamp < 0.0:
             raise RejectedInputError(
-                'rotor_command: it is older than the one before: one publisher only'
+                'rotor_command: a message is older than the previous one; run only one publisher'
             )
         command = np.minimum(np.maximum(thrust, self._low), self._high)
         if stamp == self._stamp and self._pieces and np.all(command == self._pieces[-1][2]):
@@ -150,7 +152,7 @@ class RotorWrench:
         """Return the index of each rotor in a command."""
         if sorted(names) != sorted(self._names):
             raise RejectedInputError(
-                f'rotor_command: rotors {list(names)} are not those of {self._drone.name}, '
-                f'{list(self._names)}: is it of another drone?'
+                f'rotor_command: rotors {list(names)} are not the rotors {list(self._names)} of '
+                f'{self._drone.name}; check that drone_file describes this drone'
             )
         return [list(names).index(name) for name in self._names]

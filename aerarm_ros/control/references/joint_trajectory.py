@@ -53,12 +53,16 @@ class JointTrajectory:
         self.times = _check_times(times)
         q = _rows('positions', positions, len(self.times), limits.n, order)
         if q is None:
-            raise RejectedInputError('trajectory: the points have no positions')
+            raise RejectedInputError(
+                'trajectory: the points have no positions; set positions of every point'
+            )
         self.q = q
         self.dq = _rows('velocities', velocities, len(self.times), limits.n, order)
         self.ddq = _rows('accelerations', accelerations, len(self.times), limits.n, order)
         if self.ddq is not None and self.dq is None:
-            raise RejectedInputError('trajectory: accelerations are given without velocities')
+            raise RejectedInputError(
+                'trajectory: the points have accelerations without velocities; set both or neither'
+            )
         limits.check_position('trajectory', self.q)
         if self.dq is not None:
             limits.check_velocity('trajectory', self.dq)
@@ -161,7 +165,7 @@ class JointTrajectory:
             joint = int(np.argmax(speed / largest))
             raise RejectedInputError(
                 f'trajectory: the last point has a velocity, {self._limits.names[joint]} '
-                f'{speed[joint]:.3g} rad/s (limit {largest[joint]:.3g}): end at rest, or stream '
+                f'{speed[joint]:.3g} rad/s (limit {largest[joint]:.3g}); end at rest, or stream '
                 'single points'
             )
 
@@ -169,14 +173,14 @@ class JointTrajectory:
 def _check_times(times: Sequence[float]) -> Array:
     t = np.array(times, dtype=float)
     if t.ndim != 1 or not t.size:
-        raise RejectedInputError('trajectory: it has no points')
+        raise RejectedInputError('trajectory: no points')
     if not np.all(np.isfinite(t)) or t[0] < 0.0:
         raise RejectedInputError('trajectory: times must be finite and not negative')
     if np.any(np.diff(t) <= 0.0):
         index = int(np.argmax(np.diff(t) <= 0.0)) + 1
         raise RejectedInputError(
             f'trajectory: point {index} at {t[index]:g} s does not follow point {index - 1} at '
-            f'{t[index - 1]:g} s: times must increase'
+            f'{t[index - 1]:g} s; times must increase'
         )
     return t
 
@@ -186,7 +190,7 @@ def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -
     if rows is None or all(len(row) == 0 for row in rows):
         return None
     if len(rows) != points or any(len(row) != n for row in rows):
-        raise RejectedInputError(f'trajectory: every point needs {n} {what}, or none does')
+        raise RejectedInputError(f'trajectory: every point needs {n} {what}, or no point has any')
     values = np.array(rows, dtype=float)[:, order]
     if not np.all(np.isfinite(values)):
         raise RejectedInputError(f'trajectory: {what} must be finite numbers')

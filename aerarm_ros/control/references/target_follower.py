@@ -96,8 +96,8 @@ class TargetFollower:
             place = ', '.join(f'{x:.3f}' for x in target)
             raise RejectedInputError(
                 f'tool target {place} is {distance:.3f} m from the base, '
-                f'{distance - self._reach:.4g} m farther than the arm reaches: '
-                'check the frame and the unit'
+                f'{distance - self._reach:.4g} m beyond the reach of the arm: check the frame '
+                'and the unit'
             )
         velocity, self._moving_until = np.zeros(3), -np.inf
         period = np.inf if self._target_time is None else now - self._target_time

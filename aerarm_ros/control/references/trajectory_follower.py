@@ -26,11 +26,11 @@ from aerarm_ros.motion.signals import Array, JointReference
 class MotionEnd(Enum):
     """Reason for the end of a motion."""
 
-    REACHED = 'it has reached its goal'
-    OFF_PATH = 'the arm was too far from its path'
-    OFF_GOAL = 'the arm was too far from its goal when its time was over'
-    REPLACED = 'another motion has taken its place'
-    STOPPED = 'it was stopped, or the controller was reset'
+    REACHED = 'the motion reached its goal'
+    OFF_PATH = 'the arm left the tolerance around its path'
+    OFF_GOAL = 'the arm was outside the goal tolerance when the time was over'
+    REPLACED = 'another motion replaced this one'
+    STOPPED = 'the motion was stopped, or the controller was reset'
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,14 +291,17 @@ class TrajectoryFollower:
         timeout = self._tolerances.stream_timeout - max(0.0, age)
         if timeout <= 0.0:
             raise RejectedInputError(
-                f'streamed point: it is {age:.3g} s old (stream_timeout: '
-                f'{self._tolerances.stream_timeout:g}): check the clocks, or stamp it zero for now'
+                f'streamed point: {age:.3g} s old (stream_timeout: '
+                f'{self._tolerances.stream_timeout:g}); synchronise the clocks, or set the stamp '
+                'to zero ("now")'
             )
         self._check_start(point.q)
         motion = StreamedPoint.longest(point, self._evaluate(now), timeout, self._limits)
-        self._silent_stream = 'stopped: no streamed point in time'
+        self._silent_stream = 'stopped: no streamed point arrived in time'
         if motion.duration < timeout:
-            self._silent_stream = 'stopped: the streamed point led to a limit, and no other came'
+            self._silent_stream = (
+                'stopped: the streamed point led to a limit, and no other followed'
+            )
         self._replace(motion, now, now, 'streaming')
 
     def _goal(
@@ -335,9 +338,9 @@ class TrajectoryFollower:
             joint = int(np.argmax(far))
             raise RejectedInputError(
                 f'trajectory: it starts {distance[joint]:.3g} rad away from '
-                f'{self._limits.names[joint]} at {self.reference.q[joint]:.4g} rad (allowed: '
-                f'{self._tolerances.start[joint]:.3g}): start where the arm is, or give the '
-                'first point a time to get there'
+                f'{self._limits.names[joint]} at {self.reference.q[joint]:.4g} rad (allowed '
+                f'{self._tolerances.start[joint]:.3g}); start at the present position, or give '
+                'the first point time to move there'
             )
 
     def _replace(self, motion: FollowedMotion, now: float, zero: float, status: str) -> None:
@@ -371,8 +374,8 @@ class TrajectoryFollower:
             self.outcome = self._silent_stream
         elif (error <= used.goal).all():
             self.status, self.end = 'holding', MotionEnd.REACHED
-            self.outcome = f'reached, error {error.max():.2g} rad'
+            self.outcome = f'goal reached, error {error.max():.2g} rad'
         elif now > self._until + used.goal_time:
             joint = int(np.argmax(error / used.goal))
             self.status, self.end = 'holding', MotionEnd.OFF_GOAL
-            self.outcome = f'missed: {self._limits.names[joint]} {error[joint]:.3g} rad off goal'
+            self.outcome = f'goal missed: {self._limits.names[joint]} {error[joint]:.3g} rad off'

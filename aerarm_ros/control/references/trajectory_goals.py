@@ -65,7 +65,9 @@ def _resolve_each(
     resolved = own.copy()
     for name, value in given:
         if name not in names:
-            raise RejectedInputError(f'{what}: the arm has no joint {name!r}')
+            raise RejectedInputError(
+                f'{what}: the arm has no joint {name!r}; check the joint names'
+            )
         joint = list(names).index(name)
         resolved[joint] = _resolve(f'{what} of {name}', own[joint], value)
     return resolved
@@ -78,7 +80,7 @@ def _resolve(what: str, own: float, value: float) -> float:
         return np.inf
     if not 0.0 < value < np.inf:
         raise RejectedInputError(
-            f'{what} = {value:g}: give a positive number, 0 for the default or -1 for none'
+            f'{what} = {value:g}: set a positive number, 0 for the default or -1 for no tolerance'
         )
     return value
 
@@ -159,7 +161,7 @@ class TrajectoryGoals:
             If the goal cannot start; nothing has changed then.
         """
         self._follower.follow(trajectory, now, start, tolerances, is_goal=True)
-        text = 'another goal has taken its place'
+        text = 'another goal replaced this one'
         before = self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, text))
         self.active, self._motion = goal, self._follower.motion
         return before
@@ -168,7 +170,7 @@ class TrajectoryGoals:
         """Brake and hold, if this goal is active; return the goal with its result."""
         if goal != self.active:
             return []
-        self._follower.stop(now, 'stopped: its goal was canceled')
+        self._follower.stop(now, 'stopped: the goal was canceled')
         return self._end(GoalResult(CANCELED, ResultCode.SUCCESSFUL, 'canceled'))
 
     def give_up(self, reason: str) -> list[tuple[Hashable, GoalResult]]:

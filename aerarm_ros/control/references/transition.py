@@ -156,11 +156,11 @@ class StreamedPoint:
         # The present reference is exempt, because another point may still bring it back.
         first_bad = int(np.argmin(good[1:].all(axis=1))) + 1 if not good[1:].all() else len(times)
         if first_bad == 1:
-            what = 'streamed point, as it would be followed'
+            what = 'streamed point, as the arm would follow it'
             limits.check_velocity(what, braking.fastest[1])
             limits.check_acceleration(what, ddq[1])
-            within.check_position('streamed point: where it can stop', ends[1])
-            raise RejectedInputError(f'{what}: it leaves the limits')
+            within.check_position('streamed point, where the arm can stop', ends[1])
+            raise RejectedInputError(f'{what}: the motion leaves the limits; slow it down')
         return float(times[first_bad - 1, 0])
 
 
@@ -288,7 +288,7 @@ def _stop_first(
         if not problem:
             return Transition(joined(stop, path), motion, stop.duration - skipped)
     raise RejectedInputError(
-        f'trajectory: from the present motion to it, {problem}: begin it at rest, or more slowly'
+        f'trajectory: on the way from the present motion, {problem}; begin at rest, or more slowly'
     )
 
 

@@ -153,7 +153,7 @@ class BoardLink:
         try:
             self._codec.encode(self._switched_off())
         except FrameError as error:
-            raise ValueError(f'{name} cannot receive its limits: {error}') from None
+            raise ValueError(f'the limits cannot be sent to {name}: {error}') from None
 
     @property
     def is_connected(self) -> bool:

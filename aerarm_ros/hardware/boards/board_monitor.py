@@ -78,8 +78,8 @@ class CommandEcho:
     def fault(self) -> str:
         """Name of the fault of a cut wire, without the board name."""
         return (
-            f'{self.lost_in_row} commands in a row did not reach it over MOSI while its answers '
-            f'reach the host: {_CHECK}'
+            f'{self.lost_in_row} consecutive commands did not reach the board over MOSI, '
+            f'although its answers reach the host: {_CHECK}'
         )
 
     @property
@@ -90,8 +90,8 @@ class CommandEcho:
         if self.rate <= self._settings.lost_commands_warning:
             return ''
         return (
-            f'{self._name}: {100.0 * self.rate:.0f} % of the commands do not reach it over MOSI '
-            f'while its answers reach the host: {_CHECK}'
+            f'{self._name}: {100.0 * self.rate:.0f} % of the commands do not reach the board '
+            f'over MOSI, although its answers reach the host; {_CHECK}'
         )
 
     def answered(self, echoed: int, sent: int) -> None:
@@ -192,8 +192,8 @@ class BoardMonitor:
         self._slow_in_row += 1
         if self._slow_in_row >= self._settings.slow_exchanges_max:
             self.fail(
-                f'exchanges take {1000.0 * duration:.2f} ms, more than the allowed '
-                f'{1000.0 * self._settings.exchange_time_max:.2f}: check clock_hz, and '
+                f'exchanges take {1000.0 * duration:.2f} ms, above the limit of '
+                f'{1000.0 * self._settings.exchange_time_max:.2f} ms: check clock_hz, and '
                 'polling_limit_us of the SPI driver'
             )
 
@@ -218,7 +218,7 @@ class BoardMonitor:
             self.mode = BoardMode.DISCONNECTED
         else:
             why = problem or f'no frame with a correct check: {self.problem}'
-            self.fail(f'{self._bad_in_row} frames in a row were bad, {why}')
+            self.fail(f'{self._bad_in_row} consecutive frames were bad, {why}')
 
     def received(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
         """Process a valid frame.
@@ -252,7 +252,7 @@ class BoardMonitor:
         elif enable and self.echo.is_cut:
             self.fail(self.echo.fault)
         elif self._is_frozen(now):
-            self.fail('its frames are correct but their data is frozen: power-cycle it')
+            self.fail('frames are correct but their data is frozen: power-cycle the board')
         if self.mode is not BoardMode.FAULT:
             self._follow(state, now, enable, running)
 
@@ -311,12 +311,16 @@ class BoardMonitor:
         elif self.is_aligned(state):
             self.mode = BoardMode.RUNNING if running else BoardMode.READY
         elif self.mode in (BoardMode.READY, BoardMode.RUNNING):
-            self.fail('its motors are no longer driven: check its supply, it may have restarted')
+            self.fail(
+                'the board no longer drives its motors: check its supply, because it may '
+                'have restarted'
+            )
         else:
             self.mode = BoardMode.ALIGNING
             self._enabled_since = now if self._enabled_since is None else self._enabled_since
             if now - self._enabled_since > self._settings.alignment_timeout:
                 self.fail(
-                    f'its motors are not aligned after {self._settings.alignment_timeout:g} s: '
-                    'support the arm, check the motor cables, and enable again'
+                    'the motors of the board are not aligned after '
+                    f'{self._settings.alignment_timeout:g} s: support the arm, check the motor '
+                    'cables, and enable again'
                 )

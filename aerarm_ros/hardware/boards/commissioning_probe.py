@@ -58,14 +58,16 @@ class ProbeRequest:
     def parse(cls, text: str) -> ProbeRequest:
         """Parse a request; raises ValueError with the reason for any other text."""
         if len(text) > _LONGEST_REQUEST:
-            raise ValueError(f'{len(text)} characters are no commissioning request')
+            raise ValueError(f'a commissioning request of {len(text)} characters is too long')
         fields = _object(text)
         values = [fields.get(key, '') for key in ('id', 'kind', 'joint')]
         if not all(isinstance(value, str) and len(value) <= _LONGEST for value in values):
-            raise ValueError('id, kind and joint of a commissioning request are short texts')
+            raise ValueError('id, kind and joint of a commissioning request must be short strings')
         request = cls(*values)
         if not request.client or request.kind not in KINDS:
-            raise ValueError(f'a commissioning request has an id and a kind of {", ".join(KINDS)}')
+            raise ValueError(
+                f'a commissioning request needs an id and one of the kinds {", ".join(KINDS)}'
+            )
         return request
 
 
@@ -162,7 +164,7 @@ class ProbeReport:
             texts = [report.id, report.phase, report.reason, report.mode]
             texts += [*report.joints, *report.boards]
             if not all(isinstance(text, str) for text in texts):
-                raise ValueError('a name or a reason is no text')
+                raise ValueError('a name or a reason is not a string')
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise ValueError(f'not a commissioning report: {error}') from None
         return report
@@ -174,7 +176,7 @@ def _object(text: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         fields = None
     if not isinstance(fields, dict):
-        raise ValueError('a commissioning message is a JSON object')
+        raise ValueError('a commissioning message must be a JSON object')
     return fields
 
 
@@ -267,7 +269,7 @@ class CommissioningProbe:
     def refusal(self) -> str:
         """Reason why no other request may switch on motors, or ''."""
         name = self._config.joint_names[self._joint]
-        return f'{name} is being commissioned: end that first' if self.is_driving else ''
+        return f'{name} is being commissioned: end that procedure first' if self.is_driving else ''
 
     def ask(self, request: ProbeRequest, mode: str) -> ProbeReport:
         """Process a request and return the answer; call between two cycles.
@@ -280,13 +282,13 @@ class CommissioningProbe:
             Mode of the arm.
         """
         if self.is_driving and request.client != self._id.partition(':')[0]:
-            return self._report(request.id, 'failed', f'{self.refusal}: by another client', mode)
+            return self._report(request.id, 'failed', f'{self.refusal} (by another client)', mode)
         self._contact = self._now
         if request.id != self._id:
             self.end('')
             self._id, self._reason = request.id, ''
             is_on = mode in _ON
-            problem = f'the arm is {mode}: disable first' if is_on else self._problem(False)
+            problem = f'the arm is {mode}: disable the arm first' if is_on else self._problem(False)
             self._begin(request, problem)
         return self._report(self._id, self._phase, self._reason, mode)
 
@@ -311,7 +313,7 @@ class CommissioningProbe:
         if not self.is_driving:
             return None
         if stop or now - self._contact > _SILENCE:
-            self.end(stop or f'no request for {_SILENCE:g} s: the client is gone')
+            self.end(stop or f'no request for {_SILENCE:g} s: the client has stopped')
             return None
         motor = self._references.motors[self._joint]
         joint = self._config.joints[self._joint]
@@ -348,11 +350,11 @@ class CommissioningProbe:
             return
         names = self._config.joint_names
         if not problem and request.joint not in names:
-            problem = f'there is no joint {request.joint}: the arm has {", ".join(names)}'
+            problem = f'unknown joint {request.joint}: the arm has {", ".join(names)}'
         moving = np.abs(self._state.dq) > _AT_REST
         if not problem and moving.any():
             name = names[int(np.argmax(moving))]
-            problem = f'{name} moves: hold the arm, wait until it rests'
+            problem = f'{name} moves: hold the arm and wait until it rests'
         if problem:
             self._phase, self._reason = 'failed', problem
             return
@@ -373,15 +375,15 @@ class CommissioningProbe:
         travel = (position - self._drive.start) / self._reduction[i]
         if abs(speed) > _SPEED_FACTOR * SPEED:
             self.end(
-                f'{joint.name} ran at {abs(speed):.2f} rad/s instead of {SPEED:g}: its motor turns '
-                'against its encoder, check the motor phases and the channel'
+                f'{joint.name} ran at {abs(speed):.2f} rad/s instead of {SPEED:g}, so its motor '
+                'turns against its encoder: check the motor phases and the channel'
             )
         elif abs(travel) > _TRAVEL_FACTOR * REACH:
             self.end(f'{joint.name} was turned by {abs(travel):.2f} rad instead of {REACH:g}')
         elif abs(current) > _CURRENT_FACTOR * self._current_max[i]:
             self.end(
-                f'the motor of {joint.name} had {abs(current):.1f} A, allowed were '
-                f'{self._current_max[i]:.1f}: check the current measurement of the board'
+                f'the motor of {joint.name} had {abs(current):.1f} A, above the limit of '
+                f'{self._current_max[i]:.1f} A: check the current measurement of the board'
             )
         elif self._drive.is_over(now):
             self._links[joint.board].drive_only(None)

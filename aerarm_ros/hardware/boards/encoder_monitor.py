@@ -548,8 +548,8 @@ class _Encoder:
             return ''
         self._doubt()
         return (
-            f'{self.name} does not move although its speed and its current of {current:.1f} A must '
-            'have turned it: check for a stuck encoder or a blocked joint'
+            f'{self.name} does not move although its speed and its current of {current:.1f} A '
+            'must have turned it: check for a stuck encoder or a blocked joint'
         )
 
     def _doubt(self) -> None:

@@ -110,7 +110,7 @@ class EncoderZeros:
         reasons = dict.fromkeys(self._lost.values())
         return (
             f'the zero of {", ".join(self.unknown)} is unknown ({", ".join(reasons)}): bring the '
-            f"arm to its home configuration, {self._posture()}, and home it ('arm home')"
+            f"arm to its home configuration, {self._posture()}, then run 'arm home'"
         )
 
     def refusal(self, motor_position: Array) -> str:
@@ -126,8 +126,8 @@ class EncoderZeros:
             return ''
         be = 'is' if len(away) == 1 else 'are'
         return (
-            f'{", ".join(away)} {be} not at the home configuration, {self._posture()}: homing '
-            'would use a wrong index pulse; move the arm there first'
+            f'{", ".join(away)} {be} not at the home configuration, {self._posture()}, so homing '
+            'would use a wrong index pulse: move the arm there first'
         )
 
     def expected(self, motor_position: Array) -> Array:
@@ -136,7 +136,7 @@ class EncoderZeros:
 
     def vouched(self) -> str:
         """Return a description of the assumed home configuration."""
-        return f'homing assumes the home configuration, {self._posture()}'
+        return f'homing assumes that the arm is at its home configuration, {self._posture()}'
 
     def _posture(self) -> str:
         return _in_words(self.names, self._rest_position)
@@ -312,7 +312,7 @@ class Homing:
         if abs(error) > _SPACING_ERROR:
             self._fail(
                 [joint],
-                f'homing met two index pulses of {self._names[joint]} that are '
+                f'homing found two index pulses of {self._names[joint]} that are '
                 f'{1.0 + error:.2f} motor turns apart instead of 1: check the encoder, its disc '
                 'and its cable',
             )
@@ -327,10 +327,10 @@ class Homing:
         angle = abs(residual) * _TURN * self._ratio[joint]
         self._fail(
             [joint],
-            f'homing met the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
-            f'({angle:.3f} rad at the joint) from its expected angle, more than the allowed '
-            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again; if it '
-            'was there, the encoder, motor or configuration has changed, commission the joint',
+            f'homing found the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
+            f'({angle:.3f} rad at the joint) from its expected angle, above the limit of '
+            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again. If the '
+            'arm was there, the encoder, motor or configuration has changed; commission the joint',
         )
 
     def _turn_and_residual(self, reported: Array) -> tuple[Array, Array]:
@@ -346,8 +346,8 @@ class Homing:
             names = ', '.join(self._names[joint] for joint in joints)
             self._fail(
                 joints,
-                f'homing found no index pulse of {names} within a motor turn: check the encoder '
-                'cable',
+                f'homing found no index pulse of {names} within one motor turn: check the '
+                'encoder cable',
             )
 
     def _give_up_after_a_long_hold_up(self, moved: Array) -> None:
@@ -356,9 +356,9 @@ class Homing:
         if moved[joint] > _SAME_PULSE:
             self._fail(
                 [],
-                f'homing was delayed while {self._names[joint]} moved by {moved[joint]:.2f} motor '
-                f'turns, more than the allowed {_SAME_PULSE:.2f}: check other processes on this '
-                'computer, and the encoder, then home again',
+                f'homing was delayed while {self._names[joint]} moved by {moved[joint]:.2f} '
+                f'motor turns, above the limit of {_SAME_PULSE:.2f}: check other processes on '
+                'this computer, and the encoder, then home again',
             )
 
     def _search_again(self, blurred: Mask, position: Array) -> None:
@@ -402,8 +402,8 @@ def motion_in_words(config: ArmConfig) -> str:
     one_sided = roomy_side(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'
     return (
-        'the joints turn slowly by one motor turn '
-        f'({travel.min():.2f} to {travel.max():.2f} rad), {side}, and back home'
+        f'the joints turn slowly by one motor turn ({travel.min():.2f} to {travel.max():.2f} '
+        f'rad), {side}, and return'
     )
 
 
@@ -415,9 +415,10 @@ def no_room(config: ArmConfig) -> str:
     joint = int(np.argmax(tight))
     turn = _TURN * config.joints[joint].gear.ratio
     return (
-        f'{config.joint_names[joint]} cannot be homed: it needs {_ROOM_BOTH_SIDES * turn:.2f} rad '
-        f'from its home configuration to both position limits, or {_ROOM_ONE_SIDE * turn:.2f} rad '
-        'to one: change rest_position or the limits, or use an absolute encoder'
+        f'{config.joint_names[joint]} cannot be homed, because homing needs '
+        f'{_ROOM_BOTH_SIDES * turn:.2f} rad from the home configuration to both position limits, '
+        f'or {_ROOM_ONE_SIDE * turn:.2f} rad to one: change rest_position or the limits, or use '
+        'an absolute encoder'
     )
 
 

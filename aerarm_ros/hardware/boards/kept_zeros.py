@@ -143,7 +143,7 @@ class KeptZeros:
             host = HostClock(str(document['host']['boot']), _number(document['host']['suspended']))
             return KeptZeros(str(document['arm']), host, boards, _heat(document.get('heat')))
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-            raise KeptZerosError('is not whole, or not of this bridge') from None
+            raise KeptZerosError('is incomplete or was written by another program') from None
 
     def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
         """Return itself; raises KeptZerosError for another arm, host start or time.
@@ -158,15 +158,17 @@ class KeptZeros:
             Time [s, monotonic].
         """
         if self.arm != arm:
-            raise KeptZerosError('is of another arm, or of another configuration of its drives')
+            raise KeptZerosError(
+                'belongs to another arm, or to another configuration of its drives'
+            )
         if self.host.boot != host.boot:
-            raise KeptZerosError('is from before the host was started')
+            raise KeptZerosError('was written before the host was started')
         if abs(self.host.suspended - host.suspended) > _SUSPENDED:
-            raise KeptZerosError('is from before the host was suspended')
+            raise KeptZerosError('was written before the host was suspended')
         times = [board.time for board in self.boards]
         times += [self.heat.time] if self.heat else []
         if any(time > now for time in times):
-            raise KeptZerosError('is newer than now')
+            raise KeptZerosError('has a time in the future')
         return self
 
 
@@ -270,7 +272,7 @@ class ZeroRecall:
         if not changed:
             return ''
         if not motors_are_off:
-            return 'the motors are on: other index pulses count after a restart of the bridge'
+            return 'the motors are on: the bridge uses the new index pulses after its next restart'
         self.pulse_offset[:] = each
         joints = (number for number in changed if not self._zeros.absolute[number])
         self._zeros.lose(joints, 'commissioned since it was homed')
@@ -289,26 +291,26 @@ class ZeroRecall:
         """Return why a board's kept zeros cannot be used, or ''."""
         state, away = link.state, link.answered_at - board.time
         if away < 0.0:
-            return 'answered before its zero was kept'
+            return 'answered before its zero was stored'
         if away > AWAY_MAX:
-            return f'was not observed for {away:.0f} s, and its clock tells at most {AWAY_MAX:g} s'
+            return f'was not observed for {away:.0f} s, and its clock covers at most {AWAY_MAX:g} s'
         ahead = state.timestamp - board.timestamp - away
         off = (ahead + 0.5 * TIMESTAMP_PERIOD) % TIMESTAMP_PERIOD - 0.5 * TIMESTAMP_PERIOD
         lost_error = link.keeps_errors and board.error and not state.error
         if abs(off) > _TICKS + _DRIFT * away or lost_error:
-            return 'was switched off and on while the bridge was away'
+            return 'was switched off and on while the bridge was not running'
         kept = {joint.name: joint for joint in board.joints}
         for number, channel in link.joints:
             joint = kept.get(self._config.joint_names[number])
             if joint is None:
                 continue
             if joint.index_detected and not state.index_detected[channel]:
-                return 'was switched off and on while the bridge was away'
+                return 'was switched off and on while the bridge was not running'
             if abs(joint.pulse_offset - self.pulse_offset[number]) > _SAME_PULSE:
-                return 'was homed by another index pulse of ' + joint.name
+                return 'was homed with another index pulse of ' + joint.name
             toggled = state.index_toggle[channel] != joint.index_toggle
             if not self._went_on(number, joint, state.position[channel], toggled, away):
-                return f'does not go on with the count of {joint.name}'
+                return f'has another encoder count of {joint.name} than before'
         return ''
 
     def _went_on(
@@ -383,7 +385,7 @@ def host_clock() -> HostClock:
 def _text(path: Path) -> str:
     """Return the text of a regular file; other paths are not opened, as they might never end."""
     if path.exists() and not path.is_file():
-        raise KeptZerosError('is no regular file')
+        raise KeptZerosError('is not a regular file')
     with path.open(encoding='utf-8') as file:
         return file.read(LONGEST + 1)
 
@@ -437,8 +439,8 @@ class ZeroFile:
         except (OSError, UnicodeDecodeError, KeptZerosError) as error:
             reason = getattr(error, 'strerror', None) or error
             if isinstance(error, UnicodeDecodeError):
-                reason = 'is no text'
-            return f'the state file {self._path} cannot be used: it {reason}'
+                reason = 'is not a text file'
+            return f'the state file {self._path} cannot be used, because it {reason}'
 
     def update(self, cycle: BridgeCycle, now: float) -> None:
         """Write the cycle's zeros if they have changed or writing is due at `now` [s]."""
@@ -476,6 +478,6 @@ class ZeroFile:
             self.problem = ''
         except OSError as error:
             self.problem = (
-                f'the state file {path} cannot be written ({error.strerror}): after a '
-                'restart of the bridge the arm has to be homed'
+                f'the state file {path} cannot be written ({error.strerror}): the arm must be '
+                'homed after a restart of the bridge'
             )

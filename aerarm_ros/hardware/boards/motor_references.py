@@ -399,7 +399,7 @@ class MotorReferences:
             if given < least:
                 raise ValueError(
                     f'kd of {name} is {given:.4g} A s/rad, too little to slow a falling arm: set '
-                    f'at least {least:.4g}'
+                    f'kd to at least {least:.4g}'
                 )
         return gains
 
@@ -480,10 +480,11 @@ class MotorReferences:
     def _checked(self, name: str, gain: ArrayLike) -> Array:
         values, n = np.array(gain, dtype=float), len(self.motors)
         if values.shape not in ((), (1,), (n,)):
-            raise ValueError(f'{name} has {values.size} values: give 1 or {n}')
+            raise ValueError(f'{name} has {values.size} values: set 1 or {n}')
         most = self._profile.command.largest(name)
         if not np.all((values >= 0.0) & (values <= most)):
             raise ValueError(
-                f'{name} is {values}: frames of profile {self._profile.name} hold 0 to {most:.4g}'
+                f'{name} is {values}, but frames of profile {self._profile.name} can only carry '
+                f'0 to {most:.4g}: set a value in this range'
             )
         return np.broadcast_to(values, (n,))

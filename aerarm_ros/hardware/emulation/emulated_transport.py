@@ -100,7 +100,9 @@ def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
         joints = []
     if len(joints) != 1 or not isfinite(angle):
         listed = ', '.join(names)
-        raise ValueError(f'{text!r} is not JOINT:ANGLE with one of {listed} and an angle [rad]')
+        raise ValueError(
+            f'{text!r} must be JOINT:ANGLE with one of the joints {listed} and an angle [rad]'
+        )
     return joints[0], angle
 
 
@@ -219,12 +221,12 @@ class EmulatedTransport:
         raises ValueError if a motor is driven or a hand cannot reach the angle.
         """
         if any(board.system_enabled for board in self.boards):
-            raise ValueError('the motors are driven: disable first')
+            raise ValueError('the motors are driven: disable the arm first')
         limits = self._config.joints[joint]
         if not limits.position_min <= angle <= limits.position_max:
             raise ValueError(
-                f'{limits.name} turns from {limits.position_min:g} to {limits.position_max:g} rad, '
-                f'not to {angle:g}'
+                f'{limits.name} can turn from {limits.position_min:g} to {limits.position_max:g} '
+                f'rad, not to {angle:g}'
             )
         if not self._carried:
             self.carry()

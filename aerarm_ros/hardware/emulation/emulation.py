@@ -77,7 +77,9 @@ def _without_play(transport: EmulatedTransport) -> ArmPlant:
     """Return the transport's plant; raises an error for backlash, which needs a fixed base."""
     plant = transport.plant
     if plant.parameters.backlash is not None:
-        raise ValueError('backlash is emulated on a fixed base only: remove it')
+        raise ValueError(
+            'backlash is emulated only for an arm on a fixed base: remove the backlash'
+        )
     return plant
 
 

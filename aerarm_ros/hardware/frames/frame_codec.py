@@ -180,7 +180,9 @@ class _LayoutCodec:
                 try:
                     count = round(value * (1.0 / entry.si_per_count))
                 except (ValueError, OverflowError):
-                    raise FrameError(f'{entry.label} is {value}: a frame needs numbers') from None
+                    raise FrameError(
+                        f'{entry.label} is {value}, but a frame can only carry finite numbers'
+                    ) from None
                 if not lowest <= count <= highest or (count <= 0 and entry.nonzero):
                     count = _limited(count, value, entry)
             items[self._slots[entry.word]] |= count << entry.bit
@@ -223,12 +225,12 @@ def _limited(count: int, value: float, entry: FrameField) -> int:
     lowest, highest = entry.count_range
     if entry.nonzero and count <= 0:
         raise FrameError(
-            f'{entry.label} is {value:g}, which the frame rounds to 0 and the board reads as no '
-            f'limit: set {entry.si_per_count:g} or more'
+            f'{entry.label} is {value:g}, which the frame rounds to 0 and the board reads as "no '
+            f'limit": set {entry.si_per_count:g} or more'
         )
     if entry.overflow == 'refuse':
         raise FrameError(
-            f'{entry.label} is {value:g}, beyond the +-{highest * entry.si_per_count:g} of the '
-            'frame, where it would wrap: check the reference and the zero of the encoder'
+            f'{entry.label} is {value:g}, outside the range +-{highest * entry.si_per_count:g} '
+            'of the frame: check the reference and the zero of the encoder'
         )
     return highest if count > highest else lowest

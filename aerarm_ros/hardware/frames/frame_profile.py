@@ -83,28 +83,35 @@ class FrameField:
         """Validate the entry; raises ProfileError."""
         where = f'frame field {self.name!r}'
         if self.type not in TYPES:
-            raise ProfileError(f'{where}: type {self.type!r} is none of {", ".join(TYPES)}')
+            raise ProfileError(
+                f'type {self.type!r} of {where} is unknown: choose one of {", ".join(TYPES)}'
+            )
         if self.unit not in UNITS:
-            raise ProfileError(f'{where}: unit {self.unit!r} is none of {", ".join(UNITS)}')
+            raise ProfileError(
+                f'unit {self.unit!r} of {where} is unknown: choose one of {", ".join(UNITS)}'
+            )
         if self.motor not in (0, 1, 2):
-            raise ProfileError(f'{where}: motor is {self.motor}, must be 1, 2, or absent')
+            raise ProfileError(f'motor {self.motor} of {where} must be 1, 2, or absent')
         if self.overflow not in OVERFLOW_POLICIES:
             raise ProfileError(
-                f'{where}: overflow {self.overflow!r} is none of {", ".join(OVERFLOW_POLICIES)}'
+                f'overflow {self.overflow!r} of {where} is unknown: choose one of '
+                f'{", ".join(OVERFLOW_POLICIES)}'
             )
         if not self.lsb > 0.0:
-            raise ProfileError(f'{where}: lsb is {self.lsb}, must be above 0')
+            raise ProfileError(f'lsb {self.lsb} of {where} must be above 0')
         if self.word < 0:
-            raise ProfileError(f'{where}: word is {self.word}, must not be negative')
+            raise ProfileError(f'word {self.word} of {where} must not be negative')
         if self.bit and self.type != 'bits':
             raise ProfileError(
-                f'{where}: bit {self.bit} of {self.type}: only bits begin within words'
+                f"bit {self.bit} of {where} needs the type 'bits', not {self.type}: all "
+                'other types begin at a word'
             )
         if self.nonzero and self.is_count:
-            raise ProfileError(f'{where}: nonzero is for quantities that have a unit or an lsb')
+            raise ProfileError(f'nonzero of {where} needs a quantity with a unit or an lsb')
         if self.type == 'bits' and not (0 <= self.bit < self.bit + self.width <= 16):
             raise ProfileError(
-                f'{where}: bits {self.bit} to {self.bit + self.width - 1} leave the 16 of a word'
+                f'bits {self.bit} to {self.bit + self.width - 1} of {where} exceed the '
+                '16 bits of a word'
             )
 
     @property
@@ -163,16 +170,17 @@ class FrameLayout:
     def __post_init__(self) -> None:
         """Check that the fields fit and do not overlap; raises ProfileError."""
         if self.crc_words not in CRC_ORDERS:
-            raise ProfileError(f'crc_words is {self.crc_words!r}, must be one of {CRC_ORDERS}')
+            raise ProfileError(f'crc_words is {self.crc_words!r}: choose one of {CRC_ORDERS}')
         owners: dict[int, FrameField] = {}
         for entry in self.fields:
             for bit in _bits(entry):
                 if bit >= 16 * PAYLOAD_WORDS:
                     raise ProfileError(
-                        f'{entry.label}: word {entry.word} leaves the {PAYLOAD_WORDS} payload words'
+                        f'word {entry.word} of {entry.label} is beyond the '
+                        f'{PAYLOAD_WORDS} payload words'
                     )
                 if bit in owners:
-                    raise ProfileError(f'{entry.label} and {owners[bit].label} share bits')
+                    raise ProfileError(f'{entry.label} and {owners[bit].label} use the same bits')
                 owners[bit] = entry
 
     def has(self, name: str) -> bool:
@@ -215,11 +223,11 @@ class FrameProfile:
     def __post_init__(self) -> None:
         """Validate the encoder type; raises ProfileError."""
         if self.encoders not in ENCODERS:
-            raise ProfileError(f'encoders is {self.encoders!r}, must be one of {ENCODERS}')
+            raise ProfileError(f'encoders is {self.encoders!r}: choose one of {ENCODERS}')
 
     def error_text(self, code: int) -> str:
         """Return the meaning of a board's error code and what to check."""
-        name, advice = self.errors.get(code, ('unknown', "see the firmware's list of errors"))
+        name, advice = self.errors.get(code, ('unknown', 'see the list of errors of the firmware'))
         text = f'error {code} ({name}): {advice}'
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
 
@@ -229,7 +237,7 @@ class FrameProfile:
         Raises ProfileError if the profile does not contain the quantity.
         """
         if not (self.command.has(name) or self.sensor.has(name)):
-            raise ProfileError(f'profile {self.name} carries no {name!r}: check the name')
+            raise ProfileError(f'profile {self.name} has no field {name!r}: check the name')
 
         def rescaled(layout: FrameLayout) -> FrameLayout:
             return replace(
@@ -268,23 +276,28 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
         raise ProfileError(f'frame profile {name_or_path}: {error}') from None
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ProfileError(
-            f'frame profile {name_or_path}: {error!r}: compare with config/profiles/uomodri_v3.yaml'
+            f'frame profile {name_or_path} is invalid ({error!r}): compare with '
+            'config/profiles/uomodri_v3.yaml'
         ) from None
 
 
 def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
     """Return a profile's document after resolving the profiles that it extends."""
     if depth > _MOST_EXTENDED:
-        raise ProfileError(f'frame profile {name_or_path} extends itself, or too many others')
+        raise ProfileError(
+            f"frame profile {name_or_path} extends itself, or the chain of 'extends' is too long"
+        )
     path = Path(name_or_path)
     try:
         if path.suffix not in ('.yaml', '.yml'):
             path = resource('config', 'profiles', f'{name_or_path}.yaml')
         document = read_plain(path)
     except (OSError, ConfigError) as error:
-        raise ProfileError(f'cannot read frame profile {name_or_path}: {error}') from None
+        raise ProfileError(
+            f'frame profile {name_or_path} cannot be read ({error}): check the name or path'
+        ) from None
     if not isinstance(document, dict):
-        raise ProfileError(f'frame profile {path} is no map of name, command, sensor')
+        raise ProfileError(f'frame profile {path} must be a mapping with name, command and sensor')
     base_name = document.pop('extends', None)
     if base_name is None:
         return document
@@ -294,7 +307,9 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
     try:
         return _extended(base, document)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise ProfileError(f'frame profile {path}: {error!r}: check its fields') from None
+        raise ProfileError(
+            f'frame profile {path} is invalid ({error!r}): check its fields'
+        ) from None
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
@@ -319,20 +334,22 @@ def _layout(document: Mapping[str, Any], record: type) -> FrameLayout:
     entries = tuple(_field(entry) for entry in document['fields'])
     for entry in entries:
         if entry.name not in known:
-            raise ProfileError(f'{record.__name__} has no {entry.name!r}: check the name')
+            raise ProfileError(f'{record.__name__} has no field {entry.name!r}: check the name')
         value = known[entry.name]
         if isinstance(value, list) != bool(entry.motor):
             whose = 'each motor, 1 or 2' if isinstance(value, list) else 'the whole board'
-            raise ProfileError(f'{entry.name} is of {whose}: check motor')
+            raise ProfileError(f"{entry.name} belongs to {whose}: check its key 'motor'")
         if entry.is_count and isinstance(value[0] if entry.motor else value, float):
-            raise ProfileError(f'{entry.name} is a quantity, no count: give its unit and lsb')
+            raise ProfileError(f'{entry.name} is a physical quantity: set its unit and lsb')
     return FrameLayout(entries, document['crc_words'])
 
 
 def _field(entry: Mapping[str, Any]) -> FrameField:
     unknown = set(entry) - _FIELD_KEYS
     if unknown:
-        raise ProfileError(f'field {entry.get("name")!r} has unknown keys {sorted(unknown)}')
+        raise ProfileError(
+            f'field {entry.get("name")!r} has the unknown keys {sorted(unknown)}: remove them'
+        )
     values = dict(entry)
     power = _POWER_OF_TWO.fullmatch(str(values.get('lsb', '')))
     if power:

@@ -152,34 +152,39 @@ class CommandPublishers:
         others = [name for name in self.names if not self.is_allowed(name)]
         if others:
             return (
-                f'{", ".join(others)} publishes joint_command without being on the list '
-                'allowed_publishers: stop it, or add it to the list'
+                f'{", ".join(others)} publishes joint_command but is not in allowed_publishers: '
+                'stop the node, or add it to the list'
             )
         if len(self.names) < 2:
             return ''
         present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
         if self._is_anonymous:
-            return f'{present}, and this ROS does not name the sender of a command: {_STOP}'
+            return (
+                f'{present}, and this ROS version does not report the sender of a message: {_STOP}'
+            )
         return f'{present}, the bridge follows the first sender: {_STOP}'
 
 
 # Reasons for rejecting a command, and what to check.
 REJECTIONS: dict[str, str] = {
-    'unreadable': 'it is not a JointState: check its publisher, and the ROS version',
+    'unreadable': 'not a JointState message: check its publisher, and the ROS version',
     'not_ready': 'the arm is not ready: enable it (home it if arm_mode is unhomed), or clear its '
     'fault',
-    'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
+    'not_allowed': 'the publisher is not in allowed_publishers: check this parameter of the bridge',
     'source': 'another publisher is commanding the arm: stop one of the two',
-    'names': "it does not name each of the arm's joints once: compare with joint_states, and "
-    'the tf_prefix of both nodes',
-    'length': 'its arrays do not have one value for each name',
-    'infinite': 'it holds an infinite value: check the controller',
-    'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',
-    'unsupported': 'the frame profile has no feed-forward current, so no effort can be commanded',
-    'stale': 'it responds to an old state: check the load of the controller and the clocks',
+    'names': 'the message does not name each joint of the arm once: compare with joint_states, '
+    'and the tf_prefix of both nodes',
+    'length': 'an array of the message does not have one value per joint name',
+    'infinite': 'a value is infinite: check the controller',
+    'nan': 'a joint has no reference at all (NaN everywhere): check the controller',
+    'unsupported': (
+        'the frame profile has no feed-forward current, so the bridge cannot apply an effort'
+    ),
+    'stale': (
+        'the command responds to an old state: check the CPU load of the controller, and the clocks'
+    ),
     'future': (
-        'its stamp lies in the future: check the clocks; an emulated arm has its own time, on '
-        '/clock'
+        'the stamp lies in the future: check the clocks; an emulated arm has its own time on /clock'
     ),
 }
 

@@ -55,8 +55,8 @@ class JointLoads:
     def __init__(self, config: ArmConfig, robot: Robot) -> None:
         if config.joint_names != robot.joint_names:
             raise ValueError(
-                f'the configuration has joints {config.joint_names}, the URDF {robot.joint_names}: '
-                'give both for the same arm'
+                f'the configuration has joints {config.joint_names}, but the URDF has '
+                f'{robot.joint_names}: pass files of the same arm'
             )
         inertia = config.column('reflected_inertia')
         mass, *centre = config.rated_payload
@@ -73,9 +73,9 @@ class JointLoads:
         for joint, load in zip(config.joints, self.load_max.tolist(), strict=True):
             if joint.effort_max <= load:
                 raise ValueError(
-                    f'joint {joint.name}: effort_max = {joint.effort_max:g} Nm does not hold the '
-                    f'arm stretched out with its rated payload, {load:.2f} Nm: check effort_max, '
-                    'rated_payload and the URDF'
+                    f'joint {joint.name}: effort_max = {joint.effort_max:g} Nm cannot carry the '
+                    f'outstretched arm with its rated payload, which needs {load:.2f} Nm; check '
+                    'effort_max, rated_payload and the URDF'
                 )
         spare = _RELIABLE_SHARE * (effort_max - self.load_max) / self.inertia_max
         self.deceleration: Array = np.minimum(config.column('acceleration_max'), spare)

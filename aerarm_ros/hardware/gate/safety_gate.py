@@ -18,10 +18,12 @@ from aerarm_ros.motion.signals import Array
 LIMITED: dict[str, str] = {
     'position': 'a position reference beyond its limit was clipped to the limit',
     'velocity': 'a reference faster than the velocity limit was slowed to the limit',
-    'soft_zone': 'motion towards a position limit was slowed near it, or because of another joint',
-    'braking': 'a joint was braked before a limit of position or speed',
+    'soft_zone': (
+        'motion towards a position limit was slowed near the limit, or because of another joint'
+    ),
+    'braking': 'a joint was braked before a position or velocity limit',
     'effort': 'an effort above its limit was clipped to the limit',
-    'effort_rate': 'an effort that changed too fast was slowed',
+    'effort_rate': 'an effort that changed too fast was limited in its rate',
 }
 
 
@@ -95,13 +97,14 @@ class JointLimiter:
         """Return why the joint's position [rad] or velocity [rad/s] requires a stop, or ''."""
         if not self.is_inside(q):
             return (
-                f'{self._name} is at {q:.3f} rad, beyond its limits {self._position_min:.3f} to '
-                f'{self._position_max:.3f}: disable, bring it back by hand, clear the fault'
+                f'{self._name} is at {q:.3f} rad, outside its limits {self._position_min:.3f} to '
+                f'{self._position_max:.3f}: disable the arm, move it back by hand, then clear '
+                'the fault'
             )
         if not abs(dq) <= self._settings.velocity_factor * self._velocity_max:
             return (
-                f'{self._name} runs at {dq:.2f} rad/s, its limit is {self._velocity_max:.2f}: '
-                'check the controller and the encoder'
+                f'{self._name} runs at {dq:.2f} rad/s, above its limit of '
+                f'{self._velocity_max:.2f}: check the controller and the encoder'
             )
         return ''
 
@@ -109,13 +112,15 @@ class JointLimiter:
         """Return why a command requires a stop, or ''; comparisons with NaN are all false."""
         settings, what = self._settings, ''
         if position == position and not self.is_inside(position):
-            what = f'a position of {position:.3f} rad, beyond its limits'
+            what = f'a position of {position:.3f} rad, outside its limits'
         elif abs(position - q) > settings.position_error_max:
             what = f'a position of {position:.3f} rad while it is at {q:.3f}, too far for one step'
         elif abs(velocity) > settings.velocity_factor * self._velocity_max:
-            what = f'a velocity of {velocity:.2f} rad/s, its limit is {self._velocity_max:.2f}'
+            what = (
+                f'a velocity of {velocity:.2f} rad/s, above its limit of {self._velocity_max:.2f}'
+            )
         elif abs(effort) > settings.effort_factor * self._effort_max:
-            what = f'an effort of {effort:.2f} Nm, its limit is {self._effort_max:.2f}'
+            what = f'an effort of {effort:.2f} Nm, above its limit of {self._effort_max:.2f}'
         return what and f'{self._name} was commanded {what}: check the controller'
 
     def limit(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
@@ -261,7 +266,10 @@ class SafetyGate:
     def alignment_refusal(self, q: Array, dq: Array) -> str:
         """Return why motors may not align at q [rad] and dq [rad/s], (n,) each, or ''."""
         if not self.is_inside(q):
-            return f'joints at {np.round(q, 3)} rad are beyond their limits'
+            return (
+                f'joints at {np.round(q, 3)} rad are outside their limits: move the arm back '
+                'by hand'
+            )
         moving = self._faster_than(_AT_REST, dq)
         return moving and f'{moving}: hold the arm, wait until it rests, then enable it'
 

@@ -53,7 +53,7 @@ class SpidevDevice:
         self._clock = clock
         self._file: Any = None
         self._is_wanted = False
-        self._reason = 'the transport is not open'
+        self._reason = 'the SPI transport is not open'
         self._errors = 0
         self._wait = _WAIT_MIN
         self._next_attempt = 0.0
@@ -65,15 +65,16 @@ class SpidevDevice:
             self._file = self._opened()
         except OSError as error:
             raise TransportError(
-                f'cannot open {board.device} for {board.name}: {error.strerror or error}: switch '
-                'SPI on (dtparam=spi=on), check the device name, and add the user to group spi'
+                f'{board.device} of {board.name} cannot be opened ({error.strerror or error}): '
+                'switch SPI on (dtparam=spi=on), check the device name, and add the user to '
+                'group spi'
             ) from None
         self._is_wanted = True
 
     def close(self) -> None:
         """Close the device finally; further calls are allowed."""
         self._is_wanted = False
-        self._reason = 'the transport is not open'
+        self._reason = 'the SPI transport is not open'
         self._drop()
 
     def transfer(self, frame: bytes) -> bytes:
@@ -139,9 +140,12 @@ class SpidevDevice:
             self._file = None
 
     def _account(self) -> str:
-        text = f'{self._board.device} reports: {self._reason}: check that the device still exists'
+        text = (
+            f'{self._board.device} reports an error ({self._reason}): check that the device '
+            'still exists'
+        )
         if self._file is None and self._is_wanted:
-            text += f'. The bridge tries to open it again every {self._wait:g} s'
+            text += f'. The bridge tries to open the device again every {self._wait:g} s'
         return text
 
 
@@ -166,8 +170,8 @@ class SpidevTransport:
         """Open the SPI devices; raises TransportError with what to check."""
         if importlib.util.find_spec('spidev') is None:
             raise TransportError(
-                'the module spidev is missing: pip install "spidev>=3.5,<4" (needs a C compiler), '
-                'or apt install python3-spidev'
+                'the Python module spidev is missing: pip install "spidev>=3.5,<4" (needs a C '
+                'compiler), or apt install python3-spidev'
             )
         self.close()
         try:
@@ -256,7 +260,7 @@ def _test_board(
     board = config.boards[number]
     place = f'{board.name} on {board.device} at {board.clock_hz / 1e6:g} MHz'
     good = _count_good(transport, number, codec, pause)
-    result = f'{place}, mode {board.mode}: {good} of {_EXCHANGES} answers had a correct check'
+    result = f'{place}, mode {board.mode}: {good} of {_EXCHANGES} answers had a correct checksum'
     if good >= _GOOD_SHARE * _EXCHANGES:
         return Answer(True, result)
     if good:

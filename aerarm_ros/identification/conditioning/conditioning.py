@@ -412,13 +412,13 @@ class Conditioner:
         given, limit = self._options.cutoff, 0.4 / dt
         if given is not None and given > limit:
             raise IdentificationError(
-                f'cut-off {given:g} Hz is above {limit:.3g} Hz, which is what '
-                f"the bag's rate of {1.0 / dt:.3g} Hz allows: choose a lower one"
+                f"cutoff {given:g} Hz is above {limit:.3g} Hz, the highest that the bag's rate "
+                f'of {1.0 / dt:.3g} Hz allows: choose a lower cutoff'
             )
         if given is not None and given < _CUTOFF_MIN_PER_BAND * band:
             raise IdentificationError(
-                f'cut-off {given:g} Hz would filter the motion away, which '
-                f'reaches {band:.3g} Hz: choose a higher one'
+                f'cutoff {given:g} Hz would filter out the motion, which reaches {band:.3g} Hz: '
+                'choose a higher cutoff'
             )
         return given
 

@@ -62,7 +62,7 @@ def short_motion_warnings(motion: UniformMotion) -> list[str]:
     if motion.period is not None or duration >= _SHORT:
         return []
     return [
-        f'{motion.recording.name}: only {duration:.1f} s of motion, which never repeats itself: '
+        f'{motion.recording.name} contains only {duration:.1f} s of motion that never repeats: '
         f'record at least one whole period of an excitation, {_SHORT:g} s or more (better two)'
     ]
 
@@ -89,23 +89,23 @@ def fundamental_warnings(
     recording = motion.recording
     if motion.period is None:
         return [
-            f'{recording.name}: less than one period of {1.0 / fundamental:.4g} s of motion, so '
-            f'--fundamental {fundamental:g} is not used: check it, or record whole periods'
+            f'{recording.name} contains less than one period of {1.0 / fundamental:.4g} s, so '
+            f'--fundamental {fundamental:g} is ignored: check the option, or record whole periods'
         ]
     found = find_periodic_part(recording.time, recording.q)
     if found is None:
         if _share_of_way(motion) >= _LARGEST_PART:
             return []
-        shown = f'does not repeat itself every {1.0 / fundamental:.4g} s'
+        shown = f'does not repeat every {1.0 / fundamental:.4g} s'
     else:
         # Several consecutive periods are periodic as well.
         ratio = 1.0 / (fundamental * found.period)
         if round(ratio) >= 1 and abs(ratio / round(ratio) - 1.0) < _TOLERANCE:
             return []
-        shown = f'repeats itself every {found.period:.4g} s ({found.fundamental:.4g} Hz)'
+        shown = f'repeats every {found.period:.4g} s ({found.fundamental:.4g} Hz)'
     text = (
-        f'{recording.name}: --fundamental {fundamental:g} Hz, but the motion {shown}: check the '
-        'option, or leave it out'
+        f'--fundamental is {fundamental:g} Hz, but the motion of {recording.name} {shown}: check '
+        'the option, or omit it'
     )
     if needed or motion.count * motion.dt < _TOO_SHORT:
         raise IdentificationError(text)
@@ -137,15 +137,15 @@ def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) 
     """
     if given * fundamental >= 0.5 * rate:
         raise IdentificationError(
-            f'--harmonics {given}: {given * fundamental:.4g} Hz is beyond the Nyquist frequency '
-            f'{0.5 * rate:.4g} Hz of the bag: choose fewer'
+            f'harmonic {given} (--harmonics) is at {given * fundamental:.4g} Hz, beyond the '
+            f'Nyquist frequency {0.5 * rate:.4g} Hz of the bag: choose fewer harmonics'
         )
     if given >= found:
         return []
     return [
-        f'--harmonics {given}, but the motion has harmonics up to the {found}th, '
-        f'{found * fundamental:.3g} Hz, whose accelerations are lost: check the option, or leave '
-        'it out'
+        f'--harmonics is {given}, but the motion has harmonics up to number {found} at '
+        f'{found * fundamental:.3g} Hz, whose accelerations are lost: check the option, or omit '
+        'it'
     ]
 
 
@@ -160,14 +160,14 @@ def aperiodic_warnings(motions: Sequence[UniformMotion], options: ConditioningOp
     names = ', '.join(motion.recording.name for motion in motions if motion.period is None)
     if options.filter == 'harmonics' and options.fundamental is not None:
         raise IdentificationError(
-            f'--filter harmonics needs whole periods, and {names} holds none of '
-            f'--fundamental {options.fundamental:g} Hz: check it, or choose --filter butterworth'
+            f'--filter harmonics needs whole periods, and {names} contains none of --fundamental '
+            f'{options.fundamental:g} Hz: check that option, or choose --filter butterworth'
         )
     if options.filter == 'harmonics':
         raise IdentificationError(
-            f'--filter harmonics needs whole periods, and {names} does not repeat itself: record '
-            'two periods, give --fundamental, or choose --filter butterworth'
+            f'--filter harmonics needs whole periods, and {names} does not repeat: record two '
+            'periods, give --fundamental, or choose --filter butterworth'
         )
     if options.harmonics is not None:
-        return [f'{names}: not periodic, so --harmonics is not used: give --fundamental']
+        return [f'{names} is not periodic, so --harmonics is ignored: pass --fundamental']
     return []

@@ -234,13 +234,13 @@ def aperiodic_motion(
     duration = (window.stop - window.start) * motion.dt
     if duration < shortest:
         what_for, better = (
-            ('excite the parameters', ' (better 20 s)')
+            ('excite all parameters', ' (better 20 s)')
             if shortest == SHORTEST
             else ('be filtered', '')
         )
         raise IdentificationError(
-            f'{recording.name}: only {duration:.2f} s of motion: too '
-            f'short to {what_for}, record at least {shortest:.2g} s{better}'
+            f'{recording.name} contains only {duration:.2f} s of motion, too short to '
+            f'{what_for}: record at least {shortest:.2g} s{better}'
         )
     return replace(motion, window=window)
 
@@ -321,7 +321,7 @@ class KinematicsFilter:
         """Description of the source of velocities."""
         if self.from_position:
             return 'differentiated positions'
-        return 'measured velocities' + (', their lag taken off' if self.in_time else '')
+        return 'measured velocities' + (', delay compensated' if self.in_time else '')
 
     def apply(self, motion: UniformMotion) -> tuple[Array, Array, Array]:
         """Return filtered q, dq, ddq of the motion's window.

@@ -96,7 +96,7 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
     first, second = (_parameters(path) for path in (old, new))
     if first['joint_names'] != second['joint_names']:
         raise IdentificationError(
-            f'{old} is of joints {", ".join(map(str, first["joint_names"]))}, {new} of '
+            f'{old} has joints {", ".join(map(str, first["joint_names"]))}, {new} has '
             f'{", ".join(map(str, second["joint_names"]))}: compare two results of one arm'
         )
     try:
@@ -104,8 +104,8 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
         inertia, unmatched = _inertia(first, second)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise IdentificationError(
-            f'{old}, {new}: cannot be compared ({error}): pass estimate.yaml files of the '
-            'identifier; identify again from the bags of an older version'
+            f'{old} and {new} cannot be compared ({error}): pass estimate.yaml files of the '
+            'identifier; identify again if the files have an older format'
         ) from None
     return EstimateComparison(friction, inertia, unmatched)
 
@@ -117,7 +117,7 @@ def _parameters(path: Path) -> Mapping[str, Any]:
             raise TypeError
     except (KeyError, TypeError):
         raise IdentificationError(
-            f'{path}: is no estimate.yaml: give the file as the identifier has written it'
+            f'{path} is not an estimate.yaml: pass the unchanged file of the identifier'
         ) from None
     return dict(parameters)
 
@@ -194,7 +194,7 @@ def _base(base: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 FRICTION = {
     'viscous': ('viscous friction', 'Nms/rad'),
     'coulomb': ('Coulomb friction', 'Nm'),
-    'load_friction': ("load's share of friction", ''),
+    'load_friction': ('load-dependent friction', ''),
 }
 INERTIA = {'rotor_inertia': ('rotor inertia', 'kg m²')}
 WEAR = {
@@ -223,8 +223,8 @@ def compare_benches(old: Path, new: Path) -> EstimateComparison:
     common = [joint for joint in first if joint in second]
     if not common:
         raise IdentificationError(
-            f'{old} is of {", ".join(first)}, {new} of {", ".join(second)}: compare two runs of '
-            'the bench with the same joints'
+            f'{old} has joints {", ".join(first)}, {new} has {", ".join(second)}: compare two '
+            'runs of the motor bench with the same joints'
         )
     try:
         friction, inertia, drives = (
@@ -238,8 +238,7 @@ def compare_benches(old: Path, new: Path) -> EstimateComparison:
         )
     except (TypeError, ValueError) as error:
         raise IdentificationError(
-            f'{old}, {new}: cannot be compared ({error}): give motor_bench.yaml as the bench has '
-            'written it'
+            f'{old} and {new} cannot be compared ({error}): pass unchanged motor_bench.yaml files'
         ) from None
     return EstimateComparison(friction, inertia, 0, drives)
 
@@ -250,13 +249,13 @@ def _bench_joints(path: Path) -> Mapping[str, Mapping[str, Any]]:
         return {str(name): dict(entry) for name, entry in joints.items()}
     except (KeyError, TypeError, ValueError, AttributeError):
         raise IdentificationError(
-            f'{path}: is no motor_bench.yaml: give the file as the bench has written it'
+            f'{path} is not a motor_bench.yaml: pass the unchanged file of the motor bench'
         ) from None
 
 
 def _change(joint: str, label: str, unit: str, old: object, new: object) -> EstimateChange:
     (before, spread), (after, other) = (np.array(pair, dtype=float) for pair in (old, new))
     if not np.isfinite([before, spread, after, other]).all():
-        raise ValueError(f'{label} of {joint} is no number')
+        raise ValueError(f'{label} of {joint} is not a number')
     name, std = f'{label} of {joint}', np.hypot(spread, other)
     return EstimateChange(name, unit, float(before), float(after), float(std))

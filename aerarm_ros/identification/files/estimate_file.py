@@ -94,24 +94,24 @@ def _both_ways(term: JointTerm, speed: Array, load: float) -> Array:
 _HEADER = """\
 # Dynamic parameters identified from recorded motion. SI units, joint side.
 # inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its
-# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, load
-# included (identified.urdf has what is beside the load, and its share). That model is complete:
+# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, with load
+# (identified.urdf has the part without load, and the load-dependent friction). Complete model:
 # viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
 # tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2) + forward
 # max(a(dq), 0) + backward min(a(dq), 0), with s(dq) = tanh(dq / coulomb_width), sgn(dq) for
 # width 0, and a(dq) = tanh(dq / asymmetry_width).
 # coupled_joints, where given: for each column its joint, the joint that drives it, cv (torque per
 # velocity of the driver) or ca (per acceleration), and its coefficient.
-# from_data: share of each value that comes from data (1) rather than from CAD (0). A parameter that
-# stands in one of the sums below is shared out by CAD, however much the data say of the sum.
-# friction_deviations: standard deviations of friction torques (offsets are no part of them), joint
-# by joint at rising speeds, at the usual torque on its links (loads).
+# from_data: 1 if the value comes from data, 0 if from CAD. Parameters of a sum below are
+# divided by CAD, even if the data determine the sum.
+# friction_deviations: standard deviations of friction torques without offsets, per joint at
+# increasing speeds, at the usual torque on its links (loads).
 # base_parameters: the sums that the torque depends on, which the data determine, with their
 # standard deviations by the data alone.
 """
 
 _PAYLOAD_HEADER = """\
-# What the last link carries, identified from recorded motion. SI units, in the frame of that
+# Payload of the last link, identified from recorded motion. SI units, in the frame of that
 # link's joint. inertial_parameters: of the whole arm with the payload, as in estimate.yaml.
 """
 
@@ -275,8 +275,8 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
         raise
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path}: is no estimate.yaml of an arm with {robot.n} joints: {_fault(error)}: give '
-            'the file as the identifier has written it'
+            f'{path} is not an estimate.yaml of an arm with {robot.n} joints ({_fault(error)}): '
+            'pass the unchanged file of the identifier'
         ) from None
     terms = [
         (*values, *(term for owner, term in coupled if owner == joint))
@@ -289,7 +289,9 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     ]
     theta = np.concatenate([inertial.ravel(), joints])
     if not np.isfinite(theta).all():
-        raise IdentificationError(f'{path}: holds numbers that are not finite')
+        raise IdentificationError(
+            f'{path} contains numbers that are not finite: identify the arm again'
+        )
     return Estimate(str(parameters.get('solver', '')), model, theta)
 
 
@@ -310,7 +312,7 @@ def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
         return tuple(map(str, parameters['joint_names'])), gravity
     except (KeyError, TypeError, ValueError):
         raise IdentificationError(
-            f'{path}: is no estimate: give the estimate.yaml of the identifier'
+            f'{path} is not an estimate: pass the estimate.yaml of the identifier'
         ) from None
 
 
@@ -366,8 +368,8 @@ def read_gravity(path: Path, robot: Robot) -> Array:
         gravity = np.full(3, np.nan)
     if not np.isfinite(gravity).all():
         raise IdentificationError(
-            f'{path}: gravity_in_base is not three numbers: give the file as the identifier has '
-            'written it'
+            f'gravity_in_base of {path} is not three numbers: pass the unchanged file of the '
+            'identifier'
         )
     return gravity
 
@@ -375,8 +377,8 @@ def read_gravity(path: Path, robot: Robot) -> Array:
 def _check_joints(path: Path, names: tuple[str, ...], wanted: tuple[str, ...]) -> None:
     if names != wanted:
         raise IdentificationError(
-            f'{path}: is of {len(names)} joints {", ".join(map(str, names))}, the URDF has '
-            f'{len(wanted)}: {", ".join(wanted)}: give the URDF of that arm (--urdf)'
+            f'{path} has {len(names)} joints {", ".join(map(str, names))}, but the URDF has '
+            f'{len(wanted)}, {", ".join(wanted)}: pass the URDF of that arm (--urdf)'
         )
 
 
@@ -384,8 +386,8 @@ def _fault(error: Exception) -> str:
     if isinstance(error, KeyError):
         return f'{error} is missing'
     if isinstance(error, ValueError):
-        return 'a list has not the right length, or holds something else than numbers'
-    return 'its keys are not those of an estimate'
+        return 'a list has a wrong length, or contains something other than numbers'
+    return 'its keys are not the keys of an estimate'
 
 
 def _column(

@@ -84,8 +84,8 @@ def unwritten(estimate: Estimate) -> tuple[str, ...]:
     if not coupled:
         return ()
     return (
-        f'{", ".join(coupled)} are in estimate.yaml only: URDF, MJCF and SDF have no place for a '
-        "torque by another joint's motion",
+        f'{", ".join(coupled)} are only in estimate.yaml: URDF, MJCF and SDF cannot describe a '
+        "torque caused by another joint's motion",
     )
 
 
@@ -264,8 +264,8 @@ def identified_urdf(
         own = inertial[index] - share * kept
         if not is_physically_consistent(own):
             warnings.append(
-                f'identified.urdf: link {name} is NOT PHYSICALLY CONSISTENT: its identified '
-                'parameters are those of no body; do not simulate or control with this file'
+                f'identified.urdf: link {name} is NOT PHYSICALLY CONSISTENT (no body has these '
+                'inertial parameters); do not simulate or control with this file'
             )
         for other in fixed:
             _remove_inertial(links[other])
@@ -368,9 +368,9 @@ def _scaled(
             for key, value in element.items():
                 element.set(key, repr(share * float(value)))
     return [
-        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have '
-        f'{100.0 * share:.3g} % of their mass in the URDF: with their full mass {carrier} would '
-        'not be physically consistent; check their inertia in the URDF'
+        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have only '
+        f'{100.0 * share:.3g} % of their mass in the URDF, because {carrier} would not be '
+        'physically consistent with more; check their inertia in the URDF'
     ]
 
 
@@ -501,7 +501,7 @@ def identified_sdf(
     """
     ET.register_namespace('drake', _DRAKE)
     root = ET.Element('sdf', version=_VERSION)
-    root.append(ET.Comment(f' gravity as found [m/s^2]: {numbers_text(robot.gravity_in_base)} '))
+    root.append(ET.Comment(f' identified gravity [m/s^2]: {numbers_text(robot.gravity_in_base)} '))
     model = ET.SubElement(root, 'model', name=robot.model.name)
     bodies = list(link_bodies(robot, inertial))
     efforts = zip(robot.effort_max, robot.velocity_max, strict=True)

@@ -59,7 +59,7 @@ class ResultDirectory:
                 self.replaced = True
             elif self.target.exists() and not self.target.is_dir():
                 raise IdentificationError(
-                    f'{self.target}: is a file: name a folder with {self._option}'
+                    f'{self.target} is a file: name a folder with {self._option}'
                 )
             self._make_parents(parent)
             prefix = f'.{self.target.name}.'
@@ -68,7 +68,7 @@ class ResultDirectory:
         except OSError as error:
             self._remove()
             raise IdentificationError(
-                f'{self.target}: cannot be written ({error.strerror or error}): check the '
+                f'{self.target} cannot be written ({error.strerror or error}): check the '
                 f'permissions, or name another folder with {self._option}'
             ) from None
         except KeyboardInterrupt:
@@ -81,14 +81,14 @@ class ResultDirectory:
         others = [] if self._files is None else [n for n in names if n not in self._files]
         if others or not (self.target / MARKER).is_file():
             raise IdentificationError(
-                f'{self.target}: holds other files ({(others or names)[0]}), which are not '
+                f'{self.target} contains other files ({(others or names)[0]}) and is not '
                 f'replaced: name another folder with {self._option}'
             )
 
     def path(self, name: str) -> Path:
         """Return the path for a part of the result that another program writes."""
         if self._collected is None:
-            raise RuntimeError('files are written inside the context only')
+            raise RuntimeError("files can only be written inside the 'with' block")
         return self._collected / name
 
     def write(self, name: str, text: str) -> None:
@@ -104,7 +104,7 @@ class ResultDirectory:
             path.write_text(text, encoding='utf-8')
         except OSError as error:
             raise IdentificationError(
-                f'{self.target / name}: cannot be written ({error.strerror or error}): check the '
+                f'{self.target / name} cannot be written ({error.strerror or error}): check the '
                 'free space and permissions'
             ) from None
 
@@ -126,7 +126,8 @@ class ResultDirectory:
             except OSError as failure:
                 self._remove()
                 raise IdentificationError(
-                    f'{self.target}: cannot be written ({failure.strerror or failure})'
+                    f'{self.target} cannot be written ({failure.strerror or failure}): '
+                    'check the free space and permissions'
                 ) from None
 
     def _make_parents(self, parent: Path) -> None:

@@ -332,8 +332,9 @@ def friction_terms(friction: str) -> tuple[JointTerm, ...]:
     unknown = [name for name in names if name not in FRICTION_MODELS]
     if unknown:
         raise IdentificationError(
-            f'--friction {friction}: no model {", ".join(map(repr, unknown))}: give {AUTOMATIC}, '
-            f'or one or several of {", ".join(FRICTION_MODELS)} joined by +'
+            f'friction model {", ".join(map(repr, unknown))} of --friction {friction} is '
+            f'unknown: pass {AUTOMATIC}, or one or several of {", ".join(FRICTION_MODELS)} '
+            'joined by +'
         )
     return tuple(dict.fromkeys(term for name in names for term in FRICTION_MODELS[name]))
 

@@ -62,7 +62,7 @@ def fit_backlash(
     swings = [_Swing(run) for run in heard if run.time[-1] - run.time[0] >= _SHORTEST]
     if not swings:
         raise IdentificationError(
-            f'{name}: its swings are shorter than {_SHORTEST} s: measure more of them'
+            f'{name}: the sine waves are shorter than {_SHORTEST} s; measure more of them'
         )
     plays = np.linspace(0.0, 1.0, _PLAYS) ** 2 * LARGEST
     spread = 2.0 * links[1] / links[0]

@@ -94,7 +94,10 @@ def fit_inertia(
     """
     filtered = [_filtered(run, friction) for run in runs if _long_enough(run)]
     if not filtered:
-        raise IdentificationError(f'{name}: its acceleration runs are shorter than {_SHORTEST} s')
+        raise IdentificationError(
+            f'{name}: the acceleration runs are shorter than {_SHORTEST} s; measure more or '
+            'longer runs'
+        )
     columns, torque = (np.concatenate(part) for part in zip(*filtered, strict=True))
     theta, *_ = np.linalg.lstsq(columns, torque, rcond=None)
     residual = torque - columns @ theta
@@ -102,8 +105,8 @@ def fit_inertia(
     covariance = variance * np.linalg.pinv(columns.T @ columns)
     if theta[0] <= 0.0:
         raise IdentificationError(
-            f'{name}: its inertia comes out as {theta[0]:.3g} kg m^2, not above zero: check the '
-            'sign of the motor, and raise the acceleration share'
+            f'{name}: the measured inertia, {theta[0]:.3g} kg m^2, is not positive; check the '
+            'sign of the motor, and raise the acceleration fraction'
         )
     return float(theta[0]), float(np.sqrt(covariance[0, 0]))
 
@@ -173,13 +176,13 @@ def fit_torque_constant(
     std = float(np.sqrt(direction @ spread @ direction))
     if size < _SIGNIFICANT * std or size == 0.0:
         raise IdentificationError(
-            f'{name}: the mass causes {size:.3g} Nm at most, measured to {std:.2g} Nm: choose a '
-            'posture in which the mass has a lever about this joint, or a larger mass'
+            f'{name}: the mass causes {size:.3g} Nm at most, measured to {std:.2g} Nm; choose a '
+            'posture with a longer lever arm of the mass about this joint, or a larger mass'
         )
     if not size / _PLAUSIBLE < measured < size * _PLAUSIBLE:
         raise IdentificationError(
-            f'{name}: the mass adds {measured:.3g} Nm instead of {size:.3g} Nm: check mass, '
-            'position of the mass, and that the result without it is of the same posture'
+            f'{name}: the mass adds {measured:.3g} Nm instead of {size:.3g} Nm; check the mass, '
+            'its position, and that both runs have the same posture'
         )
     ratio = size / measured
     return ratio, ratio * std / measured
@@ -312,8 +315,8 @@ class MotorBench:
         if result.inertia is not None and not result.rotor_inertia_known:
             self.warnings.append(
                 f'{drive.name}: rotor and load inertia are not separable '
-                f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2): measure in '
-                'a posture with less inertia about its axis, or as a bare motor'
+                f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2); measure '
+                'in a posture with less inertia about its axis, or measure the bare motor'
             )
         return result
 
@@ -344,19 +347,20 @@ class MotorBench:
         others = [self._config.joint_names[i] for i in np.flatnonzero(shift > _SHIFT)]
         if others:
             self.warnings.append(
-                f'{drive.name}: {", ".join(others)} may rattle along, and its play count as well: '
-                'choose a posture in which gravity presses it, or in which it is not moved'
+                f'{drive.name}: {", ".join(others)} may rattle too, so the result may include '
+                'their backlash; choose a posture in which gravity presses their gears to one '
+                'side, or in which they do not move'
             )
         if not is_told(found):
             self.warnings.append(
                 f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad '
-                'is not significant: for a finer result choose a posture in which its links are '
-                'heavy about its axis and gravity does not press them to one side'
+                'is not significant; for a finer result choose a posture with heavy links about '
+                'the axis of this joint, in which gravity does not press its gear'
             )
         elif is_largest((play, std)):
             self.warnings.append(
-                f'{drive.name}: backlash is {1e3 * LARGEST:.0f} mrad or more, the most that is '
-                'looked for: look at the gear'
+                f'{drive.name}: backlash is at least {1e3 * LARGEST:.0f} mrad, the largest '
+                'measurable value; inspect the gear'
             )
         return found
 
@@ -365,15 +369,19 @@ class MotorBench:
             raise IdentificationError(f'known mass {known.mass:g} kg must be above 0')
         if self._robot is None:
             if not known.lever > 0.0:
-                raise IdentificationError('a mass on a bare motor needs its lever [m]')
+                raise IdentificationError(
+                    'a known mass on a bare motor needs its lever arm: set its distance from '
+                    'the shaft [m]'
+                )
         elif self._earlier is None:
             raise IdentificationError(
                 'a mass on a mounted arm needs a run without it: measure without the mass first'
             )
         elif np.abs(self._earlier.posture - self._posture).max() > _SAME_POSTURE:
             raise IdentificationError(
-                f'the run without the mass was made at {self._earlier.posture.round(3).tolist()} '
-                f'rad, this one at {self._posture.round(3).tolist()}: choose the same posture'
+                'the posture of the run without the mass, '
+                f'{self._earlier.posture.round(3).tolist()} rad, differs from this one, '
+                f'{self._posture.round(3).tolist()} rad: choose the same posture'
             )
 
     def _torque_ratio(self, joint: int, friction: MotorFriction) -> tuple[float, float] | None:
@@ -387,7 +395,7 @@ class MotorBench:
                 return fit_torque_constant(friction, None, weight, name)
             assert self._earlier is not None  # checked in the constructor
             if name not in self._earlier.gravity:
-                raise IdentificationError(f'{name}: the run without the mass did not measure it')
+                raise IdentificationError(f'{name}: missing in the run without the mass')
             expected = self._known_gravity(robot, known, joint)
             return fit_torque_constant(friction, self._earlier.gravity[name], expected, name)
         except IdentificationError as error:

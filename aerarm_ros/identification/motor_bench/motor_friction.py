@@ -166,8 +166,8 @@ def fit_motor_friction(
         theta[used], covariance[np.ix_(used, used)] = _solve(columns, tau, name)
     if theta[1] < 0.0:
         raise IdentificationError(
-            f'{name}: Coulomb friction comes out as {theta[1]:.3g} Nm, below zero: check the sign '
-            'of the motor in the configuration, and that nothing pushes the joint'
+            f'{name}: the measured Coulomb friction, {theta[1]:.3g} Nm, is negative; check the '
+            'sign of the motor in the configuration, and that nothing pushes the joint'
         )
     known = _columns(sine, cosine, dq, theta[3:])[:, 2:] @ theta[2:]
     index = np.repeat(np.arange(len(blocks)), [len(block.dq) for block in blocks])
@@ -195,7 +195,7 @@ def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
     rank = np.linalg.matrix_rank(columns[:, np.linalg.norm(columns, axis=0) > 0.0])
     if rank < min(2, columns.shape[1]):
         raise IdentificationError(
-            f'{name}: the steps have one speed only: check that the joint follows its reference'
+            f'{name}: all steps have the same speed; check that the joint follows its reference'
         )
     std = np.ones(columns.shape[1])
     for _ in range(2):  # the first solution's residual determines the noise
@@ -219,8 +219,8 @@ def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
 def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
     if len(dq) < _LEAST_BLOCKS:
         raise IdentificationError(
-            f'{name}: {len(dq)} stretches of {_BLOCK:g} s at constant speed are too few: check '
-            'that joint_states arrive while the bench moves'
+            f'{name}: only {len(dq)} intervals of {_BLOCK:g} s at constant speed were found; '
+            'check that joint_states arrive while the bench moves'
         )
     still = [
         block.speed
@@ -229,11 +229,13 @@ def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
     ]
     if still:
         raise IdentificationError(
-            f'{name}: it does not reach {still[0]:.3g} rad/s: check that it is free to move and '
-            'that its velocity loop is not saturated'
+            f'{name}: the joint does not reach {still[0]:.3g} rad/s; check that it is free to '
+            'move and that its velocity loop is not saturated'
         )
     if not (dq.min() < 0.0 < dq.max()):
-        raise IdentificationError(f'{name}: steps in one direction only: both are needed')
+        raise IdentificationError(
+            f'{name}: all steps have the same direction, but both directions are needed'
+        )
 
 
 @dataclass(frozen=True, eq=False)

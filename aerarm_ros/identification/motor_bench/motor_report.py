@@ -29,8 +29,8 @@ _HEADER = """\
 """
 
 _CONFIG_HEADER = """\
-# The arm's configuration with what the motor bench has measured in place of what was there.
-# Comments, and values that were not measured: see the file it was made from.
+# The arm's configuration with the values that the motor bench has measured.
+# The original file has the comments; all other values are copied from there.
 """
 
 # Effort limits are rounded down to multiples of this, to stay below the motor's torque [Nm].
@@ -99,8 +99,8 @@ def load_earlier(path: Path) -> Earlier:
         return Earlier(gravity, np.array(document['posture'], dtype=float).reshape(-1))
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path}: is no motor_bench.yaml ({type(error).__name__}: {error}): give the file that '
-            'the run without the mass wrote'
+            f'{path} is not a motor_bench.yaml ({type(error).__name__}: {error}), pass the file '
+            'that the run without the mass wrote'
         ) from None
 
 
@@ -199,7 +199,7 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
     """
     how = (
         'The drives were mounted in the arm. The fit includes gravity, g(q) = a sin q + b cos q '
-        'for a single joint, and the gear friction that gravity causes; the plots show the points '
+        'for a single joint, and the load-dependent gear friction. The plotted points are '
         'without both.'
         if mounted
         else 'The motors were bare: no gravity.'
@@ -209,10 +209,10 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
         bullets(warnings, 'warnings') if warnings else '',
         section('Parameters', table(_HEADINGS, map(_page_row, results))),
         paragraph(
-            'b_eq and J_m at the motor, f at the joint. J_m in brackets: not separable from the '
-            'load. K_i in brackets: as configured. R per phase, from the voltages of the boards; '
-            'in brackets as configured. Backlash at the joint, from swings; in brackets: not '
-            'significant.',
+            'b_eq and J_m: motor side; f: joint side. J_m in brackets cannot be separated from '
+            'the load. K_i in brackets is the configured value. R per phase follows from the '
+            'voltages of the boards; in brackets it is the configured value. Backlash at the '
+            'joint follows from sine waves; in brackets it is not significant.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),

@@ -69,7 +69,7 @@ class BagFacts:
             return []
         return [
             f'{name}: {100.0 * share:.2g} % of the cycles were missed, so torque and velocity '
-            'belong to longer steps: give the bridge real-time priority (as in '
+            'are sampled at irregular steps; give the bridge real-time priority (as in '
             'config/parameters_spi.yaml), or end other processes'
         ]
 
@@ -217,7 +217,7 @@ def _liveliest(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str
     travel = [_travel(q[run]) for run in runs]
     if not travel or max(travel) < _SMALLEST_MOTION:
         return None
-    others = f', the liveliest of {len(runs)}' if len(runs) > 1 else ''
+    others = f', the fastest of {len(runs)}' if len(runs) > 1 else ''
     return runs[int(np.argmax(travel))], reason + others
 
 
@@ -380,8 +380,8 @@ def recording_from_states(
     order = np.array(_columns(name, states.names, joint_names, mapping))
     if len(states.stamp) < _FEWEST_MESSAGES:
         raise IdentificationError(
-            f'{name}: only {len(states.stamp)} joint states: too short to identify anything from, '
-            'record a longer motion'
+            f'{name} contains only {len(states.stamp)} joint states, too few for an '
+            'identification: record a longer motion'
         )
     check_stamp_unit(name, states.stamp)
     rows, reason = slice(0, len(states.stamp)), 'whole bag'
@@ -435,7 +435,7 @@ def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: Join
         if joint in mapping.locked and len(q) and np.ptp(q) > _LOCKED_MOTION:
             raise IdentificationError(
                 f'joint {joint} is locked (--lock) but moves by {np.ptp(q):.3g} rad in {bag}: '
-                f'leave out --lock {joint}, or cut the bag to where it rests'
+                f'remove --lock {joint}, or cut the bag to where the joint rests'
             )
 
 
@@ -454,34 +454,34 @@ def _columns(
     unknown = [name for name in mapping.rename if name not in names]
     if unknown:
         raise IdentificationError(
-            f'{bag}: no joint {", ".join(unknown)} to rename: the bag has {", ".join(names)}'
+            f'joint {", ".join(unknown)} (--rename) is not in {bag}: choose from {", ".join(names)}'
         )
     renamed = [mapping.own_name(name) for name in names]
     missing = [name for name in joint_names if name not in renamed]
     if missing:
         raise IdentificationError(
-            f'{bag}: joints {", ".join(missing)} of the URDF are not in the bag, which has '
-            f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), lock "
-            'joints of the URDF (--lock JOINT), or pass the URDF of the recorded arm'
+            f'joints {", ".join(missing)} of the URDF are not in {bag}, which has '
+            f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), "
+            'lock joints of the URDF (--lock JOINT), or pass the URDF of the recorded arm'
         )
     twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
     if twice:
         raise IdentificationError(
-            f'{bag}: more than one joint of the bag is called {", ".join(twice)} after renaming: '
-            'check --rename'
+            f'several joints of {bag} are called {", ".join(twice)} after renaming: check --rename'
         )
     known = (*joint_names, *mapping.ignored, *mapping.locked)
     extra = [name for name in renamed if name not in known]
     if extra:
         raise IdentificationError(
-            f'{bag}: joints {", ".join(extra)} of the bag are missing from the URDF, which has '
-            f'{", ".join(joint_names)}: pass the URDF of the recorded arm, or ignore these joints '
-            '(--ignore JOINT)'
+            f'joints {", ".join(extra)} of {bag} are missing from the URDF, which has '
+            f'{", ".join(joint_names)}: pass the URDF of the recorded arm, or ignore these '
+            'joints (--ignore JOINT)'
         )
     absent = [name for name in mapping.ignored if name not in renamed]
     if absent:
         raise IdentificationError(
-            f'{bag}: no joint {", ".join(absent)} to ignore: the bag has {", ".join(renamed)}'
+            f'joint {", ".join(absent)} (--ignore) is not in {bag}: choose from '
+            f'{", ".join(renamed)}'
         )
     return [renamed.index(name) for name in joint_names]
 
@@ -496,29 +496,32 @@ def _check_complete(
     names = ', '.join(joint for joint, column in zip(joints, bad.T, strict=True) if column.any())
     if np.isnan(values).all(axis=0).any():
         raise IdentificationError(
-            f'{bag}: no {field} recorded of joints {names}: check what publishes the topic, or '
-            'choose another with --topic'
+            f'{bag} has no {field} of joints {names}: check the publisher of the topic, or '
+            'choose another topic with --topic'
         )
     rows = np.flatnonzero(bad.any(axis=1))
     if np.isfinite(values).all():
         raise IdentificationError(
-            f'{bag}: {field} of joints {names} reaches {np.abs(values).max():.3g} in {len(rows)} '
-            f'of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start '
-            'of the motion: check units and the driver that published it'
+            f'{field} of joints {names} in {bag} reaches {np.abs(values).max():.3g} in '
+            f'{len(rows)} of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s '
+            'after the start of the motion: check units and the driver that published the '
+            'messages'
         )
     raise IdentificationError(
-        f'{bag}: {field} of joints {names} is NaN or infinite in {len(rows)} of {len(values)} '
+        f'{field} of joints {names} in {bag} is NaN or infinite in {len(rows)} of {len(values)} '
         f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check '
-        'the driver that published it, or record again'
+        'the driver that published the messages, or record again'
     )
 
 
 def _velocity(bag: str, dq: Array, warnings: list[str]) -> Array | None:
     if not (np.abs(dq) < _LARGEST).all():
-        warnings.append(f'{bag}: velocities missing or NaN; positions are differentiated instead')
+        warnings.append(
+            f'{bag}: velocities are missing or NaN, so positions are differentiated instead'
+        )
         return None
     if not dq.any():
-        warnings.append(f'{bag}: velocities are all zero; positions are differentiated instead')
+        warnings.append(f'{bag}: velocities are all zero, so positions are differentiated instead')
         return None
     return dq
 
@@ -529,17 +532,17 @@ def _check_content(
     still = np.ptp(q, axis=0) < _SMALLEST_MOTION
     if still.all():
         raise IdentificationError(
-            f'{bag}: no joint moves: record an excitation trajectory, with the drives enabled'
+            f'no joint moves in {bag}: record an excitation trajectory, with the drives enabled'
         )
     dead = np.ptp(tau, axis=0) == 0.0
     if dead.all():
         raise IdentificationError(
-            f'{bag}: the effort of every joint is constant: check that the drives report torque '
-            'or current'
+            f'the effort of every joint in {bag} is constant: check that the drives report '
+            'torque or current'
         )
     for states, text in (
-        (still, 'does not move: its friction cannot be identified'),
-        (dead, 'has a constant effort: its equation is left out'),
+        (still, 'does not move, so its friction cannot be identified'),
+        (dead, 'has a constant effort, so its equation is ignored'),
     ):
         warnings += [
             f'{bag}: joint {joint} {text}'

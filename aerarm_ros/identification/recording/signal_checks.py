@@ -40,7 +40,7 @@ def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, 
         tau = tau.copy()
         tau[spikes, index] = np.interp(rows[spikes], rows[~spikes], tau[~spikes, index])
         warnings.append(
-            f'{bag}: {spikes.sum()} spikes in the effort of {joint} bridged by their neighbours'
+            f'{bag}: {spikes.sum()} spikes in the effort of {joint} are replaced by interpolation'
         )
     return tau, warnings
 
@@ -73,8 +73,8 @@ def saturated_effort(
             mask[:, index] = False
         elif share > 0.0:
             warnings.append(
-                f'{bag}: effort of {joint} is saturated for {100.0 * share:.2g} % of the time: '
-                'left out; record a slower motion'
+                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the '
+                'time and ignored then; record a slower motion'
             )
     return (mask if mask.any() else None), warnings
 
@@ -136,8 +136,8 @@ def check_stamp_unit(bag: str, stamp: Array) -> None:
     if step >= _LONGEST_STEP:
         unit = next(name for largest, name in _OTHER_UNITS if step < largest)
         raise IdentificationError(
-            f'{bag}: joint states are {step:.3g} s apart: stamps look like {unit} and must be in '
-            's; a table column may state its unit, as time [ms]'
+            f'joint states of {bag} are {step:.3g} s apart, so their stamps look like {unit} '
+            'instead of s: state the unit in the column name, for example time [ms]'
         )
 
 
@@ -164,21 +164,21 @@ def sound_messages(
         If stamps are not finite, repeat, run backwards or jump.
     """
     if not np.isfinite(stamp).all():
-        raise IdentificationError(f'{bag}: stamps that are not finite: {_ADVICE}')
+        raise IdentificationError(f'stamps of {bag} are not finite: {_ADVICE}')
     if np.ptp(stamp) == 0.0:
-        raise IdentificationError(f'{bag}: every message has the same stamp: {_ADVICE}')
+        raise IdentificationError(f'all messages of {bag} have the same stamp: {_ADVICE}')
     order = np.argsort(stamp, kind='stable')
     step = np.diff(stamp[order])
     repeated = int(np.sum(step <= 0.0))
     if repeated > _TOLERATED_SHARE * len(stamp):
         first = _when(stamp[order[np.flatnonzero(step <= 0.0)[0]]], stamp, begin)
         raise IdentificationError(
-            f'{bag}: {repeated} of {len(stamp)} stamps are repeated, first at {first}: {_ADVICE}'
+            f'{repeated} of {len(stamp)} stamps of {bag} are repeated, first at {first}: {_ADVICE}'
         )
     warnings = _check_order(bag, stamp)
     _check_gaps(bag, stamp[order], step, begin)
     if repeated:
-        warnings.append(f'{bag}: {repeated} messages with a repeated stamp left out')
+        warnings.append(f'{bag}: {repeated} messages with a repeated stamp are ignored')
     return order[np.concatenate(([True], step > 0.0))], warnings
 
 
@@ -192,10 +192,10 @@ def _check_order(bag: str, stamp: Array) -> list[str]:
     set_back = np.convolve(behind, window).max() > _LATE_IN_A_ROW
     if len(back) > _TOLERATED_SHARE * len(stamp) or farthest > _LONGEST_GAP or set_back:
         raise IdentificationError(
-            f'{bag}: stamps jump back {len(back)} times, by up to {farthest:.3f} s, first at '
+            f'stamps of {bag} jump back {len(back)} times, by up to {farthest:.3f} s, first at '
             f'message {back[0] + 1}: {_ADVICE}'
         )
-    return [f'{bag}: {len(back)} messages out of order put in their place']
+    return [f'{bag}: {len(back)} messages were out of order and are sorted by their stamps']
 
 
 def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> None:
@@ -204,8 +204,8 @@ def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> Non
     if step[worst] > limit:
         when = _when(float(stamp[worst]), stamp, begin)
         raise IdentificationError(
-            f'{bag}: no joint states for {step[worst]:.3f} s at {when}: '
-            'the recorder lost messages or the clock was set; record again'
+            f'{bag} has no joint states for {step[worst]:.3f} s at {when}, because the recorder '
+            'lost messages or the clock was set: record again'
         )
 
 
@@ -251,8 +251,8 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
     if ranges.max() > _LARGEST_TURN:
         joint, turns = joints[int(np.argmax(ranges))], ranges.max() / (2.0 * np.pi)
         raise IdentificationError(
-            f'{bag}: {joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns: positions look '
-            'like degrees; for a table pass --degrees (degrees= of read_bag, or a column q1 '
+            f'{joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns, in {bag}, so positions '
+            'look like degrees: for a table pass --degrees (degrees= of read_bag, or a column q1 '
             '[deg]), else check the node that publishes the topic'
         )
     ratio = None if dq is None else _speed_ratio(time, q, dq)
@@ -261,11 +261,11 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
     text = f'{bag}: velocities are {ratio:.3g} times the rate at which positions change'
     unit = next((u for u, of, near in _VELOCITY_UNITS if abs(ratio / of - 1.0) < near), None)
     if unit is not None:
-        text += f': they look like {unit}, and positions are in rad'
+        text += f', so they look like {unit}, while positions are in rad'
     elif ratio > 1.0:
-        text += f': stamps run {ratio:.3g} times too slow'
+        text += f', so stamps run {ratio:.3g} times too slow'
     else:
-        text += f': stamps run {1.0 / ratio:.3g} times too fast'
+        text += f', so stamps run {1.0 / ratio:.3g} times too fast'
     raise IdentificationError(
         f'{text}; check the column of the table, or the node that publishes the topic'
     )

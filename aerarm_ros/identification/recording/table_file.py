@@ -147,7 +147,7 @@ def unit_factor(name: str, quantity: str, unit: str) -> float:
         short = re.sub(spelling, usual, short)
     if short and short not in known:
         raise IdentificationError(
-            f'column {name}: unit {unit} is not known: give one of {", ".join(known)}'
+            f'column {name} has the unknown unit {unit}: use one of {", ".join(known)}'
         )
     return known.get(short, 1.0)
 
@@ -263,17 +263,23 @@ def read_table(
     options = options or TableOptions()
     try:
         if path.stat().st_size > _LARGEST:
-            raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
+            raise IdentificationError(
+                f'{path} is larger than {_LARGEST >> 20} MB: shorten the file'
+            )
         read = _npz if path.suffix.lower() == '.npz' else _csv
         columns, sources = read(path, joint_names, options)
         columns = _without_currents(columns)
     except OSError as error:
-        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise IdentificationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except (ValueError, zipfile.BadZipFile) as error:
         if isinstance(error, IdentificationError):
             raise
         reason = ' '.join(str(error).split())
-        raise IdentificationError(f'{path}: is no table of numbers ({reason})') from None
+        raise IdentificationError(
+            f'{path} is not a table of numbers ({reason}): check the file format'
+        ) from None
     return _states(path, columns, sources, joint_names, options)
 
 
@@ -293,8 +299,8 @@ def _csv(
         names = [name.strip().strip('"') for name in header.split(delimiter)]
         if all(_is_number(name) for name in names):
             raise IdentificationError(
-                f'{path}: the first line must name the columns, as time, q_{joint_names[0]}, '
-                f'dq_{joint_names[0]}, tau_{joint_names[0]}'
+                f'the first line of {path} must name the columns, for example time, '
+                f'q_{joint_names[0]}, dq_{joint_names[0]}, tau_{joint_names[0]}'
             )
         meanings = _meanings(path, names, joint_names, options)
         first = file.readline()
@@ -303,8 +309,8 @@ def _csv(
             raise ValueError(f'{len(names)} names for {count} columns')
         if not meanings:
             raise IdentificationError(
-                f'{path}: no position of any joint: its columns are {_some(names)}; '
-                f'accepted names are {accepted_names()}'
+                f'{path} has no position of any joint (its columns are {_some(names)}): name the '
+                f'columns {accepted_names()}'
             )
         rows = itertools.chain([first], file)
         values = np.loadtxt(rows, delimiter=delimiter, ndmin=2, usecols=list(meanings))
@@ -335,8 +341,8 @@ def _meanings(
         key = meaning.quantity, meaning.joint
         if key in known:
             raise IdentificationError(
-                f'{path}: columns {known[key]} and {names[place]} are both the '
-                f'{" of ".join(filter(None, key))}: leave one out'
+                f'columns {known[key]} and {names[place]} of {path} are both the '
+                f'{" of ".join(filter(None, key))}: remove one'
             )
         known[key] = names[place]
         meanings[place] = meaning
@@ -365,9 +371,9 @@ def _numbered(
             first = first_number((number for _, number in group.values()), len(joint_names))
         if first is None:
             raise IdentificationError(
-                f'{path}: {_some([names[place] for place in group])} may count from 0 or from 1 '
-                f'for {len(joint_names)} joints: state the number of {joint_names[0]} '
-                '(--numbered-from 0 or 1, or numbered_from= of read_bag)'
+                f'the numbers of {_some([names[place] for place in group])} in {path} may begin '
+                f'at 0 or at 1 for {len(joint_names)} joints: state the number of '
+                f'{joint_names[0]} (--numbered-from 0 or 1, or numbered_from= of read_bag)'
             )
         for place, (column, number) in group.items():
             if 0 <= number - first < len(joint_names):
@@ -396,7 +402,9 @@ def _npz(
 ) -> tuple[_Columns, _Sources]:
     with zipfile.ZipFile(path) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
-            raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB, unpacked: cut it')
+            raise IdentificationError(
+                f'{path} is larger than {_LARGEST >> 20} MB when unpacked: shorten the file'
+            )
     with np.load(path, allow_pickle=False) as file:
         arrays = {key: np.asarray(file[key]) for key in file.files if _is_wanted(key)}
     given = next((arrays[key] for key in _NAMES if key in arrays), None)
@@ -408,7 +416,7 @@ def _npz(
         same = [key for key in words if key in arrays]
         if len(same) > 1:
             raise IdentificationError(
-                f'{path}: arrays {" and ".join(same)} are the same quantity: leave one out'
+                f'arrays {" and ".join(same)} of {path} are the same quantity: remove one'
             )
     for key, array in arrays.items():
         if key in _NAMES:
@@ -418,7 +426,7 @@ def _npz(
             continue
         values = np.asarray(array, dtype=float)
         if values.ndim != 2 or values.shape[1] != len(names):
-            raise ValueError(f'{key} is {values.shape}, not (M, {len(names)})')
+            raise ValueError(f'{key} has the shape {values.shape} instead of (M, {len(names)})')
         quantity = next(name for name, words in WORDS.items() if key in words)
         if unit and quantity in _ANGLES:
             values = unit_factor(f'{key} (array unit)', quantity, unit) * values
@@ -455,19 +463,22 @@ def _states(
         if missing or not names:
             word = {'position': 'q', 'effort': 'tau'}[quantity]
             raise IdentificationError(
-                f'{path}: no {quantity} of {", ".join(missing) or "any joint"}: name its column '
-                f'{word}_{(missing or ["JOINT"])[0]}, or {word}1, {word}2 ... along the arm; '
-                f'found {_some(list(sources.values()))}'
+                f'{path} has no {quantity} of {", ".join(missing) or "any joint"} (found: '
+                f'{_some(list(sources.values()))}): name the column '
+                f'{word}_{(missing or ["JOINT"])[0]}, or {word}1, {word}2 ... from the base to '
+                'the tool'
             )
     count = len(columns['position', names[0]])
     if any(len(values) != count for values in columns.values()):
-        raise IdentificationError(f'{path}: its arrays differ in length')
+        raise IdentificationError(
+            f'the arrays of {path} differ in length: save arrays of equal length'
+        )
     stamp = columns.get(('time', ''))
     if stamp is None:
         if options.rate is None:
             raise IdentificationError(
-                f'{path}: no column of time: name it time [s], or give the rate of rows (--rate, '
-                'or rate= of read_bag)'
+                f'{path} has no time column: name one time [s], or pass the sampling rate '
+                '(--rate, or rate= of read_bag)'
             )
         stamp = np.arange(count) / options.rate
     unknown = np.full(count, np.nan)

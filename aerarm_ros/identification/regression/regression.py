@@ -96,7 +96,7 @@ class SampleColumns:
         """
         if term.kind is TermKind.LOAD:
             if inertial is None:
-                raise ValueError('friction that depends on the load needs inertial parameters')
+                raise ValueError('load-dependent friction needs inertial parameters')
             joints = range(self.samples.n)
             return np.column_stack([self._load_column(term, j, inertial) for j in joints])
         if term not in self._cache:

@@ -82,8 +82,8 @@ def fleet_page(rows: Sequence[Row]) -> str:
     drifts, odd = find_drifts(good), find_odd_arms(good)
     arms = dict.fromkeys(str(row['arm']) for row in good)
     lead = (
-        f'{len(good)} of {len(rows)} bags of {len(arms)} arms identified; {len(drifts)} parameters '
-        f'drift, {len(odd)} differ from those of the other arms.'
+        f'{len(good)} of {len(rows)} bags of {len(arms)} arms were identified; {len(drifts)} '
+        f'parameters drift, {len(odd)} differ from those of the other arms.'
     )
     parts = [paragraph(lead, 'lead')]
     if failed := [row for row in rows if row['status'] != 'ok']:
@@ -107,9 +107,9 @@ def fleet_page(rows: Sequence[Row]) -> str:
 
 
 _DRIFT = (
-    'Line through the values of one arm over the dates of its bags, weighted by their standard '
-    'deviations; change from first to last bag. Friction that changes with the temperature of the '
-    'gears looks like drift: record at the same temperature.'
+    'Each line is fitted to the values of one arm over the dates of its bags, weighted by their '
+    'standard deviations. The change is from first to last bag. Friction that changes with the '
+    'gear temperature looks like drift, so record at the same temperature.'
 )
 
 

@@ -75,7 +75,7 @@ def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
         kinds.setdefault(_NUMBER.sub('#', kind), []).append(text)
     items = []
     for texts in kinds.values():
-        more = folded(f'{len(texts) - 1} more like it', bullets(texts[1:])) if texts[1:] else ''
+        more = folded(f'{len(texts) - 1} similar warnings', bullets(texts[1:])) if texts[1:] else ''
         items.append(Html(markup(texts[0]) + more))
     return bullets(items, 'warnings')
 
@@ -224,7 +224,7 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
         'template': 'none',
         'legend': {'orientation': 'h', 'y': 1.0, 'yanchor': 'bottom'},
         'xaxis': {
-            'title': {'text': 'distance from CAD, in its standard deviations'},
+            'title': {'text': 'distance from CAD in standard deviations'},
             'range': [-reach, reach],
         },
         'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
@@ -292,7 +292,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             error_table(result),
             paragraph(geometry_text(result), 'note'),
         ),
-        section('Torque errors joint by joint', joint_error_table(result)),
+        section('Torque errors per joint', joint_error_table(result)),
         section('What limits accuracy', paragraph(_RESIDUAL, 'note'), residual_table(result)),
     ]
     if extras.exports:
@@ -306,7 +306,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     if extras.truth_errors:
         body.append(
             section(
-                'Against the true parameters',
+                'Comparison with the true parameters',
                 paragraph(_TRUTH, 'note'),
                 truth_table(extras.truth_errors, robot.joint_names),
             )
@@ -353,32 +353,33 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
 
 
 _METRIC = (
-    'Thesis (5.3): 100 |τ − Φθ| / |τ| over all joints stacked, in percent. Filtered: measured '
-    'torque and prediction have passed the same zero-phase low-pass. Measured filtered: only the '
-    'measured torque has, as in most publications. Raw: torque as recorded.'
+    'Torque error of thesis (5.3): 100 |τ − Φθ| / |τ| over all joints, in percent. Filtered: '
+    'measured torque and prediction have passed the same zero-phase low-pass. Measured filtered: '
+    'only the measured torque has passed the low-pass, as in most publications. Raw: torque as '
+    'recorded.'
 )
 _THESIS = (
-    'solver of the thesis, (3.11) with (3.9), (3.12), (3.13), which does not ensure bodies that '
-    'can exist'
+    'solver of the thesis, (3.11) with (3.9), (3.12), (3.13), which does not ensure physically '
+    'consistent links'
 )
 _SOLVERS = {
     'cad': 'as drawn',
-    'cad_friction': 'links and rotors as drawn, with identified friction',
+    'cad_friction': 'nominal links and rotors, with identified friction',
     'ols': 'ordinary least squares on the base parameters',
-    'wls': "the same weighted by each joint's noise",
-    'huber': 'as sdp, with outliers weighted down',
+    'wls': "least squares on the base parameters, weighted by each joint's noise",
+    'huber': 'as sdp, with a lower weight of outliers',
     'slsqp': f'{_THESIS}, by sequential quadratic programming',
     'annealing': f'{_THESIS}, by simulated annealing',
-    'entropic': 'as sdp, with an entropic prior, so that links stay solid',
-    'output_error': "sdp with the joints' coefficients fitted to simulated positions",
-    'sdp': 'semidefinite program, every link physically consistent, close to CAD where the motion '
-    'says nothing',
+    'entropic': 'as sdp, with an entropic prior that keeps links solid',
+    'output_error': 'sdp, with joint coefficients fitted to simulated positions',
+    'sdp': 'semidefinite program with physically consistent links, close to CAD where the motion '
+    'gives no information',
 }
 _ENERGY = (
-    'Energy balance of each bag. Winding heat, 3/2 R i², uses the configured resistances; '
-    'friction, lifting and motion use the identified model; the rest is unexplained work, braking '
-    "energy, and the boards' consumption. The sum is the supplied energy. Torque is filtered, so "
-    'ripple above the cut-off is missing.'
+    'Energy balance of each bag. Winding heat, 3/2 R i², uses the configured resistances. '
+    'Friction, lifting and motion use the identified model. The rest is unexplained work, '
+    "braking energy, and the boards' consumption. The sum is the supplied energy. Torque is "
+    'filtered, so ripple above the cutoff is missing.'
 )
 _RESIDUAL = (
     'Causes of the filtered residual of sdp, in percent of its mean square. Noise: white noise of '
@@ -388,63 +389,64 @@ _RESIDUAL = (
     'estimated delay.'
 )
 _EXPORTS = (
-    'Torque error of each written file on the same bags, filtered. The formats differ: only '
-    'estimate.yaml contains offsets and friction other than (2.6); URDF has no rotors; URDF and '
-    'SDF have no gravity.'
+    'Filtered torque error of each written file on the same bags. The formats differ: only '
+    'estimate.yaml contains offsets and friction beyond (2.6), URDF has no rotors, URDF and SDF '
+    'have no gravity.'
 )
 _TRUTH = (
-    'Torque that links and rotors need along each motion, against that of the true parameters '
-    'of the simulated arm. Measured torque is current times the nominal torque constant; the '
-    'truth is scaled by what this constant is off, because no data can show it. The last '
-    'column compares without this scaling.'
+    'Torque of links and rotors along each motion, compared with the torque of the simulated '
+    "arm's true parameters. Measured torque is current times the nominal torque constant, and no "
+    'data can reveal an error of this constant. Therefore the true torque is scaled by that '
+    'error; the last column compares without this scaling.'
 )
 _ROLLOUTS = (
-    'Simulation of the arm by the measured torque, from the measured state at the start of each '
-    'window. Columns: RMS position error over the windows, and the RMS over all joints relative '
-    'to their motion. A dash: the simulation diverges.'
+    'Simulation of the arm with the measured torque, from the measured state at the start of '
+    'each window. Columns: RMS position error over the windows, and RMS over all joints relative '
+    'to their motion. A dash means that the simulation diverges.'
 )
 _BOXES = (
     'Homogeneous boxes with the mass and inertia of each link, as in thesis figure 5.2c, in the '
-    'middle of the identification motion: CAD before, sdp after. Drag to turn; click a name to '
-    'hide it.'
+    'middle of the identification motion. Before: CAD. After: sdp. Drag to turn; click a name to '
+    'hide its boxes.'
 )
 _PARAMETERS = (
     "Parameters in the frame of each link's joint, in the order of thesis (3.3), (3.5). From "
-    'data: 0 % means that only the prior about CAD determines the value, 100 % that only the '
-    'measured torque does. In a sum: the torque depends on it together with other parameters '
-    'only, and the prior divides the sum. Unidentifiable parameters of ols are those of CAD.'
+    'data: 0 % if only the CAD prior determines the value, 100 % if only the measured torque '
+    'does. In a sum: the torque depends only on a sum of this and other parameters, which the '
+    'prior divides. Unidentifiable parameters of ols have CAD values.'
 )
 _BASE = (
-    'Combinations that the torque depends on, each named after its first parameter. Standard '
-    'deviations by the data alone, with correlated residuals taken into account. Excitation: how '
-    'many times less that is than what CAD leaves open; below about 3 the motion says little.'
+    'Parameter combinations that determine the torque, each named after its first parameter. '
+    'Standard deviations follow from the data alone and include correlated residuals. Excitation '
+    "is the ratio of the CAD prior's standard deviation to that of the data; below about 3 the "
+    'motion contains little information.'
 )
 _INTERVALS = (
-    'The figure shows the distance from CAD in standard deviations of the prior; bars are 95 % '
-    'intervals from the data alone. A bar from edge to edge: the motion does not excite the '
-    'parameter.'
+    'The figure shows the distance from CAD in standard deviations of the prior. Bars are 95 % '
+    'intervals from the data alone. A bar from edge to edge means that the motion does not '
+    'excite the parameter.'
 )
 _FRICTION = (
-    'Points are measured torque less that of links and rotors, filtered as the torque is, which '
-    'rounds the step at standstill. The line is the model, at the usual load where friction grows '
-    'with it.'
+    'Points are measured torque minus the torque of links and rotors, filtered like the torque, '
+    'which smooths the step at standstill. The line is the model, at the usual load if friction '
+    'depends on the load.'
 )
 _TRUE_PARAMETERS = (
-    'True: of the simulated arm itself. What the torque constants are off is part of what is '
-    'identified, so that even an estimate without any error differs by it.'
+    'True: values of the simulated arm. The identified values include the errors of the torque '
+    'constants, so even an exact estimate differs from the true values.'
 )
 _TRUE_BASE = (
     'True: parameter of the simulated arm. As measured: least squares with the same weights on '
     'the true torque without noise, times the error of each torque constant. A parameter of a '
-    "single joint scales with this joint's factor; a parameter of several joints has no single "
-    'factor. Standard deviations are those of noise. A deviation far beyond 3 means that the '
-    'model lacks a term, for example friction at reversal, or a delay between angle and torque. A '
-    'dash: the true arm has no such parameter.'
+    'single joint scales with the factor of this joint; a parameter of several joints has no '
+    'single factor. Standard deviations include only noise. A deviation far beyond 3 means that '
+    'the model lacks a term, for example friction at reversal, or a delay between angle and '
+    'torque. A dash means that the true arm has no such parameter.'
 )
 _EXCITATION = (
     'Range of each bag relative to the identification motion, and uncertainty of the predicted '
-    'torque caused by the parameters. Above the noise, the bag needs parameters that the '
-    'identification motion has not excited.'
+    'torque due to the parameters. If this uncertainty exceeds the noise, the bag needs '
+    'parameters that the identification motion has not excited.'
 )
 
 
@@ -458,7 +460,7 @@ def _energy(extras: ReportExtras, joint_names: Sequence[str]) -> list[Html]:
 
 def _metric(result: IdentificationResult) -> str:
     solvers = '; '.join(f'{name}: {_SOLVERS[name]}' for name in result.solutions)
-    return f'{_METRIC} {solvers}. sdp is the one written to estimate.yaml and identified.urdf.'
+    return f'{_METRIC} {solvers}. estimate.yaml and identified.urdf contain the result of sdp.'
 
 
 def _headline(result: IdentificationResult) -> str:
@@ -475,24 +477,24 @@ def _headline(result: IdentificationResult) -> str:
     if len(bags) > 1:
         which += f', the worst of {len(bags)} {role} bags'
     better = (
-        f' ({drawn_error / found.filtered:.1f} times as much)'
+        f' ({drawn_error / found.filtered:.1f} times as high)'
         if 0 < found.filtered < drawn_error
         else ''
     )
     consistent = recommended.estimate.physically_consistent
     return (
-        f'Torque error on {which}: {found.filtered:.2f} % filtered '
-        f'({found.filtered_measured:.2f} % with only the measured one filtered, {found.raw:.2f} % '
-        f'raw) with the identified model; {cad_error:.2f} % filtered with the CAD model, '
-        f'{drawn_error:.2f} % with the CAD model and identified friction{better}. '
-        f'The identified model is {"" if consistent else "not "}physically consistent.'
+        f'Torque error of the identified model on {which}: {found.filtered:.2f} % filtered '
+        f'({found.filtered_measured:.2f} % with only the measured torque filtered, '
+        f'{found.raw:.2f} % raw). For comparison, filtered: {cad_error:.2f} % with the CAD '
+        f'model, {drawn_error:.2f} % with the CAD model and identified friction{better}. The '
+        f'identified model is {"" if consistent else "not "}physically consistent.'
     )
 
 
 def _only_prior(result: IdentificationResult) -> str:
     if not result.only_prior:
-        return 'The data say something about every parameter.'
-    return f'Only the prior about CAD determines {", ".join(result.only_prior)}.'
+        return 'The data contain information about every parameter.'
+    return f'Only the CAD prior determines {", ".join(result.only_prior)}.'
 
 
 def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
@@ -533,7 +535,9 @@ def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
         If the plotting script is not installed.
     """
     clear = [change.name for change in comparison.changes if change.is_clear]
-    lead = f'{len(clear)} of {len(comparison.changes)} differ by more than three of their '
+    lead = (
+        f'{len(clear)} of {len(comparison.changes)} parameters differ by more than three of their '
+    )
     lead += f'standard deviations{": " if clear else ""}{", ".join(clear)}.'
     parts = [paragraph(lead, 'lead')]
     for title, changes in (
@@ -547,8 +551,8 @@ def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
     if comparison.unmatched:
         parts.append(
             paragraph(
-                f'{comparison.unmatched} sums of parameters are determined by one of the two '
-                'motions only.',
+                f'{comparison.unmatched} parameter sums are identifiable from only one of the '
+                'two motions.',
                 'note',
             )
         )
@@ -577,7 +581,7 @@ def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
         'height': _ROW * len(changes) + 90,
         'margin': {'l': 260, 'r': 15, 't': 10, 'b': 45},
         'template': 'none',
-        'xaxis': {'title': {'text': 'difference, in its standard deviations'}},
+        'xaxis': {'title': {'text': 'difference in standard deviations'}},
         'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
     }
     return figure_html(identifier, [trace], layout)

@@ -65,7 +65,7 @@ def export_table(result: IdentificationResult, exports: Sequence[ExportError]) -
     """Return the torque errors (5.3) of each exported file on every bag."""
     bags = [f'{bag.bag} ({role}) [%]' for role, bag in bags_of(result.recommended)]
     rows: list[list[object]] = [[e.file, e.contents, *e.filtered] for e in exports]
-    return table(['file', 'as read by', *bags], rows)
+    return table(['file', 'file format', *bags], rows)
 
 
 def joint_error_table(result: IdentificationResult) -> Html:
@@ -144,7 +144,11 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     )
     headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
     if truth:
-        headings += ['true', 'true, as measured', 'sdp - that, in standard deviations']
+        headings += [
+            'true',
+            'true, as measured',
+            'sdp minus true as measured, in standard deviations',
+        ]
         true = truth.base_values(result.fit, base)
         shown = truth.measured_base_values(result.fit, base)
     rows = []
@@ -164,7 +168,7 @@ def conditioning_tables(result: IdentificationResult) -> Html:
     facts: list[list[object]] = [
         ['samples', str(result.samples)],
         ['period', _period(result)],
-        ['motion lies below', f'{conditioner.band:.3g} Hz'],
+        ['motion is below', f'{conditioner.band:.3g} Hz'],
         ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
         ['kinematics', result.filter_choice.kinematics.label],
         ['gravity', _gravity(result)],
@@ -176,7 +180,11 @@ def conditioning_tables(result: IdentificationResult) -> Html:
     choice = result.filter_choice
     trials = [[f'{t.cutoff:.3g}', t.kinematics.label, float(t.error)] for t in choice.trials]
     chosen = [i for i, t in enumerate(choice.trials) if t.kinematics == choice.kinematics]
-    headings = ['cut-off tried [Hz]', 'filter of the kinematics', 'held-out raw error [%]']
+    headings = [
+        'tried cutoff [Hz]',
+        'filter of positions, velocities and accelerations',
+        'held-out raw error [%]',
+    ]
     return Html(table(['conditioning', ''], facts) + table(headings, trials, chosen))
 
 
@@ -206,7 +214,7 @@ def _gravity(result: IdentificationResult) -> str:
     found = result.gravity
     if found is None:
         return 'as stated'
-    share = f'squared error on held-out parts with a tilt: {100.0 * found.error:.0f} %'
+    share = f'squared error on held-out parts, relative to no tilt: {100.0 * found.error:.0f} %'
     if found.tilt == 0.0:
         return f'as stated ({share})'
     return f'{np.degrees(found.tilt):.2f}° off the stated direction ({share})'
@@ -293,7 +301,7 @@ def friction_tables(result: IdentificationResult) -> Html:
         + folded(
             'Comparison by cross-validation within the identification bags',
             paragraph(
-                'Each fifth of the motion predicted from the other four. Emphasised: chosen at '
+                'Each fifth of the motion was predicted from the other four. Bold: chosen in '
                 'that step.',
                 'note',
             ),

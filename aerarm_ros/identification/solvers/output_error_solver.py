@@ -42,14 +42,17 @@ def solve_output_error(
         If there are no windows, or a simulation diverges.
     """
     if not windows.count:
-        raise IdentificationError('no half second of the motion has the torque of every joint')
+        raise IdentificationError(
+            'no half-second window of the motion has the torque of every joint: record a '
+            'longer motion'
+        )
     rollout = Rollout(model, windows)
     fixed = len(start) - len(std)
     signed = np.array([term.nonnegative for _, term in model.joint_columns], dtype=bool)
     least = np.where(signed, 0.0, -np.inf)
     best = _Trial(rollout, windows, start)
     if not np.isfinite(best.left).all():
-        raise IdentificationError('the arm runs away when it is simulated')
+        raise IdentificationError('the simulation of the arm diverges')
     rms = np.sqrt((best.left**2).mean(axis=(0, 1)))
     weight = np.sqrt(_INDEPENDENT / best.left.shape[1]) / np.maximum(rms, 1e-9)
     cost = best.cost(weight, start, std)

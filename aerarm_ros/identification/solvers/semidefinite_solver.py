@@ -133,6 +133,9 @@ def _notes(
 def _note(bound: str, failure: IdentificationError | None, room: str = '') -> str:
     """Return why a bound was dropped; `failure` is None if no solver call was needed."""
     if failure is None or (isinstance(failure, SolverError) and failure.contradiction):
-        return f'left out as it cannot be met{room}: {bound}'
+        return f'omitted, because it cannot be met{room}: {bound}'
     status = failure.status if isinstance(failure, SolverError) else 'inaccurate'
-    return f'left out as the solver failed with it ({status}), though it may be possible: {bound}'
+    return (
+        f'omitted, because the solver failed with it ({status}), although it may be '
+        f'feasible: {bound}'
+    )

@@ -79,7 +79,7 @@ def solve_all(
     unknown = [name for name in names if name not in SOLVERS]
     if unknown:
         raise IdentificationError(
-            f'no solver {", ".join(unknown)}: choose among {", ".join(SOLVERS)}'
+            f'unknown solver {", ".join(unknown)}: choose from {", ".join(SOLVERS)}'
         )
     limits = physical_limits(fit, cad, bounds)
     solvers = _solvers(fit, limits, bags, windows)
@@ -96,7 +96,7 @@ def solve_all(
         except IdentificationError as error:
             if name in ALWAYS:
                 raise
-            failures.append(f'solver {name} left out: {error}')
+            failures.append(f'solver {name} was skipped: {error}')
             continue
         seconds = time.perf_counter() - begin
         estimates[name] = Estimate(name, fit.model, theta, seconds=seconds, notes=notes)
@@ -149,7 +149,7 @@ def _output_error(
     fit: ModelFit, limits: PhysicalLimits, windows: RolloutWindows | None
 ) -> tuple[Array, tuple[str, ...]]:
     if windows is None:
-        raise IdentificationError('it needs windows of the motion to simulate')
+        raise IdentificationError('the solver needs windows of the motion to simulate')
     weights = fit.noise.weights
     start, notes = solve_relaxed(fit.regression.system(weights), fit.prior, limits)
     std = np.sqrt(_variance(fit)[10 * fit.model.n :])

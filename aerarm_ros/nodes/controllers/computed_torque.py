@@ -54,7 +54,7 @@ PARAMETERS = controller_parameters(
         'command_delay',
         0.0,
         "delay from a state to the middle of the cycle that applies its command; feedback 'host' "
-        "compensates it. 0.0015 at the bridge's 1 kHz",
+        'compensates this delay (0.0015 s at 1 kHz)',
         's',
         0.0,
         0.02,
@@ -62,13 +62,13 @@ PARAMETERS = controller_parameters(
     Parameter(
         'velocity_lag',
         0.0,
-        "time constant of the boards' velocity low-pass; feedback 'host' compensates it. 0.00159 "
-        'for 100 Hz',
+        "time constant of the boards' velocity low-pass; feedback 'host' compensates this lag "
+        '(0.00159 s for 100 Hz)',
         's',
         0.0,
         0.02,
     ),
-    Parameter('ki', 0.0, 'gain of the error integral; 0 for none', '1/s^3', 0.0, 1e6),
+    Parameter('ki', 0.0, 'gain of the error integral; 0 for no integral action', '1/s^3', 0.0, 1e6),
     Parameter('integral_max', 20.0, 'largest integral action', 'rad/s^2', 0.0, 1e4),
 )
 

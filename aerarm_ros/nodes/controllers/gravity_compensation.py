@@ -53,7 +53,7 @@ PARAMETERS = controller_parameters(
         live=True,
     ),
     Parameter(
-        'hand_friction', 0.7, 'share of friction compensated during hand guiding', '', 0.0, 0.95
+        'hand_friction', 0.7, 'fraction of friction compensated during hand guiding', '', 0.0, 0.95
     ),
 )
 

@@ -29,7 +29,7 @@ PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
     # Friction compensation by measured velocity stays below one, so that the arm is passive.
-    Parameter('friction_fraction', 0.7, 'share of friction compensated', '', 0.0, 0.95),
+    Parameter('friction_fraction', 0.7, 'fraction of friction that is compensated', '', 0.0, 0.95),
     # The observer must not compensate contact forces.
     *observer_parameters(compensation=0.0),
     *HAND_OVER_PARAMETERS,

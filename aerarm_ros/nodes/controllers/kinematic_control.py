@@ -27,7 +27,8 @@ JOINT, CARTESIAN = 'joint', 'cartesian'
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
-    Parameter('scheme', CARTESIAN, 'where the error is fed back', choices=(JOINT, CARTESIAN)),
+    Parameter('scheme', CARTESIAN,
+        'space in which the error is fed back, joint or Cartesian', choices=(JOINT, CARTESIAN)),
     Parameter('gain', 8.0, 'gain K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),
     Parameter('singular_threshold', 0.03,
         'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
@@ -36,8 +37,10 @@ PARAMETERS = controller_parameters(
         'gain towards the home configuration in the null space', '1/s', 0.0, 20.0),
     Parameter('holding_gain', 0.0,
         'gain of the null-space descent of the holding torque', 'rad^2/J', 0.0, 1.0),
-    Parameter('limit_gain', 5.0, 'gain of the repulsion from position limits', '1/s', 0.1, 100.0),
-    Parameter('limit_margin', 0.02, 'distance kept from position limits', 'rad', 0.0, 1.0),
+    Parameter('limit_gain', 5.0,
+        'gain of the repulsion from position limits', '1/s', 0.1, 100.0),
+    Parameter('limit_margin', 0.02,
+        'distance at which the repulsion from position limits begins', 'rad', 0.0, 1.0),
 )  # fmt: skip
 
 
@@ -73,7 +76,7 @@ class KinematicControlNode(ControllerNode):
         """Return the distances to singularities and joint limits for diagnostics."""
         return {
             **super().describe(),
-            'least singular value [m/rad]': round(self.resolution.least_singular_value, 4),
+            'smallest singular value [m/rad]': round(self.resolution.least_singular_value, 4),
             'slowdown': round(self.resolution.slowdown, 3),
         }
 

@@ -48,33 +48,36 @@ PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
     # Friction compensation by measured velocity stays below one, so that the arm is passive.
-    Parameter('friction_fraction', 0.9, 'share of friction compensated', '', 0.0, 0.95),
+    Parameter('friction_fraction', 0.9, 'fraction of friction that is compensated', '', 0.0, 0.95),
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *grouped(
         'Tool position in the world',
-        Parameter('kp', _GAINS.kp, 'gain on the tool position', '1/s^2', 1.0, 2500.0, live=True),
-        Parameter('kd', _GAINS.kd, 'gain on the tool velocity', '1/s', 0.0, 200.0, live=True),
+        Parameter('kp', _GAINS.kp,
+            'feedback gain on the tool position error', '1/s^2', 1.0, 2500.0, live=True),
+        Parameter('kd', _GAINS.kd,
+            'feedback gain on the tool velocity error', '1/s', 0.0, 200.0, live=True),
         Parameter('orientation_weight', _GAINS.orientation, (
-            'weight of the orientation goal relative to the posture, in directions that the '
-            'position leaves free'
+            'weight of the orientation goal relative to the posture goal, in directions that the '
+            'position goal leaves free'
         ), '', 0.0, 100.0),
         Parameter('posture', [], (
-            'null-space joint configuration, in the middle of the reach; the initial configuration '
-            'if empty'
+            'null-space joint configuration, in the middle of the reach; the initial '
+            'configuration if empty'
         ), 'rad', -7.0, 7.0,
                   element=float),
         Parameter('posture_kp', _GAINS.posture_kp,
-            'stiffness towards that configuration', '1/s^2', 0.0, 400.0),
+            'stiffness towards the null-space joint configuration', '1/s^2', 0.0, 400.0),
         Parameter('posture_kd', _GAINS.posture_kd,
-            'damping towards that configuration', '1/s', 0.0, 40.0),
+            'damping towards the null-space joint configuration', '1/s', 0.0, 40.0),
         Parameter('singular_threshold', 0.06,
             'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
         Parameter('singular_damping', 0.03, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
-        Parameter('error_max', 0.05, 'tool error at which the tool stops in the base frame',
+        Parameter('error_max', 0.05,
+            'tool error at which the controller stops the tool in the base frame',
                   'm', 1e-3, 1.0),
         Parameter('trust_min', 0.9, (
-            'smallest share of the predicted base response that is used; wind makes the prediction '
+            'smallest used fraction of the predicted base response; wind makes the prediction '
             'look wrong'
         ), '', 0.0, 1.0),
     ),
@@ -82,9 +85,10 @@ PARAMETERS = controller_parameters(
         'Odometry',
         Parameter('odometry_timeout', 0.2, 'largest age of usable odometry', 's', 0.01,
                   2.0),
-        Parameter('jump_max', 0.5, 'largest accepted jump of the odometry, in m and rad',
+        Parameter('jump_max', 0.5, 'largest accepted jump of the odometry, in m and in rad',
                   'm', 0.01, 10.0),
-        Parameter('recovery_speed', 0.1, 'tool velocity towards its target after a stop or a jump',
+        Parameter('recovery_speed', 0.1,
+            'tool velocity towards its target after a stop or an odometry jump',
                   'm/s', 1e-3, 1.0),
     ),
     *grouped(
@@ -184,13 +188,15 @@ class WorldControlNode(ControllerNode):
         if problem := super().warning():
             return problem
         if self.reference.reason:
-            return f'the tool stays in the base frame: {self.reference.reason}'
+            return (
+                f'the controller holds the tool in the base frame, because {self.reference.reason}'
+            )
         margin = self.topics.margin
         if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
             return (
-                'the arm nears the end of its reach: the drone may move '
-                f'{1000.0 * margin.least:.0f} mm more, {margin.time:.1f} s at its velocity. Bring '
-                'it nearer to the tool'
+                'the arm is near the end of its reach: the drone may move '
+                f'{1000.0 * margin.least:.0f} mm more, which takes {margin.time:.1f} s at its '
+                'velocity. Move the drone nearer to the tool'
             )
         return ''
 
@@ -207,13 +213,13 @@ class WorldControlNode(ControllerNode):
             'odometry noise [mm, mm/s]': (1e3 * pose.noise).round(1).tolist(),
             'odometry jumps': pose.jumps,
             'odometry rejected': pose.rejections,
-            'least singular value [m/rad]': round(self.law.least_singular_value, 4),
+            'smallest singular value [m/rad]': round(self.law.least_singular_value, 4),
         }
         if margin is not None:
             values['drone may move [mm]'] = round(1e3 * margin.least)
             values['time to end of reach [s]'] = round(margin.time, 1)
         if self.values.base_motion != FREE:
-            values['law'] = 'fixed-base Jacobian: base_motion is not free'
+            values['law'] = 'fixed-base Jacobian, because base_motion is not free'
         return values
 
 

@@ -92,9 +92,10 @@ class BridgeTiming:
 def _behind_text(behind: float) -> str:
     where = 'behind' if behind > 0.0 else 'ahead of'
     return (
-        f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, which was set: '
-        'until both agree, use no start times and no stamps of the system clock (more than 500 ms '
-        "end at once after 'arm disable', else 0.5 ms per second)"
+        f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, because this '
+        'clock was set. Until both agree, use neither start times nor stamps of the system '
+        "clock. The difference ends at the next 'arm disable' if above 500 ms, else it shrinks "
+        'by 0.5 ms per second'
     )
 
 
@@ -123,7 +124,9 @@ POWER_FROM = 'power from'
 """Key of its source there, see `MotorPower`."""
 _POWER_SOURCES = {
     'voltage': 'power computed from the voltages that the boards report',
-    'model': 'power computed from current, resistance and speed: the frames carry no voltage',
+    'model': (
+        'power computed from current, resistance and speed, because the frames contain no voltage'
+    ),
 }
 
 
@@ -230,7 +233,7 @@ def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     values = {
         'mode': cycle.mode,
         'zeros': _zeros(cycle),
-        'way out': cycle.way_out(watched.emulated),
+        'recovery hint': cycle.way_out(watched.emulated),
         'publishers of joint_command': ', '.join(publishers.names) or 'none',
         **cycle.counters,
     }

@@ -29,20 +29,23 @@ _SETTINGS = {
         's',
         'time without a valid frame after which a board switches its motors off',
     ),
-    'bad_frames_max': ('', 'consecutive bad frames of a board that cause a fault'),
+    'bad_frames_max': ('', 'number of consecutive bad frames of a board that causes a fault'),
     'lost_commands_max': (
         '',
-        'consecutive lost commands to a board that still sends frames, before the bridge reports '
-        'a fault',
+        'number of consecutive lost commands, to a board that still sends frames, that causes a '
+        'fault',
     ),
     'lost_commands_warning': (
         '',
-        'share of lost commands over the last second that causes a warning',
+        'fraction of lost commands over the last second that causes a warning',
     ),
-    'state_age_max': ('s', "longest time without any change in a board's data"),
+    'state_age_max': ('s', "longest time during which a board's data may stay unchanged"),
     'exchange_time_max': ('s', 'duration above which an exchange counts as slow'),
-    'slow_exchanges_max': ('', 'consecutive slow exchanges that cause a fault'),
-    'connect_frames': ('', 'consecutive good frames before a board counts as connected'),
+    'slow_exchanges_max': ('', 'number of consecutive slow exchanges that causes a fault'),
+    'connect_frames': (
+        '',
+        ('number of consecutive good frames after which a board counts as connected'),
+    ),
     'alignment_timeout': ('s', "time limit for the alignment of a board's motors"),
     'soft_zone': (
         'rad',
@@ -62,7 +65,7 @@ _SETTINGS = {
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
     'stall_time': (
         's',
-        'standstill under a torque that must move the joint, before the bridge reports a fault',
+        'duration of standstill, under a torque that must move the joint, that causes a fault',
     ),
     'ambient_temperature': ('degC', 'ambient temperature of the motors'),
     'start_temperature': (
@@ -106,16 +109,16 @@ BRIDGE_PARAMETERS = (
     Parameter(
         'state_file',
         AUTO,
-        'file that stores the encoder zeros while the bridge restarts and the boards stay on; '
-        'none if empty. auto: aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state) with real '
-        'boards, none with emulated boards',
+        'file that keeps the encoder zeros while the bridge restarts and the boards stay on; '
+        "none if empty. 'auto': aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state) with "
+        'real boards, none with emulated boards',
     ),
     *(
         Parameter(
             name,
             [],
-            f"{what} of the boards' law (4.4), motor side: one value or one per joint; as in the "
-            'configuration if empty',
+            f"{what} of the boards' control law (4.4), motor side, one value or one per joint; "
+            'as in the configuration if empty',
             unit,
             minimum=0.0,
             maximum=maximum,
@@ -162,7 +165,7 @@ def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | Non
         folder = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
     except RuntimeError:
         raise ValueError(
-            'there is no home directory for the encoder zeros: set state_file, or XDG_STATE_HOME'
+            'no home directory for the encoder zeros: set state_file, or XDG_STATE_HOME'
         ) from None
     return Path(folder) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
 
@@ -178,7 +181,7 @@ def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
             raise ProfileError(f'parameter profile_scales: {error}') from None
         except ValueError:
             raise ProfileError(
-                f'parameter profile_scales: {entry!r} is not of the form QUANTITY=NUMBER'
+                f'{entry!r} in parameter profile_scales must have the form QUANTITY=NUMBER'
             ) from None
     return profile
 

@@ -152,8 +152,8 @@ class BridgeServices:
         if self._node.get_node_names_and_namespaces().count((name, namespace)) < 2:
             return ''
         return (
-            f'two nodes are named {self._node.get_fully_qualified_name()}: end one of them, or '
-            'start it with -r __node:=NAME; a killed one is listed for some seconds more'
+            f'two nodes have the name {self._node.get_fully_qualified_name()}: end one of them, '
+            'or start it with -r __node:=NAME. ROS lists a killed node for some more seconds'
         )
 
     def _handler(
@@ -175,7 +175,9 @@ class BridgeServices:
                 answer = Answer(False, str(error))
             except TimeoutError:
                 answer = Answer(
-                    False, 'the cycle did not respond: check the console of the bridge, or view'
+                    False,
+                    'the control cycle did not respond: check the log of the bridge, or '
+                    'the page of view',
                 )
             response.success, response.message = answer.accepted, answer.message
             # rclpy fixes the severity of each line of code that logs.

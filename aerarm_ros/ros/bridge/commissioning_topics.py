@@ -34,7 +34,7 @@ _MOTORS_OFF = (*OFF_MODES, 'commissioning')
 COMMISSIONING_PARAMETER = Parameter(
     'commissioning_record',
     AUTO,
-    "record of 'arm commission'; auto: CONFIG.commissioning.yaml next to the configuration; "
+    "record of 'arm commission'. 'auto': CONFIG.commissioning.yaml next to the configuration. If "
     'empty: no record and no warning',
 )
 
@@ -87,7 +87,7 @@ class RecordWatch:
     def _read(self, path: Path) -> str:
         self._record = CommissioningRecord(self._config.name)
         if not path.exists():
-            return f"the arm is not commissioned, {path} is missing: run 'arm commission'"
+            return f"the arm is not commissioned, because {path} is missing: run 'arm commission'"
         try:
             record = load_record(path).with_prefix(self._prefix)
         except ConfigError as error:

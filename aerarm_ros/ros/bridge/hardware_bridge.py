@@ -96,7 +96,7 @@ def answer_invalid_transitions(node: LifecycleNode) -> None:
             labels = [label for _, label, *_ in machine.available_transitions]
             wanted = request.transition.label or f'number {request.transition.id}'
             node.get_logger().warning(
-                f'transition {wanted} is impossible in state {state}: possible are '
+                f'transition {wanted} is impossible in state {state}: choose one of '
                 f'{", ".join(labels)}'
             )
             response.success = False
@@ -153,7 +153,7 @@ class World:
         if config.emulated_only:
             raise ValueError(
                 f'the configuration of {config.name} is for emulated boards only: measure the '
-                'values that it marks as guesses, then remove its line emulated_only'
+                'values that are marked as guesses, then remove the line emulated_only'
             )
         return SpidevTransport(config)
 
@@ -349,7 +349,7 @@ class HardwareBridge(LifecycleNode):
             try:
                 self.cycle.check_gains(*self._gains(changes))
             except ValueError as error:
-                return f'gains of the boards: {error}'
+                return f'gains of the boards rejected: {error}'
         return self.world.parameter_problem(changes)
 
     def _on_parameter(self, name: str, value: Any) -> None:
@@ -370,7 +370,7 @@ class HardwareBridge(LifecycleNode):
 
     def _set_gains(self, cycle: BridgeCycle) -> Answer:
         cycle.set_gains(*self._gains())
-        return Answer(True, 'the gains are set')
+        return Answer(True, 'the gains were set')
 
     # The cycle, in the main thread.
 
@@ -385,7 +385,7 @@ class HardwareBridge(LifecycleNode):
             BridgeServices(self, self.requests.ask, actions)
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
-        account = self._timing.account() if self._timing else 'no cycle has run'
+        account = self._timing.account() if self._timing else 'no cycle has run yet'
         print_account(self.get_name(), account)
 
     def close(self) -> None:
@@ -557,7 +557,10 @@ class BridgeStreams:
         if sample is not None:
             return self._names, sample, publisher
         if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
-            raise ValueError(f'joint_command has {len(payload)} bytes, which do not fit this arm')
+            raise ValueError(
+                f'joint_command rejected, because its {len(payload)} bytes do not fit '
+                'this arm: check config and tf_prefix of its publisher'
+            )
         return (*decode_as_sent(payload), publisher)
 
     def destroy(self) -> None:

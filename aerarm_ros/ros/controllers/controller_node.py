@@ -107,8 +107,8 @@ class ControllerNode(StateNode):
             return ''
         mode = self._mode or 'unknown'
         return (
-            f"{what} rejected: the arm is '{mode}': run {to_switch_on(mode)}, or clear its fault, "
-            'first'
+            f"{what} rejected, because the arm is '{mode}': first run {to_switch_on(mode)}, or "
+            'clear its fault'
         )
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
@@ -197,7 +197,9 @@ class ControllerNode(StateNode):
         if self._payload is not None:
             values |= self._payload.describe()
         if loop.base is None:
-            values['base motion'] = 'not used: in velocity mode the boards need no base motion'
+            values['base motion'] = (
+                'not used, because the boards need no base motion in velocity mode'
+            )
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
@@ -211,7 +213,7 @@ class ControllerNode(StateNode):
             f'{name} {angle:.2f}'
             for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)
         )
-        self.node.get_logger().info(f'active, from {where} rad', throttle_duration_sec=1.0)
+        self.node.get_logger().info(f'active, starting from {where} rad', throttle_duration_sec=1.0)
 
     def _on_mode(self, message: String, _: float) -> None:
         self._mode = message.data

@@ -91,25 +91,26 @@ ARM_PARAMETERS = grouped(
     Parameter(
         'base_motion',
         NONE,
-        'motion of the base: none, from the imu topic (attitude or full), or free; a free base '
-        'responds to rotor_command and the arm as in drone_file',
+        'motion of the base: none; attitude or full, both from the imu topic; or free, which '
+        "predicts the base's response to rotor_command and the arm with the masses of drone_file",
         choices=(*MODES, FREE),
     ),
     Parameter('imu_frame', '',
-        'link of the URDF that is the IMU; if empty, as in the drone file, or base_link'),
+        'URDF link that represents the IMU; if empty, as in the drone file, or base_link'),
     Parameter('imu_hold_time', 0.1,
-        'largest age of the last IMU sample or rotor command in use', 's', 0.001, 10.0),
-    Parameter('imu_fade_time', 0.5, 'time for the fallback to nominal gravity', 's', 0.01, 60.0),
+        'largest usable age of the last IMU sample or rotor command', 's', 0.001, 10.0),
+    Parameter('imu_fade_time', 0.5, 'duration of the fallback to nominal gravity', 's', 0.01, 60.0),
     Parameter('imu_cutoff', 60.0,
         "cutoff frequency of the low-pass for the base's angular acceleration", 'Hz', 0.1, 500.0),
     Parameter('imu_latency', 0.0, 'age of an IMU sample on arrival', 's', 0.0, 0.1),
     Parameter('rotor_latency', 0.0,
         'delay from the arrival of rotor_command to its effect on the rotors', 's', 0.0, 0.1),
     Parameter('correction_cutoff', 0.3,
-        "frequency below which a free base's acceleration is measured; above it is predicted",
+        "crossover frequency of a free base's acceleration: measured below, predicted above",
         'Hz', 0.01, 0.5),
     Parameter('accelerometer_bias', 0.2,
-        'largest bias of the IMU: a free base ignores lasting deviations from weight below it',
+        "largest bias of the IMU's acceleration on a free base, which attributes smaller "
+                'lasting deviations from the weight to the IMU',
         'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
@@ -137,17 +138,18 @@ PAYLOAD_PARAMETER = Parameter(
 )
 
 FRICTION_PARAMETERS = grouped(
-    'The model',
+    'Model',
     PAYLOAD_PARAMETER,
     Parameter('friction_fraction', 1.0,
-        "share of the URDF's joint friction that is compensated", '', 0, 1),
-    Parameter('friction_width', 0.02, 'velocity at 3/4 of the friction', 'rad/s', 1e-4, 1.0),
+        "fraction of the URDF's joint friction that is compensated", '', 0, 1),
+    Parameter('friction_width', 0.02,
+        'velocity at which the compensation reaches 3/4 of the friction', 'rad/s', 1e-4, 1.0),
     Parameter('rotor_inertia', [],
         'rotor inertia at the joints, J_m / k_g^2; as in the configuration if empty',
         'kg m^2', 0.0, 10.0, element=float),
     Parameter('load_friction', [], (
-        'share of the transmitted torque that the gears lose, one value or one per joint; as in '
-        'the URDF of identifier if empty'
+        'fraction of the transmitted torque that the gears lose, one value or one per joint; as '
+        'in the URDF of identifier if empty'
     ), '', 0.0, 1.0,
               element=float),
 )  # fmt: skip
@@ -165,9 +167,10 @@ def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
     return grouped(
         'Disturbances',
         Parameter('observer_gain', 30.0,
-            'cutoff frequency of the disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
+            'cutoff frequency of the disturbance observer; 0 for no observer', '1/s', 0.0, 1000.0),
         Parameter('compensation', compensation,
-            'largest compensated disturbance relative to effort_max; 0 only observes',
+            'largest compensated disturbance relative to effort_max; 0 observes without '
+                    'compensation',
             '', 0.0, 1.0),
     )  # fmt: skip
 
@@ -179,12 +182,15 @@ REACHING_COMPENSATION = 0.2
 FOLLOWER_PARAMETERS = grouped(
     'Trajectory tracking',
     Parameter(
-        'interpolation', 'quintic', 'interpolation between points', choices=('cubic', 'quintic')
+        'interpolation',
+        'quintic',
+        'interpolation between trajectory points',
+        choices=('cubic', 'quintic'),
     ),
     Parameter(
         'start_tolerance',
         0.1,
-        'largest distance of a start point from the reference',
+        'largest distance of the first trajectory point from the reference',
         'rad',
         0.0,
         3.0,
@@ -192,7 +198,7 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'path_tolerance',
         0.3,
-        'error at which the controller aborts a motion; 0 for no check',
+        'tracking error at which the controller aborts a motion; 0 for no check',
         'rad',
         0.0,
         10.0,
@@ -200,7 +206,7 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'goal_tolerance',
         0.01,
-        'error below which a goal counts as reached; 0 for no check',
+        'position error below which a goal counts as reached; 0 for no check',
         'rad',
         0.0,
         1.0,
@@ -208,7 +214,7 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'goal_time',
         1.0,
-        'time limit to reach the goal after the end of the trajectory; 0 for none',
+        'time limit to reach the goal after the end of the trajectory; 0 for no limit',
         's',
         0.0,
         60.0,
@@ -216,19 +222,24 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'allow_partial_joints_goal',
         True,
-        'accept trajectories with some of the joints; the other joints hold their positions',
+        'accept trajectories for some of the joints; the other joints hold their positions',
     ),
     Parameter(
         'rotor_share',
         0.7,
-        "share of each rotor's range that a motion may use, with the drone of drone_file; the "
-        'controller slows faster motions along their path. 0 for no check',
+        "fraction of each rotor's thrust range that a motion may use, with the drone of "
+        'drone_file; the controller slows faster motions along their path. 0 for no check',
         '',
         0.0,
         1.0,
     ),
     Parameter(
-        'stream_timeout', 0.1, 'silence after which a streamed reference brakes', 's', 0.005, 10.0
+        'stream_timeout',
+        0.1,
+        'age of the last streamed point at which the controller brakes',
+        's',
+        0.005,
+        10.0,
     ),
 )
 

@@ -25,7 +25,7 @@ ESTIMATOR_PARAMETERS = (
     Parameter('friction_spread', 0.3,
         'relative standard deviation of the friction model', '', 0.01, 2.0),
     Parameter('torque_noise', 0.02,
-        'initial RMS torque residual, until it is measured', 'Nm', 1e-4, 10.0),
+        'initial RMS torque residual, used until a residual is measured', 'Nm', 1e-4, 10.0),
     Parameter('model_error', 0.01, (
         'relative standard deviation of gravity and inertia in the model; the estimator attributes '
         'no payload to errors below it'
@@ -34,10 +34,10 @@ ESTIMATOR_PARAMETERS = (
               0.02, 10.0),
     Parameter('bandwidth', 30.0,
         'cutoff frequency of the low-passes on the equation of motion', '1/s', 5.0, 100.0),
-    Parameter('memory', 30.0, 'forgetting time of the payload without informative motion',
+    Parameter('memory', 30.0, 'forgetting time of the payload estimate without informative motion',
               's', 1.0, 3600.0),
     Parameter('friction_memory', 120.0,
-        'forgetting time of the friction without informative motion', 's', 1.0, 36000.0),
+        'forgetting time of the friction estimate without informative motion', 's', 1.0, 36000.0),
 )  # fmt: skip
 
 
@@ -95,7 +95,9 @@ class FrictionLog:
         self.problem = ''
         self._trend = read_trend(path, joint_names)
         if not os.access(path.parent, os.W_OK):
-            raise OSError(f'{path.parent}: friction_file cannot be written there: choose a folder')
+            raise OSError(
+                f'friction_file cannot be written to {path.parent}: choose another folder'
+            )
         self._last: OnlineEstimate | None = None
         self._learnt = 0.0
         self._pending: list[FrictionRecord] = []
@@ -121,7 +123,9 @@ class FrictionLog:
                 write_trend(self._path, self._trend)
                 self.problem = ''
             except OSError as error:
-                self.problem = f'friction_file cannot be written: {error}'
+                self.problem = (
+                    f'friction_file cannot be written ({error}): check its path and the free space'
+                )
 
     def finish(self) -> None:
         """Write the last record."""

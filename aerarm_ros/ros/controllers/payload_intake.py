@@ -24,12 +24,14 @@ _LONGEST = 0.1  # [s] longest interval between consecutive states
 HAND_OVER_PARAMETERS = grouped(
     'Payload compensation',
     Parameter('hand_over', 0.0,
-        'share of the payload estimate that the model carries; 0 ignores payload_estimator',
+        'fraction of the payload estimate that the controller adds to its model; 0 '
+                'ignores payload_estimator',
         '', 0.0, 1.0),
     Parameter('hand_over_mass_rate', 0.2,
-        'rate at which the payload fades in and out', 'kg/s', 1e-3, 10.0),
+        'rate at which the controller fades payload compensation in and out', 'kg/s', 1e-3, 10.0),
     Parameter('hand_over_centre_rate', 0.1,
-        "rate at which the payload's centre moves", 'm/s', 1e-3, 10.0),
+        'rate at which '
+        "the controller moves the payload's centre of mass in its model", 'm/s', 1e-3, 10.0),
 )  # fmt: skip
 
 
@@ -79,8 +81,8 @@ class PayloadIntake:
         """Process a payload estimate; raises RejectedInputError if it is invalid."""
         if message.header.frame_id != self._link:
             raise RejectedInputError(
-                f"payload rejected: its frame is '{message.header.frame_id}', not the last link "
-                f"'{self._link}': start payload_estimator with the same arm"
+                f"payload rejected, because its frame is '{message.header.frame_id}' instead of "
+                f"the last link '{self._link}': start payload_estimator with the same arm"
             )
         try:
             self._hand_over.offer(body_of_message(message))
@@ -126,8 +128,8 @@ class PayloadIntake:
         if not self._hand_over.is_undone:
             return ''
         return (
-            'the compensated payload increased the torque residual, so the controller withdrew '
-            'it: check payload_estimator, and whether the arm touches something'
+            'the controller withdrew the payload compensation, because it increased the torque '
+            'residual: check payload_estimator, and whether the arm touches something'
         )
 
     def _judge(self, now: float, state: ArmState) -> None:

@@ -49,16 +49,16 @@ LOAD_PARAMETERS = grouped(
     'Feed-forward for the drone',
     Parameter('load_rate', 250.0, 'publishing rate', 'Hz', 1.0, 500.0),
     Parameter('lead', 0.0, (
-        'preview time relative to the newest state, by planned_motion if available: lag of the '
-        'rotors plus delay of the link'
+        'preview time of the forecast relative to the newest state, from planned_motion if '
+        'available: set it to the lag of the rotors plus the delay of the link'
     ), 's', 0.0, 0.09, live=True),
     Parameter('measured_motion', True, (
-        'use measured joint motion if planned_motion is missing; set it to false under '
-        'world_control, whose reaction to the drone would close a loop'
+        'use measured joint motion if planned_motion is missing. Set it to false under '
+        "world_control, where the arm's reaction to the drone would close a feedback loop"
     )),
     Parameter('acceleration_at', MOUNT, (
-        'reference point of the acceleration: base_link of the arm, or centre of mass of the '
-        'drone, in body axes'
+        "reference point of the acceleration: 'base_link' of the arm, or 'centre' of mass of the "
+        'drone, both in body axes'
     ), choices=(MOUNT, CENTRE)),
 )  # fmt: skip
 
@@ -218,7 +218,7 @@ CONTACT_PARAMETERS = grouped(
     Parameter(
         BANDWIDTH,
         1.0,
-        'cutoff frequency of contact_wrench, first order',
+        'cutoff frequency of the first-order filter of contact_wrench',
         'Hz',
         0.05,
         20.0,
@@ -337,8 +337,8 @@ class ContactTopic:
             zero = estimator.zero
             self._act(lambda _: zero.begin())
             response.message = (
-                f'the node averages contact_wrench for {DURATION:g} s and subtracts the bias from '
-                'then on: hover without contact meanwhile'
+                f'the node estimates the bias of contact_wrench for {DURATION:g} s, then '
+                'subtracts it: hover without contact meanwhile'
             )
         return response
 
@@ -413,7 +413,7 @@ class EnergyTopic:
             for name, value in zip(total.PARTS, total.parts.sum(axis=1), strict=True)
         }
         return {
-            'energy metered for [s]': round(total.seconds, 2),
+            'duration of the energy measurement [s]': round(total.seconds, 2),
             'supplied energy [J]': round(float(total.supplied.sum()), 2),
             **told,
             'skipped gaps': self._meter.gaps,

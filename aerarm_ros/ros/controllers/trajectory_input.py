@@ -95,8 +95,9 @@ def read_trajectory(
     stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     if stamp and not -_LATEST <= stamp - now <= _EARLIEST:
         raise RejectedInputError(
-            f'trajectory rejected: its stamp is {stamp - now:+.1f} s from now (allowed: '
-            f'{-_LATEST:+g} to {_EARLIEST:+g}). Use a zero stamp for now, and check the clocks'
+            f'trajectory rejected, because its stamp is {stamp - now:+.1f} s from now (allowed: '
+            f'{-_LATEST:+g} to {_EARLIEST:+g}): set the stamp to zero ("now"), and check the '
+            'clocks'
         )
     return trajectory, stamp or None
 
@@ -106,16 +107,16 @@ def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
     names = list(message.joint_names)
     if not names or len(set(names)) < len(names) or not set(names) <= set(limits.names):
         raise RejectedInputError(
-            f'joint names {names} are not those of the arm: give some of {list(limits.names)}, '
-            'each once'
+            f'joint names {names} do not match the arm: name some of {list(limits.names)}, each '
+            'once'
         )
     for what in ('positions', 'velocities', 'accelerations'):
         counts = [len(getattr(point, what)) for point in message.points]
         for index, count in enumerate(counts):
             if any(counts) and count != len(names):
                 raise RejectedInputError(
-                    f'trajectory rejected: point {index} has {count} {what} for {len(names)} '
-                    'joints. Give one per joint, at every point or at none'
+                    f'trajectory rejected, because point {index} has {count} {what} for '
+                    f'{len(names)} joints: set one per joint, at every point or at none'
                 )
     return [joint for joint, name in enumerate(limits.names) if name not in names]
 
@@ -129,7 +130,7 @@ def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: floa
     limits: JointLimits = follower.limits
     order = limits.order(list(message.name))
     if len(message.position) != limits.n:
-        raise RejectedInputError(f'set point rejected: it needs {limits.n} positions')
+        raise RejectedInputError(f'set point rejected: it must have {limits.n} positions')
     q = np.array(message.position)[order]
     if not np.all(np.isfinite(q)):
         raise RejectedInputError('set point rejected: positions must be finite numbers')
@@ -157,7 +158,7 @@ def serve_trajectories(
     """
     if find_spec('control_msgs') is None:
         controller.node.get_logger().info(
-            f'control_msgs is not installed: the action ~/{NAME} is not available, send '
+            f'control_msgs is not installed, so the action ~/{NAME} is not available: send '
             'trajectories on the topic'
         )
         return
@@ -251,7 +252,7 @@ class TrajectoryAction:
             )
         except RejectedInputError as error:
             # joint_trajectory_controller uses the defaults too.
-            self._controller.reject(f'{error}; the defaults are used')
+            self._controller.reject(f'{error}; the default tolerances are used')
             return self._own
 
     def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:
@@ -267,11 +268,13 @@ class TrajectoryAction:
             if problem:
                 raise RejectedInputError(problem)
             if not request.trajectory.points:
-                raise RejectedInputError(f'{NAME}: the trajectory has no points')
+                raise RejectedInputError(
+                    f'{NAME} rejected, because the trajectory has no points: add at least one'
+                )
             if request.multi_dof_trajectory.points:
                 raise RejectedInputError(
-                    f'{NAME}: the trajectory is for joints with several degrees of freedom; this '
-                    'arm has none'
+                    f'{NAME} rejected, because the trajectory moves joints with several degrees '
+                    'of freedom: send only joints with one'
                 )
             now = self._controller.stamp_ns / _BILLION
             # Read with the present state; a change before the loop starts the goal aborts it.

@@ -104,8 +104,8 @@ class WorldTopics:
         points = message.points
         if not 2 <= len(points) <= _POINTS_MAX or any(len(p.transforms) != 1 for p in points):
             raise RejectedInputError(
-                f'tool motion rejected: it needs 2 to {_POINTS_MAX} points, each with the pose of '
-                'one body, the tool'
+                f'tool motion rejected: it must have 2 to {_POINTS_MAX} points, each with the '
+                'pose of one body (the tool)'
             )
         if message.header.frame_id not in ('', self.frame):
             raise RejectedInputError(self._wrong_frame('tool motion', message.header.frame_id))
@@ -133,7 +133,7 @@ class WorldTopics:
         problem = self._reference.base.problem(now)
         if problem:
             raise RejectedInputError(
-                f'{what} rejected: the base pose in the world is unknown: {problem}'
+                f'{what} rejected, because the base pose in the world is unknown: {problem}'
             )
         pose = self._reference.base.pose(now)
         turned = None if rotation is None else pose.rotation @ rotation
@@ -142,8 +142,8 @@ class WorldTopics:
     def _wrong_frame(self, what: str, frame: str) -> str:
         known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
         return (
-            f'{what} rejected: no node publishes the base pose in frame {frame!r}; send it in '
-            f'{known}'
+            f'{what} rejected, because no node publishes the base pose in frame {frame!r}: send '
+            f'it in {known}'
         )
 
     # Called by the control loop.
@@ -207,13 +207,15 @@ def _rotation(what: str, turn: Array) -> Array | None:
     """Return the rotation matrix of a quaternion (x, y, z, w); None if the quaternion is zero."""
     length = float(np.linalg.norm(turn))
     if not np.isfinite(length):
-        raise RejectedInputError(f'{what} rejected: its orientation is NaN or infinite')
+        raise RejectedInputError(
+            f'{what} rejected: its orientation is NaN or infinite; check its publisher'
+        )
     if length < _ANY:
         return None
     if not 0.9 < length < 1.1:
         raise RejectedInputError(
-            f'{what} rejected: its quaternion has length {length:.3g}, not 1; send zeros for any '
-            'orientation'
+            f'{what} rejected, because its quaternion has length {length:.3g} instead of 1: send '
+            'zeros for any orientation'
         )
     return rotation_matrix(turn / length)
 

@@ -33,7 +33,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'rotor_timeout',
         0.2,
-        'silence of rotor_command, in simulated time, after which the rotors stop',
+        'age of the last rotor_command, in simulated time, at which the rotors stop',
         's',
         0.005,
         10.0,
@@ -62,7 +62,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'imu_attitude_error',
         0.0,
-        "standard deviation of the IMU's attitude, which drifts within some 10 s",
+        "standard deviation of the IMU's attitude error, which varies within about 10 s",
         'rad',
         0.0,
         1.0,
@@ -116,7 +116,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'gust_cutoff',
         0.0,
-        'bandwidth of a second-order wind spectrum, in place of gust_time; 0 for gust_time',
+        'bandwidth of a second-order wind spectrum, used instead of gust_time; 0 for gust_time',
         'Hz',
         0.0,
         100.0,
@@ -124,8 +124,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'contact_force',
         [],
-        'force on the drone or its arm: x, y, z in the world, at the origin of contact_link; none '
-        'if empty',
+        'force on the drone or its arm: x, y, z in world axes, at the origin of contact_link; '
+        'none if empty',
         'N',
         -1000.0,
         1000.0,
@@ -202,7 +202,9 @@ def contact(values: SimpleNamespace, plant: FlyingPlant) -> tuple[list[float], s
 def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:
     numbers: list[float] = list(getattr(values, name))
     if len(numbers) != count:
-        raise ValueError(f'{name} has {len(numbers)} numbers, not {count}: see its description')
+        raise ValueError(
+            f'{name} has {len(numbers)} numbers instead of {count}: see its description'
+        )
     return numbers
 
 

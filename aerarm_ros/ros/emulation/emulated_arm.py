@@ -106,7 +106,7 @@ class EmulatedArm(World):
         values = self.bridge.values
         if len(values.initial_position) not in (0, config.n):
             raise ValueError(
-                f'initial_position has {len(values.initial_position)} values: give one for each '
+                f'initial_position has {len(values.initial_position)} values: set one for each '
                 f'of {", ".join(config.joint_names)}'
             )
         seed = None if values.seed < 0 else values.seed
@@ -135,7 +135,8 @@ class EmulatedArm(World):
                 write_whole(Path(values.truth_file), text)
             except OSError as error:
                 raise ValueError(
-                    f'parameter truth_file: {values.truth_file} cannot be written: {error.strerror}'
+                    f'truth_file {values.truth_file} cannot be written '
+                    f'({error.strerror}): check its path'
                 ) from None
         if values.fault:
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
@@ -175,8 +176,8 @@ class EmulatedArm(World):
             )
         if profile != STILL:
             raise ValueError(
-                f'base_motion_profile is {profile} and drone_file is set: a flying drone has no '
-                'motion profile, remove one of the two'
+                f'base_motion_profile is {profile} and drone_file is set, but a flying drone has '
+                'no motion profile: remove one of the two'
             )
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
@@ -324,7 +325,7 @@ class EmulatedArm(World):
     def _grasp(self, cycle: BridgeCycle) -> Answer:
         """Attach the payload of the parameters to the arm."""
         if self.boards is None or self._made is None:
-            return Answer(False, 'the bridge is not configured')
+            return Answer(False, 'the bridge is not configured: configure it first')
         self.boards.plant.grasp(self._made(self.bridge.values.payload))
         self._awake_until = self._now + _FAULT_TIME
         return Answer(True, '')
@@ -332,7 +333,7 @@ class EmulatedArm(World):
     def _turn(self, cycle: BridgeCycle) -> Answer:
         """Turn the joint that the parameter `hand` names."""
         if self.boards is None:
-            return Answer(False, 'the bridge is not configured')
+            return Answer(False, 'the bridge is not configured: configure it first')
         try:
             duration = self.boards.turn(
                 *parse_turn(self.bridge.values.hand, self.bridge.config.joint_names)
@@ -372,7 +373,7 @@ class EmulatedArm(World):
         boards.put_at_rest()
         cycle.update(self._now)  # measure the new posture and that the arm rests
         accepted, message = cycle.home()
-        return Answer(accepted, f'the arm was put into its home configuration; {message}')
+        return Answer(accepted, f'the emulated arm was moved to its home configuration; {message}')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.bridge.values.fault, self.boards
@@ -385,7 +386,7 @@ class EmulatedArm(World):
     def _put_back(self, cycle: BridgeCycle) -> Answer:
         boards = self.boards
         if boards is None or any(board.system_enabled for board in boards.boards):
-            return Answer(False, 'the motors are driven: disable first')
+            return Answer(False, 'the motors are driven: disable the arm first')
         boards.put_back()
         if self._flying is not None:
             self._flying.restart()

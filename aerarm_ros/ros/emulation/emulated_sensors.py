@@ -27,16 +27,16 @@ SENSOR_PARAMETERS = (
     Parameter(
         'geometry_seed',
         -1,
-        'seed of the geometric errors of the arm: zeros by 10 mrad, lengths by 1 mm, mount and '
-        'IMU; -1 for a nominal arm',
+        'seed of the geometric errors of the emulated arm (zeros by 10 mrad, lengths by 1 mm, '
+        'mount and IMU); -1 for a nominal arm',
         minimum=-1,
         maximum=10**9,
     ),
     Parameter(
         'hardware_config',
         '',
-        'configuration of the emulated hardware, if config has other offsets, for example '
-        'calibrated ones; config if empty',
+        'configuration of the emulated hardware, if its offsets differ from config, for example '
+        'because config is calibrated; config if empty',
     ),
     Parameter(
         'hardware_urdf',

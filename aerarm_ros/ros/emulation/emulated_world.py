@@ -135,12 +135,15 @@ class WorldLoop(PeriodicLoop):
     def account(self) -> str:
         """Return one summary line for the end of the log."""
         if not self.cycles:
-            return 'no cycle has run'
+            return 'no cycle has run yet'
         share = self.share_of_real_time
         text = f'{self.cycles} cycles, the simulation ran at {100.0 * share:.1f} % of real time'
         is_slow = share < _AS_GOOD_AS_REAL and self.slipped_ns >= _NOTICED_SLIP_NS
         if self._wait_first and is_slow:
-            text += f', {self.slipped_ns * 1e-9:.2f} s behind it: too slow here for a real arm'
+            text += (
+                f', {self.slipped_ns * 1e-9:.2f} s behind real time: this computer is too '
+                'slow for a real arm'
+            )
         return text
 
 
@@ -245,16 +248,16 @@ PACE_PARAMETERS = (
     Parameter(
         'pace',
         KEEP_UP,
-        'pace of the simulation. keep_up: real time, slower if the computer is too slow. '
-        'lockstep: waits for the command that responds to the last state, and runs as fast as '
-        'possible while commands arrive, or during alignment and homing. real_time: time passes '
-        'even while the computer is busy',
+        'pace of the simulation. keep_up: real time, or slower if the computer is too slow. '
+        'lockstep: each cycle waits for the command that responds to the last state; the '
+        'simulation runs as fast as possible while commands arrive, and during alignment and '
+        'homing. real_time: time passes even while the computer is busy',
         choices=PACES,
     ),
     Parameter(
         'answer_timeout',
         5.0,
-        'time limit on the wall clock for nodes that command or record the arm',
+        'longest wait (wall clock) for nodes that command or record the arm',
         's',
         0.01,
         600.0,
@@ -400,7 +403,7 @@ class EmulatedWorld:
         if not self._wait(lambda: self._command is None, self._patience):
             if self._mode == 'ready' and self._streams.commands.publishers():
                 self._say(
-                    'joint_command has a publisher that responds to no state: the simulation '
+                    'a publisher of joint_command does not respond to states: the simulation '
                     'pauses until it responds, also to re-sent states'
                 )
             self._wait(lambda: self._command is None, None)
@@ -506,13 +509,13 @@ class EmulatedWorld:
             self._watch.give_up()
             self._warn(
                 'no command responded to the last state',
-                'and the arm is damped, or held on request',
+                'and the arm is damped, or held if requested',
             )
 
     def _warn(self, what: str, then: str) -> None:
         self._say(
-            f'{what} within {self._patience:g} s: the simulation continues without it, {then} '
-            '(answer_timeout lengthens the wait)'
+            f'{what} within {self._patience:g} s (answer_timeout), so the simulation continues '
+            f'without it, {then}'
         )
 
     def _say(self, text: str) -> None:

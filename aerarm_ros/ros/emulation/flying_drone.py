@@ -161,12 +161,16 @@ class FlyingDrone(EmulatedDrone):
         rotors, is_commanded = self._flight.rotors, self._flight.rotors.is_commanded
         level, text = DiagnosticStatus.OK, 'flying'
         if not self.is_flying:
-            text = 'supported until the motors hold the arm and the rotors lift the drone'
-            text = text if is_commanded else 'supported: no rotor commands'
+            text = (
+                'the drone is supported until the motors hold the arm and the rotors lift the drone'
+            )
+            text = (
+                text if is_commanded else 'the drone is supported, because no rotor commands arrive'
+            )
         elif not is_commanded:
             level, text = (
                 DiagnosticStatus.WARN,
-                ('no rotor commands: the rotors stand still, the drone falls'),
+                ('no rotor commands, so the rotors stop and the drone falls'),
             )
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             level, text = DiagnosticStatus.WARN, f'rejected: {self._rejection}'

@@ -96,7 +96,9 @@ def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -
     what, points = 'flight_trajectory', message.points
     _require_frame(what, message.header.frame_id, frame)
     if not points or any(len(point.transforms) != 1 for point in points):
-        raise RejectedInputError(f'{what}: each point needs the pose of one body, the drone')
+        raise RejectedInputError(
+            f'{what} rejected: each point needs the pose of one body (the drone)'
+        )
     poses = [point.transforms[0] for point in points]
     durations = [point.time_from_start for point in points]
     return FlightPath(
@@ -118,12 +120,18 @@ def _linear(rows: list[Any]) -> list[Array] | None:
 
 def _require_frame(what: str, given: str, frame: str) -> None:
     if given not in ('', frame):
-        raise RejectedInputError(f'{what} is in frame {given!r}, the odometry in {frame!r}')
+        raise RejectedInputError(
+            f'{what} rejected, because its frame is {given!r}: send it in the frame of '
+            f'the odometry, {frame!r}'
+        )
 
 
 def _yaw(what: str, turn: Array) -> float:
     if not np.all(np.isfinite(turn)) or not 0.9 < np.linalg.norm(turn) < 1.1:
-        raise RejectedInputError(f'{what}: NaN, infinite, or no unit quaternion')
+        raise RejectedInputError(
+            f'{what} rejected: a value is NaN or infinite, or the quaternion is not a unit '
+            'quaternion; check its publisher'
+        )
     return yaw_of(rotation_matrix(turn / np.linalg.norm(turn)))
 
 

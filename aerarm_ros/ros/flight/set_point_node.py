@@ -35,8 +35,8 @@ _CLOCK_TOLERANCE = 0.2
 
 
 FEED_PARAMETERS = (
-    Parameter('feed_lead', 0.03, "delay from a set point to its effect; base_reaction must "
-              "forecast at least this far (preview time `lead`)", 's', 0.0, 0.06,
+    Parameter('feed_lead', 0.03, 'delay from a set point to its effect; the preview time `lead` '
+                                 'of base_reaction must be at least this large', 's', 0.0, 0.06,
               live=True),
 )  # fmt: skip
 
@@ -59,14 +59,24 @@ def set_point_parameters(
         *grouped(
             "The autopilot's loops, for the preview of the tilt",
             Parameter('attitude_gain', Px4Gains.mc_att_p, 'angular velocity per attitude error '
-                      "(MC_ROLL_P, default as PX4's); 0 for no preview of the tilt", '1/s', 0.0,
+                                                          '(MC_ROLL_P, default as in PX4); 0 for '
+                                                          'no preview of the tilt', '1/s', 0.0,
                       50.0),
-            Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque per '
-                      'error of the angular velocity (MC_ROLLRATE_K times MC_ROLLRATE_P); the unit '
-                      'of torque follows from the drone_file; 0 ignores inertia and moment',
+            Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque '
+                                                                            'per error of the '
+                                                                            'angular velocity '
+                                                                            '(MC_ROLLRATE_K '
+                                                                            'times '
+                                                                            'MC_ROLLRATE_P); '
+                                                                            'drone_file '
+                                                                            'determines its unit '
+                                                                            'of torque; 0 '
+                                                                            'ignores inertia and '
+                                                                            'moment',
                       's/rad', 0.0, 10.0),
-            Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p, 'integral gain '
-                      'over rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
+            Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p,
+                'ratio of integral '
+                'gain and rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
         ),
     )  # fmt: skip
 
@@ -192,7 +202,9 @@ class SetPointNode:
     def _on_attitude(self, message: Any) -> None:
         quaternion = self.attitude(message)
         if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # also rejects NaN
-            self._reject('attitude: NaN, or no unit quaternion')
+            self._reject(
+                'attitude rejected: a value is NaN, or the quaternion is not a unit quaternion'
+            )
             return
         self._rotation = rotation_matrix(quaternion / np.linalg.norm(quaternion))
         self._attitude_time = time.monotonic()
@@ -223,9 +235,9 @@ class SetPointNode:
         ahead, self._ahead = self._ahead, None
         problem = ''
         if now - self._set_point_time > values.set_point_timeout:
-            problem = f'no set points on {values.set_point_topic}: the node sends none'
+            problem = f'no set points on {values.set_point_topic}, so the node sends none'
         elif now - self._attitude_time > _ATTITUDE_AGE:
-            problem = f'no attitude on {values.attitude_topic}: the node adds no acceleration'
+            problem = f'no attitude on {values.attitude_topic}, so the node adds no acceleration'
         elif ahead is not None and (late := time_problem(ahead, values.feed_lead)):
             problem = late
         elif now - self._rejected_at < _REMEMBERED:

@@ -183,7 +183,7 @@ def plan_excitation(
         If an input cannot be used, or no motion is feasible; the message states what to check.
     """
     if not (np.isfinite(seconds) and seconds >= 0.0):
-        raise ExcitationError(f'seconds = {seconds:g} must be a time not below 0')
+        raise ExcitationError(f'seconds = {seconds:g} must not be negative')
     if periods < 1:
         raise ExcitationError(f'periods = {periods} must be at least 1')
     lock = [lock] if isinstance(lock, str) else list(lock)
@@ -196,13 +196,11 @@ def plan_excitation(
     arm = load_arm_config(None if config is None else Path(config)) if known else None
     if lock and (arm is not None or isinstance(urdf, Robot)):
         raise ExcitationError(
-            f'lock = {", ".join(lock)}: use it with the path of a URDF, without config; else pass '
+            f'lock = {", ".join(lock)} needs the path of a URDF and no config: otherwise pass '
             'load_robot(urdf, locked=...)'
         )
     if arm is not None and np.isfinite(acceleration_limit).any():
-        raise ExcitationError(
-            'acceleration_limit is for an arm without motors and gears: remove it'
-        )
+        raise ExcitationError('acceleration_limit needs an arm without motors and gears: remove it')
     robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
     folders = tuple(Path(folder) for folder in package_directories)
     if arm is not None:

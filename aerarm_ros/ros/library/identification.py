@@ -92,7 +92,9 @@ class IdentifiedModel:
         is_known = shape[-1:] == (n,) and len(shape) <= 2
         if not is_known or any(values.shape != shape for values in motion):
             shapes = ', '.join(str(values.shape) for values in motion)
-            raise ValueError(f'q, dq and ddq have the shapes {shapes}: give ({n},) or (M, {n})')
+            raise ValueError(
+                f'q, dq and ddq have the shapes {shapes}: pass arrays of shape ({n},) or (M, {n})'
+            )
         rows = [values.reshape(-1, n) for values in motion]
         links = self._regressor.stack_rigid(*rows) @ self.estimate.inertial.ravel()
         torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2])
@@ -214,8 +216,8 @@ class IdentifiedArm:
         worst = max(self.errors, key=lambda bag: bag.filtered)
         return (
             f'<IdentifiedArm {self.result.robot.model.name}: torque error {worst.filtered:.2f} % '
-            f'filtered, {worst.filtered_measured:.2f} % only the measured one, {worst.raw:.2f} % '
-            f'raw on {worst.bag}>'
+            f'filtered, {worst.filtered_measured:.2f} % with only the measured torque filtered, '
+            f'{worst.raw:.2f} % raw, on {worst.bag}>'
         )
 
     def _repr_html_(self) -> str:
@@ -300,16 +302,19 @@ def from_arrays(
     stamp = _numbers('time', time)
     if stamp.ndim != 1:
         raise IdentificationError(
-            f'time has the shape {stamp.shape}: give (M,), one value per sample'
+            f'time has the shape {stamp.shape}: pass (M,), one value per sample'
         )
     position = _numbers('q', q)
     if position.ndim != 2 or len(position) != len(stamp):
         raise IdentificationError(
-            f'q has the shape {position.shape}: give (M, n) with M = {len(stamp)} as time has it'
+            f'q has the shape {position.shape}: pass (M, n) with M = {len(stamp)}, the '
+            'length of time'
         )
     joints = NUMBERED[: position.shape[1]] if names is None else tuple(names)
     if len(joints) != position.shape[1]:
-        raise IdentificationError(f'{len(joints)} names for {position.shape[1]} joints of q')
+        raise IdentificationError(
+            f'{len(joints)} joint names for the {position.shape[1]} joints of q'
+        )
     velocity, effort = (_like(position, *given) for given in (('dq', dq), ('tau', tau)))
     return Motion(joints, stamp, position, velocity, effort)
 
@@ -321,7 +326,7 @@ def _like(position: Array, word: str, given: npt.ArrayLike | None) -> Array:
     array = _numbers(word, given)
     if array.shape != position.shape:
         raise IdentificationError(
-            f'{word} has the shape {array.shape}: give {position.shape} as q has it'
+            f'{word} has the shape {array.shape}: pass {position.shape}, the shape of q'
         )
     return array
 
@@ -330,7 +335,7 @@ def _numbers(word: str, values: npt.ArrayLike) -> Array:
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise IdentificationError(f'{word} must be numbers, in rows of equal length') from None
+        raise IdentificationError(f'{word} must contain numbers, in rows of equal length') from None
 
 
 Bag = str | os.PathLike[str] | Motion
@@ -396,7 +401,7 @@ def identify(
     reader = IdentifierBags(topic, robot.joint_names, mapping)
     groups = _listed('bags', bags), _listed('validation', validation)
     if not groups[0]:
-        raise IdentificationError('no bag to identify from')
+        raise IdentificationError('no bag to identify from: pass at least one')
     paths = [[Path(bag) for bag in group if not isinstance(bag, Motion)] for group in groups]
     names = bag_names([*paths[0], *paths[1]])
     first, second = (
@@ -428,8 +433,8 @@ def _listed(word: str, bags: Bag | Iterable[Bag]) -> list[Bag]:
     for bag in listed:
         if not isinstance(bag, str | os.PathLike | Motion):
             raise IdentificationError(
-                f'{word}: {type(bag).__name__} is neither a path nor a motion: make one of arrays '
-                'by from_arrays(time, q, tau)'
+                f'{word} contains a {type(bag).__name__}, which is neither a path nor a motion: '
+                'convert arrays with from_arrays(time, q, tau)'
             )
     return listed
 
@@ -447,7 +452,7 @@ def _robot(
     if isinstance(urdf, Robot):
         if lock:
             raise IdentificationError(
-                f'lock = {", ".join(lock)}: use it with the path of a URDF; else pass '
+                f'lock = {", ".join(lock)} needs the path of a URDF: otherwise pass '
                 'load_robot(urdf, locked=...)'
             )
         return urdf if gravity is None else urdf.with_gravity(gravity)

@@ -163,7 +163,7 @@ class LinkEnd:
         self._malformed += 1
         if self._malformed == 1:
             self._node.get_logger().warning(
-                f'channel {received.channel} of the {self.other} is not understood ({error!r}): '
+                f'channel {received.channel} of the {self.other} cannot be decoded ({error!r}): '
                 'install the same version of aerarm_ros on both hosts'
             )
 
@@ -203,7 +203,9 @@ class LinkEnd:
     def _usual_problem(self, now: float) -> str:
         connection = self.connection
         if not connection.is_joined:
-            return f'no {self.other} found: is ground_link running there, with the same key file?'
+            return (
+                f'no {self.other} found: check that ground_link runs there with the same key file'
+            )
         if not connection.is_up(now):
             return f'the {self.other} has been silent for {now - connection.last_received:.1f} s'
         offset = connection.clock_offset
@@ -211,7 +213,7 @@ class LinkEnd:
             side = 'ahead of' if offset > 0.0 else 'behind'
             return (
                 f"the {self.other}'s clock is {1e3 * abs(offset):.0f} ms {side} this host's: run "
-                'chrony or PTP on both before stamps of both hosts are compared'
+                'chrony or PTP on both hosts before you compare their stamps'
             )
         return ''
 
@@ -227,8 +229,8 @@ class DroneEnd(LinkEnd):
             self._socket.bind((values.address, values.port))
         except OSError as error:
             raise ValueError(
-                f'port {values.port} of {values.address}: {error.strerror}: does another '
-                'ground_link run here? Give another port or address'
+                f'port {values.port} of {values.address} cannot be opened ({error.strerror}): '
+                'stop the other ground_link of this host, or set another port or address'
             ) from None
         rates = topic_rates(values.rate, values.values_rate, values.rates)
         self._topics = DroneTopics(node, self.connection, rates)
@@ -276,12 +278,15 @@ class GroundEnd(LinkEnd):
     def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
         super().__init__(node, values, key)
         if not values.drone:
-            raise ValueError("no address of the drone: give -p drone:=ADDRESS, as in '10.0.0.2'")
+            raise ValueError(
+                'the address of the drone is missing: set -p drone:=ADDRESS, for example '
+                'drone:="\'10.0.0.2\'"'
+            )
         try:
             self._address = socket.gethostbyname(values.drone), values.port
         except OSError as error:
             raise ValueError(
-                f"drone '{values.drone}': {error.strerror}: give its address"
+                f"drone '{values.drone}' is not reachable ({error.strerror}): set its address"
             ) from None
         self._drone = self._address
         self._expired = 0
@@ -317,7 +322,7 @@ class GroundEnd(LinkEnd):
     def _problem(self, now: float) -> str:
         kept = self._services.kept_stops
         if kept:
-            return f'e-stop NOT CONFIRMED by the drone yet: {" and ".join(kept)}'
+            return f'the drone has NOT CONFIRMED the e-stop yet: {" and ".join(kept)}'
         return self._sole.problem()
 
     def _rows(self) -> dict[str, object]:
@@ -328,7 +333,9 @@ class GroundEnd(LinkEnd):
 
     def _note_expired(self, topic: str) -> None:
         self._expired += 1
-        self._log(True, f'{topic}: a command was not delivered in time and is dropped: send again')
+        self._log(
+            True, f'a command on {topic} was not delivered in time and is dropped: send it again'
+        )
 
     def _log(self, is_warning: bool, text: str) -> None:
         # rclpy fixes the severity of each line of code that logs.
@@ -391,4 +398,4 @@ class GroundWatchdog:
             self._stops.publish(JointTrajectory())
             self._goals.publish(self._home)
             return 'the arm returns to its home configuration'
-        return 'the motion goes on'
+        return 'the motion continues'

@@ -225,8 +225,9 @@ class GroundServices:
             if now - call.begin > _STOP_NOTICE and not call.is_answered:
                 state = 'delivered, but not confirmed' if call.message.is_confirmed else 'kept'
                 text = (
-                    f'NOT DELIVERED YET: the drone has been silent for {self._silence(now)}; the '
-                    f'e-stop is {state} and acts when the connection is back'
+                    'NOT DELIVERED YET, because the drone has been silent for '
+                    f'{self._silence(now)}; the e-stop is {state} and acts when the connection '
+                    'is back'
                 )
                 self._log(True, f'{name}: {text}')
                 call.is_answered = True
@@ -235,8 +236,8 @@ class GroundServices:
                 del self._calls[number]
         elif call.message.is_expired and not call.is_answered:
             del self._calls[number]
-            text = f'not delivered within {_LIFETIME:g} s: the drone has been silent for '
-            text += f'{self._silence(now)}; ask again when the connection is back'
+            text = f'not delivered within {_LIFETIME:g} s, because the drone has been silent for '
+            text += f'{self._silence(now)}: send the request again when the connection is back'
             self._log(True, f'{name}: {text}')
             if hasattr(call.service.srv_type.Response, 'success'):
                 self._answer(call, call.service.srv_type.Response(success=False, message=text))

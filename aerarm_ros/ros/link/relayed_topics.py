@@ -321,9 +321,11 @@ def topic_rates(rate: float, values_rate: float, changes: Sequence[str]) -> dict
         except ValueError:
             hertz = 0.0
         if name not in rates:
-            raise ValueError(f"rates: '{name}' is not decimated: give one of {', '.join(rates)}")
+            raise ValueError(
+                f"the rate of '{name}' (rates) cannot be set: choose one of {', '.join(rates)}"
+            )
         if not 0.1 <= hertz <= 50.0:
-            raise ValueError(f"rates: '{text}': write {name}=HZ with 0.1 to 50 Hz")
+            raise ValueError(f"'{text}' in rates is invalid: write {name}=HZ with 0.1 to 50 Hz")
         rates[name] = hertz
     return rates
 

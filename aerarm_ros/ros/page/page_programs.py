@@ -58,7 +58,7 @@ class ChildProgram:
         """Start a node; raises RuntimeError if one runs."""
         with self._starting:
             if self.runs:
-                raise RuntimeError(f'{self.name} runs already: stop it first')
+                raise RuntimeError(f'{self.name} is already running: stop it first')
             if self._logs is None:  # not earlier: a page that cannot be served leaves no directory
                 self._logs = Path(tempfile.mkdtemp(prefix='aerarm_view_'))
             log = self._logs / f'{name}.log'
@@ -157,14 +157,14 @@ class PagePrograms:
             raise PageProgramError('invalid bag name: use letters, digits, _ - and .')
         bag = self._folder / name
         if bag.exists():
-            raise PageProgramError(f'{bag} exists: give another name')
+            raise PageProgramError(f'{bag} already exists: choose another name')
         self.recorder.start('recorder', {'bag': bag})
         return str(bag)
 
     def play(self, name: str) -> None:
         """Play one of `trajectories`; raises PageProgramError, RuntimeError."""
         if name not in self.trajectories():
-            raise PageProgramError(f'no trajectory {name!r} in {self._folder}')
+            raise PageProgramError(f'{self._folder} has no trajectory {name!r}')
         chosen = {'seed': 1} if name == RANDOM else {'trajectory': self._folder / name}
         self.player.start('excitation', {**self._arm, **chosen})
 

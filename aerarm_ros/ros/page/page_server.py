@@ -98,9 +98,9 @@ class PageGuard:
         if len(hosts) != 1 or not self._is_own(hosts[0]):
             return f'{_shown(hosts)} is not a name of this computer: use the printed URL'
         if len(origins) > 1 or (socket_wanted and not origins):
-            return f'the origin is {_shown(origins)}, not the page'
+            return f'the request comes from {_shown(origins)}, not from this page'
         if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
-            return f'the origin is {_shown(origins)}, another site'
+            return f'the request comes from another site, {_shown(origins)}'
         given, _ = _split(path)
         if self._token and not hmac.compare_digest(given.encode(errors='replace'), self._token):
             return 'the address lacks the token: use the URL printed at the start'
@@ -294,7 +294,7 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     if not gate.closed:
         server.stop()
         raise PageError(
-            f'the page of viser {viser.__version__} cannot be guarded against other sites: '
+            f'viser {viser.__version__} offers no way to protect the page against other sites: '
             "pip install 'viser>=1.1,<1.2'"
         )
     return server
@@ -328,7 +328,7 @@ class _Gate:
 
             async def recv(self, decode: bool | None = None) -> Any:
                 while not is_allowed(message := await super().recv(decode)):
-                    gate.refused('a message type that the page does not send')
+                    gate.refused('the page does not send messages of this type')
                 return message
 
         def process(connection: ServerConnection, request: Request) -> Response | None:

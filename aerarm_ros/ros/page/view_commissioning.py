@@ -82,7 +82,7 @@ class PageCommissioning:
         """
         with self._lock:
             if self.runs:
-                raise RuntimeError('commissioning is in progress')
+                raise RuntimeError('commissioning is already in progress: wait or stop it')
             self._stop.clear()
             self.outcome, self._client = (False, ''), None
             arguments = (joints, resume, emulated)
@@ -128,13 +128,13 @@ class PageCommissioning:
 
     def _lead(self, client: CommissioningClient, emulated: str) -> None:
         if emulated and not (client.report and client.report.emulated):
-            raise ValueError('an emulated hand turns emulated joints only')
+            raise ValueError('an emulated hand can turn emulated joints only')
         person = EmulatedPerson(self._node, client, emulated) if emulated else None
         while client.is_on:
             with self._lock:
                 client.poll()
                 if client.problem:
-                    raise ValueError(f'{client.problem}: check its console')
+                    raise ValueError(f'{client.problem}: check the log of the bridge')
                 if person is not None:
                     person.poll()
             self._pause()
@@ -190,7 +190,7 @@ class ViewCommissioning:
             )
             self._begin = gui.add_button('Begin commissioning')
             self._words = gui.add_html('')
-            self._yes = gui.add_button('Done, go on', color='green', visible=False)
+            self._yes = gui.add_button('Done, continue', color='green', visible=False)
             self._no = gui.add_button('Skip this step', visible=False)
         self._begin.on_click(lambda _: self._toggle())
         self._yes.on_click(lambda _: self._answer(True))
@@ -234,7 +234,7 @@ class ViewCommissioning:
                 self._emulated() if self._is_by_hand() else '',
             )
         except RuntimeError as error:
-            self._panel.tell(False, 'not begun:', str(error))
+            self._panel.tell(False, 'not started:', str(error))
 
     def _answer(self, yes: bool) -> None:
         prompt = self._prompt

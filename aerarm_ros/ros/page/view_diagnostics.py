@@ -11,7 +11,7 @@ from typing import Any
 from aerarm_ros.pages.html_text import Html, macros
 
 _ERROR, _STALE = 2, 3  # levels in view.html
-_WAY_OUT = 'way out'
+_WAY_OUT = 'recovery hint'
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 _TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
 # Column of the motors' table, and the end of its keys on /diagnostics.

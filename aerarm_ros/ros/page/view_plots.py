@@ -132,8 +132,8 @@ class ViewFeed:
         if self._states.unknown:
             names = ', '.join(self._states.unknown)
             return (
-                f'the angle of {names} is unknown until the arm is homed: the drawn configuration '
-                'is wrong'
+                f'the angle of {names} is unknown until the arm is homed, so the drawn '
+                'configuration is wrong'
             )
         silent = now - self._heard[0]
         if not np.isfinite(silent):
@@ -256,7 +256,7 @@ class ViewPlots:
         self._duration = duration
         panel = gui.add_panel()
         with panel.add_tab('Plots'):
-            with gui.add_folder('Which', expand_by_default=False):
+            with gui.add_folder('Quantities', expand_by_default=False):
                 quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
                 self._with_limits = gui.add_checkbox('limits', False)

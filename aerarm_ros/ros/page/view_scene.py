@@ -58,7 +58,7 @@ class ViewScene:
         tool = tool and robot.full_name(tool)
         if tool and not robot.model.existFrame(tool):
             known = ', '.join(frame.name for frame in robot.model.frames)
-            raise ValueError(f'the URDF has no frame {tool!r}: it has {known}')
+            raise ValueError(f'frame {tool!r} is not in the URDF: choose one of {known}')
         self._tool = robot.model.getFrameId(tool) if tool else robot.model.nframes - 1
         self._scene = server.scene
         self._prepare(server, robot, self._usual_place(robot))

@@ -162,7 +162,7 @@ class Parameter:
         when = (
             ''
             if self.live
-            else ('parameter is read-only: set it when the node starts, -p NAME:=VALUE')
+            else ('this parameter is read-only: set it when the node starts, -p NAME:=VALUE')
         )
         return '; '.join(filter(None, (self._bounds(), when)))
 
@@ -190,7 +190,8 @@ def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
 
 _SIM_TIME = 'use_sim_time'
 _IGNORED = (
-    f'{_SIM_TIME} is ignored: this node uses the stamps of received messages, or the system clock'
+    f'{_SIM_TIME} is ignored, because this node uses the stamps of received messages, or '
+    'the system clock'
 )
 
 LiveCallback = Callable[[str, Any], None]
@@ -221,7 +222,7 @@ class ParameterTable:
     def __init__(self, *parameters: Parameter) -> None:
         self._parameters = {parameter.name: parameter for parameter in parameters}
         if len(self._parameters) != len(parameters):
-            raise ValueError(f'a parameter is in the table twice: {[p.name for p in parameters]}')
+            raise ValueError(f'a parameter is twice in the table: {[p.name for p in parameters]}')
         for parameter in parameters:
             problem = parameter.problem(parameter.default)
             if problem:

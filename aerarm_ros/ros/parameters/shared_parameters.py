@@ -26,20 +26,20 @@ if TYPE_CHECKING:  # loaded only by nodes with a drone or planned motion
     from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 
 ARM_FILES = grouped(
-    'Which arm',
+    'Arm',
     Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
     Parameter('urdf', '',
         'URDF of the arm, for example an identified one; the packaged arm if empty'),
     Parameter('tf_prefix', '', (
-        'prefix of all link and joint names on topics, for example left_, for several arms in one '
-        'tf tree; files and parameters use names without it'
+        'prefix of all link and joint names on topics, for example left_, for several arms in '
+        'one tf tree; names in files and parameters have no prefix'
     )),
 )  # fmt: skip
 
 
 SURROUNDINGS = (
     Parameter('excitation_config', '',
-        'YAML file of obstacles and usable shares of the limits; the packaged file if empty'),
+        'YAML file of obstacles and usable fractions of the limits; the packaged file if empty'),
     Parameter('package_directories', [''],
         'search path for package:// meshes of the URDF, in addition to its parent folders'),
 )  # fmt: skip
@@ -92,7 +92,7 @@ DRONE_FILE = Parameter(
     'drone_file', '', (
         'YAML file of the drone that carries the arm, or the name of a packaged file, for example '
         'config/drone.yaml; none if empty'
-    ), group='Which arm'
+    ), group='Arm'
 )  # fmt: skip
 
 

@@ -91,17 +91,17 @@ _ADVICE = {
     'inactive': "activate the bridge: 'ros2 lifecycle set /NAME activate'",
     'disconnected': 'the boards do not respond: check the log of the bridge',
     'aligning': 'the motors will be aligned in a few seconds',
-    'homing': 'the joints will be at their index in a few seconds',
+    'homing': 'the joints will reach their index pulses in a few seconds',
     'unhomed': f'run {to_switch_on("unhomed")} (the arm moves)',
     'commissioning': "the arm is being commissioned: wait, then 'arm home'",
-    'running': 'another node commands the arm: stop it',
-    'damping': "run 'arm hold', which holds the arm where it is",
+    'running': 'another node commands the arm: stop that node',
+    'damping': "run 'arm hold', which holds the arm in place",
 }
 # [s] in which all nodes of the domain have announced themselves (config/fastdds.xml).
 _DISCOVERY_TIME = 0.5
 _DEPTH = 100  # queue length in messages
 _LISTENERS = {
-    topics.JOINT_COMMAND.name: 'check that the bridge, and the recorder if used, run',
+    topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if used',
     topics.JOINT_STATES.name: 'check that the recorder runs',
 }
 _ENABLE = "run 'arm enable' (the arm moves)"
@@ -187,7 +187,7 @@ class StartConditions:
         for name, count in matched.items():
             if count < self._subscribers:
                 missing.append(
-                    f'{name} has {count} of {self._subscribers} subscribers: {_LISTENERS[name]}'
+                    f'{name} has {count} of {self._subscribers} subscribers ({_LISTENERS[name]})'
                 )
         resolve = self._node.resolve_topic_name
         unrecorded = [name for name in matched if resolve(name) not in self._recorded]
@@ -295,7 +295,7 @@ class MotionPlayback:
                 return state.q
             if now - begin > timeout:
                 reasons = [*missing, self._rejection] if self._rejection else missing
-                raise ExcitationError(f'waited {timeout:g} s, and {"; ".join(reasons)}')
+                raise ExcitationError(f'waited {timeout:g} s, but {"; ".join(reasons)}')
             self.states.wait(0.1)
             newest = self.states.newest_state()
             state = state if newest is None else newest[1]
@@ -343,7 +343,7 @@ class MotionPlayback:
             if not self.stop_asked:
                 raise
             # A stop of all nodes also ends the bridge, which waits for no other node.
-            self._logger.info(f'stopped, and not brought to rest: {error}')
+            self._logger.info(f'stopped, but the arm may still move: {error}')
         finally:
             self.damping.end(time.monotonic_ns())
             progress.close()
@@ -375,8 +375,8 @@ class MotionPlayback:
         # tracking error shows the effect of the pause on the motion.
         if self._conditions.mode not in COMMANDABLE:
             raise ExcitationError(
-                f"arm_mode became '{self._conditions.mode}' in the {stage}: check the console of "
-                'the bridge, or view'
+                f"arm_mode became '{self._conditions.mode}' in the {stage}: check the log of the "
+                'bridge, or the page of view'
             )
 
     def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
@@ -407,7 +407,7 @@ class MotionPlayback:
                 'check that the bridge runs and that the computer is not overloaded; '
                 'state_timeout lengthens the wait'
             )
-            raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
+            raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}, {why}')
 
     def _reject(self, reason: str) -> None:
         self._rejection = reason
@@ -419,7 +419,7 @@ def _missing_rest(state: ArmState | None) -> list[str]:
     if state is None:
         return ['no joint_states received: check that the bridge runs in this domain']
     if np.abs(state.dq).max() >= RESTING:
-        return [f'the arm is not at rest (below {RESTING} rad/s)']
+        return [f'the arm is not at rest (speed below {RESTING} rad/s)']
     return []
 
 

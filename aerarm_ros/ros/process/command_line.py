@@ -91,7 +91,7 @@ class CommandLine:
         if arguments.plain:
             raise UsageError(
                 f"unknown argument '{arguments.plain[0]}': set parameters with --ros-args -p "
-                f'NAME:=VALUE, {self.name} --help lists them'
+                f'NAME:=VALUE, see {self.name} --help'
             )
         node = arguments.full_name(self.name)
         warnings = [self._judge(given, node) for given in arguments.parameters]
@@ -102,16 +102,18 @@ class CommandLine:
         if not given.is_for(node):
             if given.source == '-p':
                 raise UsageError(
-                    f'-p {given.node[1:]}:{given.name} is for {given.node}, not {node}'
+                    f'-p {given.node[1:]}:{given.name} sets a parameter of {given.node}, '
+                    f'but this node is {node}'
                 )
             return ''
         if self._knows(given.name):
             return ''
         similar = _NEARLY_SAME if given.is_for_any_node else _SIMILAR
         closest = _closest(given.name, list(self._parameters), similar)
-        hint = f": did you mean '{closest}'?" if closest else ''
+        hint = f", did you mean '{closest}'?" if closest else ''
         text = (
-            f"{given.source}: unknown parameter '{given.name}'{hint} ({self.name} --help lists all)"
+            f"unknown parameter '{given.name}' in {given.source}{hint} ({self.name} "
+            '--help lists all)'
         )
         if not given.is_for_any_node:
             raise UsageError(text)
@@ -128,7 +130,7 @@ def _misnamed_sections(given: Sequence[GivenParameter], node: str) -> Iterator[s
         bases = {section.rpartition('/')[2]: section for section in sections}
         closest = _closest(node.rpartition('/')[2], list(bases), _NEARLY_SAME)
         if closest and closest != node.rpartition('/')[2]:
-            yield f'{file} has no section for {node}, but {bases[closest]}: check the spelling'
+            yield f'{file} has no section for {node}, only for {bases[closest]}: check the spelling'
 
 
 def _closest(name: str, known: Sequence[str], cutoff: float) -> str:

@@ -225,8 +225,8 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
     if not ignored:
         return ''
     return (
-        f'{", ".join(ignored)} ignored: the 1 kHz topics stay on this host, because a slow network '
-        f'stops the loop; use ground_link between hosts, or set {NETWORK}={_OPEN}'
+        f'{", ".join(ignored)} ignored, because a slow network would stop the loop: the 1 kHz '
+        f'topics stay on this host. Use ground_link between hosts, or set {NETWORK}={_OPEN}'
     )
 
 

@@ -43,7 +43,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the error and end the process."""
-        self.exit(USER_ERROR, f'{self.prog}: {message}: see {self.prog} --help\n')
+        self.exit(USER_ERROR, f'{self.prog}: {message}; see {self.prog} --help\n')
 
 
 PARAMETER = ('-p', '--param')
@@ -173,7 +173,7 @@ def _parameter_of_rule(rule: str) -> GivenParameter:
     """Read [NODE:]NAME:=VALUE."""
     left, separator, value = rule.partition(':=')
     if not separator:
-        raise UsageError(f'-p {rule}: write -p NAME:=VALUE')
+        raise UsageError(f'-p {rule} is invalid: write -p NAME:=VALUE')
     _check_value(rule, left, value)
     node, colon, name = left.rpartition(':')
     return GivenParameter(f'/{node.lstrip("/")}' if colon else ANY_NODE, name, '-p')
@@ -191,7 +191,7 @@ def _check_value(rule: str, left: str, value: str) -> None:
         is_read = False
     if not is_read:
         raise UsageError(
-            f"-p {rule} has no readable value: use 2.5, true, '[1.0, 2.0]' or a text; a text with "
+            f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a text; a text with "
             f'special characters of YAML needs two pairs of quotes, -p {left}:="\'TEXT\'"'
         )
 
@@ -202,9 +202,11 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
     except OSError as error:
         raise UsageError(f'parameter file {file}: {error.strerror}') from None
     except ConfigError as error:
-        raise UsageError(f'parameter file {file} is not valid YAML: {error}') from None
+        raise UsageError(
+            f'parameter file {file} is not valid YAML ({error}): correct the file'
+        ) from None
     if not isinstance(content, Mapping):
-        raise UsageError(f'parameter file {file} has no section NODE: {_SECTION}:')
+        raise UsageError(f"parameter file {file} has no section 'NODE: {_SECTION}:': add one")
     for node, values in _sections(content, '', file):
         for name in _leaves(values):
             yield GivenParameter(node, name, file)
@@ -214,7 +216,8 @@ def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
     """Yield the full name of each node in a file, and the content of its ros__parameters."""
     if not isinstance(content, Mapping):
         raise UsageError(
-            f"parameter file {file}: '{node.lstrip('/')}' is in no section NODE: {_SECTION}:"
+            f"parameter '{node.lstrip('/')}' in parameter file {file} is outside of any section "
+            f"'NODE: {_SECTION}:': move it into one"
         )
     for key, below in content.items():
         if key == _SECTION:

@@ -79,15 +79,15 @@ class CalibrateArm:
             return
         bag = Path(options.out or f'calibration_{datetime.now():%Y%m%d_%H%M%S}')
         if bag.exists():
-            raise ArmClientError(f'{bag} exists: name another bag with --out')
+            raise ArmClientError(f'{bag} already exists: name another bag with --out')
         recorded = [*_OWN, *(f'{name}={kind}' for name, kind in sensors)]
         with NodeProcess('recorder', parameters={'bag': bag, 'topics': recorded}) as recorder:
             if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER):
                 raise ArmClientError(
-                    f'the recorder does not start to write {bag}: check its console'
+                    f'the recorder does not start to write {bag}: check the log of the recorder'
                 )
             self._visit(postures)
-        print(f'recorded: {bag}; next: calibrator --bag {bag}', flush=True)
+        print(f'{bag} is recorded; next, run: calibrator --bag {bag}', flush=True)
 
     def _choose(self) -> Array:
         options = self._options
@@ -117,9 +117,9 @@ class CalibrateArm:
         )
         print_notice(
             'arm',
-            f'{len(choice.q)} configurations for {choice.parameters} errors, '
-            f'{choice.information:+.2f} per error in log det of the information compared with '
-            'random ones',
+            f'{len(choice.q)} configurations for {choice.parameters} errors; log det of the '
+            f'information is {choice.information:+.2f} per error higher than with random '
+            'configurations',
         )
         return self._free_ways(choice.q, checker)
 
@@ -135,7 +135,10 @@ class CalibrateArm:
             left.remove(free)
             at = postures[free]
         if left:
-            print_notice('arm', f'{len(left)} configurations are skipped: no straight path is free')
+            print_notice(
+                'arm',
+                f'{len(left)} configurations are skipped, because no straight path to them is free',
+            )
         if len(order) < len(postures) // 2:
             raise CalibrationError(
                 'most configurations have no collision-free straight path: move the arm into the '
@@ -149,8 +152,8 @@ class CalibrateArm:
             self._request.go(posture.tolist(), _NEAR, options.timeout, _say_wait)
             if not spin_until(self._node, self._is_still, options.timeout):
                 raise ArmClientError(
-                    f'the arm does not come to rest in configuration {number}: check the gains of '
-                    'the controller'
+                    f'the arm does not come to rest in configuration {number}: check the gains '
+                    'of the controller'
                 )
             self._wait(options.rest)
             print(f'configuration {number} of {len(postures)}', flush=True)
@@ -160,7 +163,7 @@ class CalibrateArm:
         begin = self._stamp()
         longest = self._options.timeout + 10.0 * seconds  # on a busy computer
         if not spin_until(self._node, lambda: self._stamp() - begin >= seconds, longest):
-            raise ArmClientError('joint_states have stopped: check the console of the bridge')
+            raise ArmClientError('joint_states have stopped: check the log of the bridge')
 
     def _find_sensors(self) -> list[tuple[str, str]]:
         """Return topics and types of the sensors that measure the arm."""
@@ -180,7 +183,7 @@ class CalibrateArm:
         sensors = found()
         if not sensors or len(sensors) < len(wanted):
             raise ArmClientError(
-                'no topic of markers or poses '
+                'no topic of markers or poses was found '
                 f'({", ".join(sorted(wanted)) or ", ".join(SENSOR_TYPES)}): start the motion '
                 'capture or the camera, or name the topics with --sensors'
             )
@@ -212,7 +215,9 @@ def _is_free(checker: ClearanceChecker, start: Array, end: Array) -> bool:
 
 def _has_begun(bag: Path, recorder: NodeProcess) -> bool:
     if recorder.returncode is not None:
-        raise ArmClientError(f'the recorder has ended ({recorder.returncode}): check its console')
+        raise ArmClientError(
+            f'the recorder has ended with status {recorder.returncode}: check its log'
+        )
     return any(bag.glob('*.mcap'))
 
 

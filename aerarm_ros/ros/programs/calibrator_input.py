@@ -125,15 +125,15 @@ def to_observations(
     tracks = [track for track in tracks if track.name not in options.ignore]
     if not tracks:
         raise CalibrationError(
-            f'{given.path}: no markers or poses are left: check --sensors, --frames and --ignore'
+            f'no markers or poses of {given.path} are left: check --sensors, --frames and --ignore'
         )
     offsets = {}
     for track in tracks:
         late, agreement = time_offset(recording.time, q, track)
         offsets[track.name] = late
         given.mapping.append(
-            f'{track.name}: stamps {1e3 * late:+.0f} ms from the joint states (correlation of '
-            f'speeds {agreement:.2f})'
+            f'{track.name}: stamps are {1e3 * late:+.0f} ms from those of the joint states '
+            f'(correlation of speeds {agreement:.2f})'
         )
     rests = resting_arm(recording.time, q)
     given.mapping.append(f'{len(rests.q)} postures at rest')
@@ -177,8 +177,8 @@ def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
     if not tracks:
         listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
         raise CalibrationError(
-            f'{path}: no markers or poses: its topics with positions are {listed}; name them with '
-            '--sensors'
+            f'{path} has no markers or poses on known topics: name them with --sensors; topics '
+            f'with positions are {listed}'
         )
     mapping = [f'joint states: {options.topic}']
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
@@ -218,7 +218,7 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
         listed = ', '.join(f'{key} ({one.kind})' for key, one in series.items()) or 'none'
         raise CalibrationError(
-            f'{path}: no poses of the drone on {name}: name their topic with --drone-pose; the '
+            f'{path} has no poses of the drone on {name}: name their topic with --drone-pose; '
             f'topics with positions are {listed}'
         )
     imu = series.pop(imu_name, None)
@@ -302,11 +302,11 @@ def _of_table(
             sources.append(PoseSource(name, one.rotation, one.position, in_hand, base_known=known))
     sources += [PlaneSource(name, touches) for name, touches in table.contacts.items()]
     if not sources:
-        raise CalibrationError(f'{path}: no measurements are left: check --ignore')
+        raise CalibrationError(f'no measurements of {path} are left: check --ignore')
     unknown = [name for name in options.eye_in_hand if name not in table.measured]
     if unknown:
         raise CalibrationError(
-            f'--eye-in-hand {unknown[0]}: {path} has no pose of that name, but '
+            f'--eye-in-hand {unknown[0]} is not a pose of {path}: choose from '
             f'{", ".join(table.measured) or "none"}'
         )
     labels = tuple(f'{path.name}, row {k + 1}' for k in range(len(q)))
@@ -331,8 +331,8 @@ def joined(parts: Sequence[Observations]) -> Observations:
             type(one) is not type(source) or one.unknowns != source.unknowns for one in own
         ):
             raise CalibrationError(
-                'the files of --bag do not have the same markers and poses: calibrate them one by '
-                'one, or pass --ignore'
+                'the files of --bag have different markers and poses: calibrate them one by one, '
+                'or pass --ignore'
             )
         sources.append(_stacked(source, own))
     labels = tuple(label for part in parts for label in part.labels)
@@ -357,5 +357,5 @@ def _stacked(source: Source, parts: Sequence[Source]) -> Source:
 def _pair(text: str) -> tuple[str, str]:
     left, equals, right = text.partition('=')
     if not (left and equals and right):
-        raise CalibrationError(f'--rename {text}: write it as COLUMN=JOINT')
+        raise CalibrationError(f'--rename {text} is invalid: write COLUMN=JOINT')
     return left, right

@@ -33,7 +33,8 @@ MOUNT_FILES = (DRONE, REPORT, MARKER)
 """All that a result may hold."""
 _NOTE = (
     "Pose of the arm's base frame and of the IMU in the frame of the drone's body. Standard "
-    'deviations are those of the fit. The rotation leads from the file to the estimate.'
+    'deviations are those of the fit. "Moved" is the rotation from the pose in the file to the '
+    'estimated pose.'
 )
 
 
@@ -54,7 +55,7 @@ class MountRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         if len(options.bag) != 1:
-            raise CalibrationError('--mount takes one --bag, of a drone and an arm that move')
+            raise CalibrationError('--mount needs exactly one --bag, in which drone and arm move')
         self._source = config_path(options.drone, 'drone.yaml')
         self._drone = load_drone_config(self._source)
         self._urdf, _ = read_urdf(options.urdf)
@@ -84,7 +85,7 @@ class MountRun:
 
     def _imu(self, flight: FlightRecording) -> ImuResult | None:
         """Return the IMU's pose; None, with a message, if the bag does not determine it."""
-        values, stays = flight.imu, f'the pose of the IMU stays as in {self._source.name}'
+        values, stays = flight.imu, f'the pose of the IMU keeps its values of {self._source.name}'
         if values is None:
             _tell(f'no IMU on {self._options.imu}: {stays}')
             return None
@@ -129,7 +130,7 @@ def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str,
         (f'{name} position deviation [mm]', _numbers(1e3 * pose.position_std, 2)),
         (f'{name} rpy [rad]', _numbers(pose.rpy, 5)),
         (f'{name} rotation deviation [mrad]', _numbers(1e3 * pose.rotation_std, 2)),
-        (f'{name} moved from the file', f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad'),
+        (f'{name} moved relative to the file', f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad'),
     ]
 
 

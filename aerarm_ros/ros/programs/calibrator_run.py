@@ -98,7 +98,7 @@ class CalibratorRun:
         mapping = _mapping([*training, *validation])
         mapping.append(f'markers and poses are attached to link {chain.link}')
         if chain.ignored:
-            mapping.append(f'joints that do not move it: {", ".join(chain.ignored)}')
+            mapping.append(f'joints that do not move this link: {", ".join(chain.ignored)}')
         _tell(mapping)
         if options.holdout > 0.0:
             observations, rest = _divided(observations, options.holdout)
@@ -128,7 +128,8 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
     out = round(share * count)
     if out < 1 or count - out < 1:
         raise CalibrationError(
-            f'--holdout {share:g} leaves no configurations of {count}: pass a smaller share'
+            f'--holdout {share:g} leaves none of {count} configurations for the fit: '
+            'pass a smaller fraction'
         )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))

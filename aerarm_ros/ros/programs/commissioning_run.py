@@ -58,7 +58,7 @@ class CommissioningRun:
         passed, text = client.outcome
         if not passed:
             record = f' --record {options.record}' if options.record else ''
-            raise ArmClientError(f"{text}, 'arm commission --resume{record}'")
+            raise ArmClientError(f"{text}, continue with 'arm commission --resume{record}'")
         print(text, flush=True)
 
     def _find_bridge(self) -> None:
@@ -76,7 +76,7 @@ class CommissioningRun:
         if self._person is not None and not (client.report and client.report.emulated):
             raise ArmClientError(
                 '--yes is for emulated boards only: on a real arm a person has to turn the '
-                'joints, and to check that the arm is clear'
+                'joints, and to check that nothing is in the way of the arm'
             )
 
     def _lead(self) -> None:
@@ -86,7 +86,7 @@ class CommissioningRun:
             client.poll()
             self._print_news()
             if client.problem:
-                raise ArmClientError(f'{client.problem}: check its console')
+                raise ArmClientError(f'{client.problem}: check the log of the bridge')
             self._ask()
             if self._person is not None:
                 self._person.poll()
@@ -116,7 +116,9 @@ class CommissioningRun:
         if '\n' not in self._typed and select.select([sys.stdin], [], [], 0.0)[0]:
             read = os.read(sys.stdin.fileno(), 256).decode(errors='replace')
             if not read:
-                raise ArmClientError('the terminal is closed: the procedure stopped, motors off')
+                raise ArmClientError(
+                    'the terminal was closed: the procedure has stopped, motors off'
+                )
             self._typed += read
         line, newline, rest = self._typed.partition('\n')
         if not newline:
@@ -127,4 +129,4 @@ class CommissioningRun:
         if answer in ('y', 'yes', 'n', 'no'):
             guided.answer(answer.startswith('y'))
         else:
-            print_notice('arm', f'{answer!r} is neither y nor n')
+            print_notice('arm', f'{answer!r} is not a valid answer, type y or n')

@@ -83,8 +83,8 @@ class DemoAccount:
             yield f'Recorder  {name}: {text}'
         if self.too_slow:
             yield (
-                'NOTE      the simulation waited for this computer, so the results do not change; '
-                f'a real arm does not wait: {_ADVICE}'
+                'NOTE      the simulation waited for this computer, so the results are valid; a '
+                f'real arm would not wait: {_ADVICE}'
             )
         if any(self.lost.values()):
             lost = sum(filter(None, self.lost.values()))
@@ -98,7 +98,7 @@ def _count(text: str) -> int | None:
 def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
     found = list(pattern.finditer(log.read_text(errors='replace')))
     if not found:
-        raise ValueError(f'{log} has no line {pattern.pattern!r}: the process ended early')
+        raise ValueError(f'{log} has no line {pattern.pattern!r}, because the process ended early')
     return found[-1]
 
 
@@ -179,7 +179,9 @@ class DemoRun:
             for motion in self._motions:
                 self._run_motion(motion)
         if hardware.returncode != 0:
-            raise DemoError(f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}')
+            raise DemoError(
+                f'fake_hardware ended with status {hardware.returncode}:\n{hardware.tail()}'
+            )
         try:
             return DemoAccount.read(
                 self._logs / 'fake_hardware.log',
@@ -201,7 +203,10 @@ class DemoRun:
             raise DemoError('the identified model is not physically consistent: check the report')
         cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
         if identified > 0.5 * cad:
-            raise DemoError(f'the identified model ({identified:.1f} %) does not beat CAD clearly')
+            raise DemoError(
+                f'the identified model (error {identified:.1f} %) is not clearly better than '
+                'CAD: check the report'
+            )
 
     def _run_motion(self, motion: Motion) -> None:
         options = self._options
@@ -234,7 +239,7 @@ class DemoRun:
             if recorder.returncode is not None:
                 raise DemoError(f'recorder ended early:\n{recorder.tail()}')
         if recorder.returncode != 0:
-            raise DemoError(f'recorder ended with {recorder.returncode}:\n{recorder.tail()}')
+            raise DemoError(f'recorder ended with status {recorder.returncode}:\n{recorder.tail()}')
 
     def _recorder_log(self, motion: Motion) -> Path:
         return self._logs / f'recorder_{motion.name}.log'
@@ -247,7 +252,7 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
         except ArmClientError:
             if hardware.returncode is not None:
                 raise DemoError(
-                    f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}'
+                    f'fake_hardware ended with status {hardware.returncode}:\n{hardware.tail()}'
                 ) from None
     raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: check {hardware.log}')
 

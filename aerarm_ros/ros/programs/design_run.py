@@ -54,7 +54,7 @@ def whole_periods(duration: float, fundamental: float) -> int:
         near = [n / fundamental for n in (math.floor(periods), math.ceil(periods)) if n > 0]
         raise ExcitationError(
             f'the duration ({duration:g} s) is not a multiple of the period '
-            f'({1.0 / fundamental:g} s), and incomplete periods spoil the filtering: pass '
+            f'({1.0 / fundamental:g} s), but incomplete periods impair the filtering: pass '
             f'{" or ".join(f"{value:g} s" for value in near)}'
         )
     return whole
@@ -96,8 +96,8 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
     if options.config or not other:
         if given:
             raise ExcitationError(
-                f'--{", --".join(given).replace("_", "-")}: only for an arm without a drive '
-                'train; otherwise the limits of --config apply'
+                f'--{", --".join(given).replace("_", "-")} cannot be combined with a drive '
+                'train, whose limits apply (--config): remove it'
             )
         arm = load_arm_config(options.config)
         robot = load_robot(
@@ -160,14 +160,15 @@ class DesignRun:
             validation = self._validation() if self._options.validation else {}
         except DesignStoppedError:
             raise DesignStoppedError(
-                f'{self._why()} before the first feasible trajectory: no files were written'
+                f'{self._why()} before the designer found a feasible trajectory: no '
+                'files were written'
             ) from None
-        self._print(f'{NAME}: random    {_figures(random)}; deviations are compared with it')
+        self._print(f'{NAME}: random    {_figures(random)}, reference for the deviations')
         # Write files only now, after all inputs have been checked.
         self._save(random, self._options.out, self._specification)
         for path, (specification, result) in validation.items():
             self._save(result, path, specification)
-            self._print(f'{path}: {specification.fundamental:g} Hz, for validation')
+            self._print(f'{path}: trajectory of {specification.fundamental:g} Hz, for validation')
         self._conclude(self._search(random), random)
 
     def _search(self, random: DesignResult) -> DesignResult:
@@ -186,15 +187,15 @@ class DesignRun:
             self._out_of_time |= outcome.stopped and not self._interrupted()
         if self._finished < options.starts or self._is_over():
             self._out_of_time |= self._finished < options.starts and not self._interrupted()
-            self._print(f'{NAME}: {self._why()}; the best trajectory so far is kept')
+            self._print(f'{NAME}: {self._why()}, so the best trajectory so far is the result')
         return best
 
     def _conclude(self, best: DesignResult, random: DesignResult) -> None:
-        self._print(f'{self._options.out}: closest to each limit\n{best.report.as_table()}')
+        self._print(f'{self._options.out}: smallest margin to each limit\n{best.report.as_table()}')
         if best is not random:
-            reference = 'those of the random trajectory above'
+            reference = 'the random trajectory above'
             compared = best.quality.compared_with(random.quality, reference)
-            self._print(f'{NAME}: expected standard {compared} (geometric mean)')
+            self._print(f'{NAME}: expected {compared} (geometric mean)')
         for warning in self._warnings(best, random):
             self._print(f'{NAME}: warning: {warning}')
         if self._options.preview:
@@ -213,12 +214,12 @@ class DesignRun:
                 'the time limit was reached: pass a larger --time-limit'
                 if self._out_of_time
                 else (
-                    f'the binding limit is {best.report.binding}. More starts, time or harmonics, '
-                    'or a wider limit, may help'
+                    f'the binding limit is {best.report.binding}. More starts, more time, more '
+                    'harmonics, or a wider limit may help'
                 )
             )
             warnings.append(
-                f'condition number {condition:.1f} (5.2) misses its limit of {limit:g}; {why}'
+                f'condition number {condition:.1f} (5.2) exceeds its limit of {limit:g}; {why}'
             )
         limits = self._specification.setup.limits
         unknown = [
@@ -231,7 +232,7 @@ class DesignRun:
             if not np.isfinite(values).any()
         ]
         if unknown:
-            warnings.append(f'no limit is known for {", ".join(unknown)}: it was not checked')
+            warnings.append(f'the limit of {", ".join(unknown)} is unknown and was not checked')
         return warnings
 
     def _validation(self) -> dict[Path, tuple[DesignSpecification, DesignResult]]:
@@ -279,14 +280,16 @@ class DesignRun:
             )
         for path in paths:
             if path.is_dir():
-                raise ExcitationError(f'{path} cannot be written: it is a folder, name a file')
+                raise ExcitationError(
+                    f'{path} cannot be written, because it is a folder: name a file'
+                )
             trial = path.with_name(f'{path.name}.{os.getpid()}.tmp')
             try:
                 trial.touch()
                 trial.unlink()
             except OSError as error:
                 raise ExcitationError(
-                    f'{path} cannot be written: {error.strerror}: check the folder and its '
+                    f'{path} cannot be written ({error.strerror}): check the folder and its '
                     'permissions'
                 ) from None
 
@@ -296,7 +299,7 @@ class DesignRun:
         designed_file(specification, result, max(1, round(self._periods * ratio))).save(path)
 
     def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
-        compared = result.quality.compared_with(random.quality, 'random')
+        compared = result.quality.compared_with(random.quality, 'the random trajectory')
         leader = 'random' if best is random else f'start {best.start}'
         self._print(
             f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; '
@@ -307,7 +310,7 @@ class DesignRun:
         remark = result.remark
         if result.stopped and not self._interrupted():
             remark += (
-                f': start {result.start} stopped after its {result.seconds:.0f} s share of '
+                f'; start {result.start} stopped after {result.seconds:.0f} s, its part of '
                 '--time-limit: pass a larger limit'
             )
         return f' ({remark})' if remark else ''
@@ -329,7 +332,7 @@ class DesignRun:
         return self._interrupted() or self._seconds() > self._options.time_limit
 
     def _why(self) -> str:
-        over = f'the time limit of {self._options.time_limit:g} s is reached'
+        over = f'the time limit of {self._options.time_limit:g} s was reached'
         return 'stopped' if self._interrupted() else over
 
     def _seconds(self) -> float:

@@ -48,8 +48,8 @@ class FleetRun:
         given |= {'--payload': options.payload, '--truth': options.truth}
         if wrong := [name for name, value in given.items() if value]:
             raise IdentificationError(
-                f'{", ".join(wrong)}: --each identifies each bag separately: remove the option, '
-                'and validate by --holdout'
+                f'{", ".join(wrong)} cannot be combined with --each, which identifies each bag '
+                'separately: remove the option, and validate with --holdout'
             )
         self._bags = find_bags(options.each)
         folders = {bag.resolve().parent for bag in self._bags}
@@ -77,7 +77,7 @@ class FleetRun:
         self._rows |= known
         missing = [bag for bag in self._bags if str(bag) not in known]
         if known:
-            self._say(f'{len(known)} of {len(self._bags)} bags are in {self._out} already')
+            self._say(f'{len(known)} of {len(self._bags)} bags are already in {self._out}')
         progress = ProgressLine('identifier', sys.stderr)
         try:
             with (self._out / JOURNAL).open('a', encoding='utf-8') as journal:
@@ -130,7 +130,7 @@ class FleetRun:
         if not path.is_file():
             if any(self._out.iterdir()):
                 raise IdentificationError(
-                    f'{self._out}: holds other files: name another folder with --out'
+                    f'{self._out} contains other files: name another folder with --out'
                 )
             return found
         for line in path.read_text(encoding='utf-8').splitlines():
@@ -157,7 +157,10 @@ class FleetRun:
             import pyarrow
             import pyarrow.parquet
         except ImportError:
-            self._say(f"{COLUMNS} is not written: pip install 'aerarm_ros[fleet]' (pyarrow)")
+            self._say(
+                f'{COLUMNS} is not written, because pyarrow is missing: pip install '
+                "'aerarm_ros[fleet]'"
+            )
             return
         table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
         partial_file = self._out / f'.{COLUMNS}.part'
@@ -169,8 +172,8 @@ class FleetRun:
         if len(failed) == len(self._rows):
             first = failed[0]
             raise IdentificationError(
-                f'none of {len(failed)} bags could be identified; the first, {first["bag"]}: '
-                f'{first["reason"]}'
+                f'none of {len(failed)} bags could be identified; reason of the first, '
+                f'{first["bag"]}: {first["reason"]}'
             )
         lines = [f'{len(self._rows) - len(failed)} of {len(self._rows)} bags identified']
         lines += [f'failed: {row["bag"]}: {row["reason"]}' for row in failed]
@@ -197,8 +200,8 @@ def find_bags(given: Sequence[Path]) -> list[Path]:
         bags = list(_bags_of(path))
         if not bags:
             raise IdentificationError(
-                f'--each {path}: no bag found. Pass rosbag2 folders, {", ".join(_BAG_FILES)} '
-                f'files, folders of them, a quoted pattern, or a {_LIST} file with one path per '
+                f'no bag found in --each {path}. Pass rosbag2 folders, {", ".join(_BAG_FILES)} '
+                f'files, folders of bags, a quoted pattern, or a {_LIST} file with one path per '
                 'line'
             )
         found += bags

@@ -90,7 +90,7 @@ class IdentifierBags:
         unknown = [name for name in mapping.effort_gain or {} if name not in joint_names]
         if unknown:
             raise IdentificationError(
-                f'--effort-gain: no joint {", ".join(unknown)}: the URDF has '
+                f'--effort-gain names the unknown joint {", ".join(unknown)}: the URDF has '
                 f'{", ".join(joint_names)}'
             )
         self.messages: list[str] = []
@@ -192,13 +192,16 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
     """Return notes on bags that were given more than once."""
     told = [
-        f'{path} is given {identification.count(path)} times for identification: it counts as '
-        'often, and its uncertainty looks too small'
+        f'{path} is given {identification.count(path)} times for identification, which makes the '
+        'uncertainty look too small: pass each bag once'
         for path in dict.fromkeys(identification)
         if identification.count(path) > 1
     ]
     return told + [
-        f'{path} is used for identification and for validation: its errors are no validation'
+        (
+            f'{path} is used for identification and for validation, so its validation error '
+            'is meaningless: pass another bag'
+        )
         for path in dict.fromkeys(identification)
         if path in validation
     ]
@@ -215,23 +218,23 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
     told = []
     if contents.left_out:
         told.append(
-            f'{name}: only the first {kept} of {count} messages of {topic} are used: cut the bag '
+            f'{name}: only the first {kept} of {count} messages of {topic} are used; cut the bag '
             'to the relevant motion'
         )
     if expected is None:
         told.append(
-            f'{name}: metadata.yaml is missing or unreadable, so the recording may be incomplete: '
-            'check that the recorder ended normally, and copy the whole bag'
+            f'{name}: metadata.yaml is missing or unreadable, so the recording may be '
+            'incomplete; check that the recorder ended normally, and copy the whole bag'
         )
     elif count < expected:
         told.append(
-            f'{name} is truncated: it holds {count} of the {expected} messages of {topic} in its '
-            'metadata.yaml. Copy the bag again for the others'
+            f'{name} is truncated: it contains {count} of the {expected} messages of {topic} '
+            'that metadata.yaml lists. Copy the whole bag again'
         )
     elif count > expected:
         told.append(
-            f'{name}: {count} messages of {topic}, but its metadata.yaml lists {expected}: the '
-            'recorder was killed, the end of the motion may be missing'
+            f'{name} has {count} messages of {topic}, but metadata.yaml lists {expected}: the '
+            'recorder was killed, so the end of the motion may be missing'
         )
     return told
 

@@ -36,7 +36,7 @@ class CompareRun:
 
     def __init__(self, options: argparse.Namespace) -> None:
         if options.bag or options.model or options.payload:
-            raise IdentificationError('--compare compares two results: pass it without bags')
+            raise IdentificationError('--compare compares two results: remove --bag')
         self._paths: list[Path] = [_estimate(path) for path in options.compare]
         self._out: Path | None = options.out
 
@@ -51,8 +51,8 @@ class CompareRun:
         benches = [path.name == _BENCH for path in self._paths]
         if any(benches) and not all(benches):
             raise IdentificationError(
-                '--compare has a result of the motor bench and one of the identifier: pass two of '
-                'the same kind'
+                '--compare has one result of the motor bench and one of the identifier: pass two '
+                'results of the same kind'
             )
         compare = compare_benches if all(benches) else compare_estimates
         comparison = compare(*self._paths)
@@ -87,8 +87,11 @@ def _lines(comparison: EstimateComparison) -> list[str]:
         for change in clear
     ]
     lines.append(
-        f'{len(clear)} of {len(comparison.changes)} differ by more than three standard deviations'
+        f'{len(clear)} of {len(comparison.changes)} parameters differ by more than three '
+        'standard deviations'
     )
     if comparison.unmatched:
-        lines.append(f'{comparison.unmatched} sums are determined by one of the two only')
+        lines.append(
+            f'{comparison.unmatched} parameter sums are identifiable in only one of the two results'
+        )
     return lines

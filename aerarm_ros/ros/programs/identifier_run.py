@@ -126,7 +126,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     groups = zip(_ROLES, (result.identification, result.validation), strict=True)
     bags = [(role, bag.samples.name) for role, columns in groups for bag in columns]
     width = max(22, *(len(text) for heading in bags for text in heading)) + 2
-    lines = ['Torque error [%], filtered / only the measured one filtered (raw)']
+    lines = ['Torque error [%], filtered / only the measured torque filtered (raw)']
     for row in zip(*bags, strict=True):
         lines.append(' ' * _NAME_WIDTH + ''.join(text.rjust(width) for text in row))
     for name, solution in result.solutions.items():
@@ -141,7 +141,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
-            f'gravity: {degrees:.2f} degrees off the stated direction; the estimate is used'
+            f'gravity is {degrees:.2f} degrees off the stated direction; the estimate is used'
         )
     lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
     return '\n'.join(lines)
@@ -189,8 +189,8 @@ class RecordedArm:
         }
         for option in () if tables else [name for name, is_given in given.items() if is_given]:
             raise IdentificationError(
-                f'{option} is for tables (.csv, .npz), but none is given: bags have stamps and '
-                'joint names, and are in rad'
+                f'{option} is for tables (.csv, .npz), but all inputs are bags, which have '
+                'stamps and joint names, and use rad: remove the option'
             )
         self.config = _load_config(options)
         self.robot = _load_robot(options, self.config)
@@ -228,7 +228,8 @@ def gain_deviation(options: argparse.Namespace) -> float:
         return UNCALIBRATED if options.effort_gain else 0.0
     if not 0.0 <= given < 1.0:
         raise IdentificationError(
-            f'--effort-gain-std {given}: give a share from 0 to 1, such as 0.02 for 2 %'
+            f'--effort-gain-std {given} is invalid: pass a fraction from 0 to 1, for '
+            'example 0.02 for 2 %'
         )
     return float(given)
 
@@ -237,7 +238,7 @@ def pair(text: str, option: str) -> tuple[str, str]:
     """Return both sides of LEFT=RIGHT; raises IdentificationError for other texts."""
     left, equals, right = text.partition('=')
     if not (left and equals and right):
-        raise IdentificationError(f'{option} {text}: write it as LEFT=RIGHT')
+        raise IdentificationError(f'{option} {text} is invalid: write LEFT=RIGHT')
     return left, right
 
 
@@ -274,7 +275,7 @@ def _number(text: str, option: str) -> float:
     except ValueError:
         value = float('nan')
     if not np.isfinite(value) or value == 0.0:
-        raise IdentificationError(f'{option}: {text} must be a number other than zero')
+        raise IdentificationError(f'{option} {text} must be a number other than zero')
     return value
 
 
@@ -488,10 +489,11 @@ class PayloadRun(IdentifierRun):
         options = self._options
         if options.bag or options.validation or not options.payload:
             raise IdentificationError(
-                '--model fixes the arm: pass the bags with the payload as --payload, and no --bag'
+                '--model fixes the arm: pass the bags with the payload as --payload, and '
+                'remove --bag'
             )
         if options.verify:
-            raise IdentificationError('--verify judges an identified arm: pass it without --model')
+            raise IdentificationError('--verify needs an identified arm: remove --model')
         default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
             robot = self._arm.robot

@@ -40,7 +40,11 @@ def show_trend(name: str, arguments: Sequence[str]) -> int:
     """Print the friction trend; return 0, or 2 if the user must check an input."""
     parser = OneLineParser(prog=name, description='Print how friction has changed.')
     parser.add_argument(
-        '--trend', type=Path, required=True, metavar='FILE', help='friction_file of the node'
+        '--trend',
+        type=Path,
+        required=True,
+        metavar='FILE',
+        help='friction_file of payload_estimator',
     )
     options = parser.parse_args(arguments)
     try:
@@ -55,7 +59,7 @@ def trend_table(trend: FrictionTrend) -> str:
     """Return one line per coefficient, and mark significant changes."""
     records, changes = trend.records, trend.changes()
     if not changes:
-        return f'{len(records)} records: a trend needs two'
+        return f'{len(records)} records: a trend needs at least two'
     dates = (datetime.fromtimestamp(records[index].time, UTC) for index in (0, -1))
     first, last = (f'{date:%Y-%m-%d %H:%M}' for date in dates)
     width = max(len(change.name) for change in changes)
@@ -68,7 +72,9 @@ def trend_table(trend: FrictionTrend) -> str:
         rate = f'{change.rate:+.2g} ± {change.rate_std:.2g}'
         lines.append(f'{mark} {change.name:{width}}  {change.old:9.4f} {change.new:9.4f}   {rate}')
     clear = sum(change.is_clear for change in changes)
-    lines.append(f'* {clear} of {len(changes)} changed by more than three standard deviations')
+    lines.append(
+        f'* {clear} of {len(changes)} values changed by more than three standard deviations'
+    )
     return '\n'.join(lines)
 
 
@@ -83,8 +89,8 @@ def replay(name: str, arguments: Sequence[str]) -> int:
         given = RosArguments(arguments)
         if given.parameters:
             raise UsageError(
-                f'{given.parameters[0].name} is a parameter of the node: with --bag pass options, '
-                f'{name} --bag DIR --help lists them'
+                f'{given.parameters[0].name} is a parameter of the node: use options with --bag, '
+                f'see {name} --bag DIR --help'
             )
         options = replay_parser(name).parse_args(given.plain)
         with StopSignals(lambda: stops.append(True)):
@@ -114,14 +120,15 @@ def replay_parser(name: str) -> OneLineParser:
         '--model',
         type=Path,
         metavar='FILE',
-        help='estimate.yaml of the arm (default: as in its URDF)',
+        help='estimate.yaml of the arm (default: the model in its URDF)',
     )
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='folder for payload.yaml; needs --model'
     )
     parser.add_argument(
         '--known-mass', type=float, metavar='KG',
-        help='calibrate the effort gains: in all bags the arm moves with this mass; needs --model',
+        help='calibrate the effort gains with a known mass that the arm carries in all bags; '
+                'needs --model',
     )  # fmt: skip
     add_arm_options(parser)
     for parameter in ESTIMATOR_PARAMETERS:
@@ -172,11 +179,14 @@ class PayloadReplay:
                 text = problem.removeprefix(f'parameter {parameter.name}')
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if options.out and not options.model:
-            raise IdentificationError('--out writes the arm with its payload: pass --model')
+            raise IdentificationError(
+                '--out writes the arm with its payload, so it needs the identified arm: pass '
+                '--model'
+            )
         self._gain_deviation = gain_deviation(options)
         if options.known_mass is not None and not options.model:
             raise IdentificationError(
-                '--known-mass calibrates the gains that the arm was identified with: pass --model'
+                '--known-mass calibrates the effort gains of the identification: pass --model'
             )
         self._recorded = RecordedArm(options, options.bag)
         self._arm, self._estimate = known_arm(self._recorded, options)
@@ -197,8 +207,8 @@ class PayloadReplay:
             text, last = self._found()
             if not last.carries:
                 raise IdentificationError(
-                    'the last bag ends without payload, so there is no payload.yaml to write: '
-                    'remove --out to print the estimate'
+                    'the last bag ends without payload, so payload.yaml would be empty: remove '
+                    '--out to print the estimate'
                 )
             assert self._estimate is not None
             directory.write('payload.yaml', payload_yaml(self._estimate, last.payload))
@@ -240,13 +250,13 @@ class PayloadReplay:
         old = np.array([float(before.get(name, 1.0)) for name in names])
         gains, std = old * found.factors, old * found.std
         rows = zip(names, old, gains, std, strict=True)
-        lines = ['Effort gains, before -> by the known mass']
+        lines = ['Effort gains: configured -> calibrated by the known mass']
         lines += [f'  {name}: {a:.4g} -> {b:.4g} ± {s:.2g}' for name, a, b, s in rows]
         values = ' '.join(f'{name}={gain:.5g}' for name, gain in zip(names, gains, strict=True))
         share = float(np.median(found.std / found.factors))
         options = f'--effort-gain {values} --effort-gain-std {share:.2g}'
         centre = ', '.join(f'{value:.4f}' for value in found.payload.centre)
-        lines.append(f'Centre of the mass: ({centre}) m of {found.payload.link}')
+        lines.append(f'Centre of mass: ({centre}) m of {found.payload.link}')
         lines.append(f'Identify the arm again with: {options}')
         if self._options.out is None:
             return '\n'.join(lines)
@@ -262,10 +272,7 @@ class PayloadReplay:
 
     def _friction_lines(self, last: OnlineEstimate) -> list[str]:
         """Return a table of the initial and the final friction."""
-        lines = [
-            'Friction, as known -> as it is at the end, of '
-            + ', '.join(self._arm.robot.joint_names)
-        ]
+        lines = ['Friction: model -> end of ' + ', '.join(self._arm.robot.joint_names)]
         rows = zip(self._arm.friction, last.friction, last.friction_std, strict=True)
         for name, row in zip(FRICTION_NAMES, rows, strict=True):
             values = zip(*row, strict=True)
@@ -283,7 +290,7 @@ def _told(changes: Sequence[LoadChange]) -> str:
         f'{"picked up" if change.carries else "put down"} at {change.time:.2f} s'
         for change in changes
     ]
-    return ', '.join(told) or 'nothing picked up or put down'
+    return ', '.join(told) or 'no payload was picked up or put down'
 
 
 def _payload_lines(last: OnlineEstimate) -> list[str]:

@@ -169,7 +169,7 @@ class ArmClient:
             seen = f'no arm_mode received: check that a bridge runs in {this_domain()}'
             if self.mode:
                 seen = f"arm_mode is '{self.mode}': check the log of the bridge"
-            raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}: {seen}')
+            raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}, but {seen}')
 
     def _find(self, condition: Callable[[], object], timeout: float) -> bool:
         """Wait for a condition that shows a running bridge, and call `on_wait` after a second."""
@@ -228,8 +228,8 @@ AT_END_PARAMETERS = grouped(
     Parameter(
         'at_end',
         HOLD,
-        "action when this node ends: 'hold', the bridge holds the arm in place, or 'release', the "
-        'bridge damps the arm and it sinks until it is enabled',
+        "action when this node ends: 'hold' (the bridge holds the arm in place) or 'release' "
+        '(the bridge damps the arm, which sinks until it is enabled)',
         choices=(HOLD, RELEASE),
     ),
     BRIDGES_PARAMETER,

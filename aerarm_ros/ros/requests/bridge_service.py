@@ -74,7 +74,7 @@ class ServiceCall:
         if is_late:
             return self._end(False, f'no response within {self._timeout:g} s: check arm_mode')
         if not self._waits and not self._client.service_is_ready():
-            return self._end(False, 'it has ended')
+            return self._end(False, 'the node has ended')
         if now - self._asked > self._interval:
             self._asked = now
             self._send()
@@ -85,7 +85,7 @@ class ServiceCall:
             self._futures.append(self._client.call_async(Trigger.Request()))
         except (RCLError, InvalidHandle) as error:
             # Clients of several bridges continue with the next bridge.
-            self._problem = f'it cannot receive requests: {error}'
+            self._problem = f'the node cannot receive requests: {error}'
 
     def _end(self, accepted: bool, message: str) -> Answer:
         self._answer = Answer(accepted, message)
@@ -141,7 +141,7 @@ def same_name_problem(node: Node, client: Client | None) -> str:
         return ''
     name = node.resolve_service_name(client.srv_name).rpartition('/')[0]
     return (
-        f'found {count} nodes named {name}: stop all but one, or give each another name (-r '
+        f'found {count} nodes named {name}: stop all but one, or give each its own name (-r '
         '__node:=NAME), namespace or ROS_DOMAIN_ID'
     )
 
@@ -361,7 +361,9 @@ class StopRequest:
         is_late = now > self._end
         if is_late:
             for name in found.keys() - self._calls.keys():
-                self.answers[name] = Answer(False, 'it is visible, but cannot receive requests')
+                self.answers[name] = Answer(
+                    False, 'the node is visible, but cannot receive requests'
+                )
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
         # The search for further bridges continues after the first one, even beyond the timeout.
         has_looked = self._finder.is_settled() or now > self._looks_until

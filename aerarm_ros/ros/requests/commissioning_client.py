@@ -91,7 +91,7 @@ class CommissioningClient:
     def problem(self) -> str:
         """Reason why the procedure cannot continue; empty otherwise."""
         silent = time.monotonic() - self._heard > _SILENCE
-        return 'the bridge does not respond any more' if silent and self.is_on else ''
+        return 'the bridge no longer responds' if silent and self.is_on else ''
 
     @property
     def outcome(self) -> tuple[bool, str]:
@@ -123,7 +123,7 @@ class CommissioningClient:
         config = self._config.with_prefix(self._prefix)
         if config.joint_names != self.report.joints:
             raise ValueError(
-                f'the bridge has joints {", ".join(self.report.joints)}, {self._source} has '
+                f'the bridge has joints {", ".join(self.report.joints)}, but {self._source} has '
                 f'{", ".join(own)}: pass the configuration of the bridge'
             )
         robot = load_robot(
@@ -135,7 +135,7 @@ class CommissioningClient:
         record = self._known_record()
         unknown = [name for name in joints if name not in own]
         if unknown:
-            raise ValueError(f'unknown joint {", ".join(unknown)}: the joints are {", ".join(own)}')
+            raise ValueError(f'unknown joint {", ".join(unknown)}: choose from {", ".join(own)}')
         chosen = [i for i, name in enumerate(own) if not joints or name in joints]
         if resume:
             chosen = [i for i in chosen if i in record.open_joints(self._config)]
@@ -183,7 +183,9 @@ class CommissioningClient:
         record = load_record(self.path)
         if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
             kind = 'an emulated' if record.emulated else 'the real'
-            raise ValueError(f'{self.path} is of {kind} {record.arm}: pass another file, --record')
+            raise ValueError(
+                f'{self.path} belongs to {kind} {record.arm}: pass another file with --record'
+            )
         return record
 
     def _watch(self) -> ProbeRequest:

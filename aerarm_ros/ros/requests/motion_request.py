@@ -120,7 +120,9 @@ class SetPointRequest:
         """
         names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
-            raise ArmClientError(f'give {len(names)} joint positions [rad], for {", ".join(names)}')
+            raise ArmClientError(
+                f'{len(names)} joint positions [rad] are needed, for {", ".join(names)}'
+            )
         self._rejections.begin(timeout)
         self._publisher.publish(JointState(name=names, position=list(posture)))
 
@@ -138,8 +140,8 @@ class SetPointRequest:
         if not in_time:
             far = np.argmax(distance())
             raise ArmClientError(
-                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s; '
-                f'arm_mode is {self._mode}'
+                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s, and '
+                f'arm_mode is {self._mode}: check the log of the controller'
             )
 
     def _find_arm(self, timeout: float, on_wait: Callable[[str], None]) -> list[str]:
@@ -264,8 +266,8 @@ class ToolRequest:
             raise ArmClientError(f'rejected: {self._rejections.reason()}')
         if not in_time:
             raise ArmClientError(
-                f'the tool is still {distance():.3f} m away after {timeout:g} s; arm_mode is '
-                f'{self._mode}'
+                f'the tool is still {distance():.3f} m away after {timeout:g} s, and arm_mode is '
+                f'{self._mode}: check the log of the controller'
             )
 
     def _require_frame(self, wanted: str, given: str) -> None:

@@ -43,7 +43,8 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     client = AsyncParameterClient(node, target)
     if not spin_until(node, client.services_are_ready, timeout):
         raise ArmClientError(
-            f'no node {target} with parameters: check that it runs in {this_domain()}'
+            f'node {target} was not found, or has no parameters: check that it runs in '
+            f'{this_domain()}'
         )
 
     def result(ask: Callable[[], Future]) -> Any:
@@ -53,7 +54,9 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
         while not any(future.done() for future in futures):
             left = deadline - time.monotonic()
             if left < 0.0:
-                raise ArmClientError(f'{target} did not respond within {timeout:g} s')
+                raise ArmClientError(
+                    f'{target} did not respond within {timeout:g} s: check that it runs'
+                )
             futures.append(ask())
             spin_until(node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
         return next(future.result() for future in futures if future.done())
@@ -62,7 +65,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     if not descriptors:
         known = result(client.list_parameters).result.names
         closest = next(iter(get_close_matches(name, known, n=1)), '')
-        hint = f": did you mean '{closest}'?" if closest else ''
+        hint = f", did you mean '{closest}'?" if closest else ''
         raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
     if descriptors[0].read_only:
         raise ArmClientError(

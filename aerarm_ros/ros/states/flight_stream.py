@@ -63,11 +63,14 @@ class RotorCommands:
             names, sample = decode_joint_state(payload)
         if sorted(names) != sorted(self._names):
             raise ValueError(
-                f'it is for rotors {", ".join(names) or "without names"}, this drone has '
-                f'{", ".join(self._names)}: start the flight controller with the same drone_file'
+                f'the message has rotors {", ".join(names) or "without names"}, but this drone '
+                f'has {", ".join(self._names)}: start the flight controller with the same '
+                'drone_file'
             )
         if sample.effort is None:
-            raise ValueError('it has no effort: send the thrust of each rotor [N] as effort')
+            raise ValueError(
+                'the message has no effort: send the thrust of each rotor [N] as effort'
+            )
         thrust = sample.effort[[list(names).index(name) for name in self._names]]
         if not np.all(np.isfinite(thrust)):
             raise ValueError('a thrust is NaN or infinite: check the flight controller')

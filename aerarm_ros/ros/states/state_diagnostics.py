@@ -125,8 +125,9 @@ class StateDiagnostics:
         if not latency.count or (latency.p50 >= 0.0 and latency.p50 < _LATENCY_MAX):
             return ''
         return (
-            f"the states' publisher has another clock (median latency {latency.p50:.3f} s): "
-            'latencies are not valid; run this node on the host of the bridge'
+            "the clock of the states' publisher differs from this host's (median latency "
+            f'{latency.p50:.3f} s), so latencies are invalid; run this node on the host of the '
+            'bridge'
         )
 
     def _say_waiting(self) -> None:

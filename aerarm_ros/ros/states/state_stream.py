@@ -297,7 +297,7 @@ class StateStream:
             self._reject(f'rotor_command: {error}')
             return None
         if sample.effort is None:
-            self._reject('rotor_command: it has no effort, which is the thrust of each rotor [N]')
+            self._reject('rotor_command has no effort: send the thrust of each rotor [N] as effort')
             return None
         lead_ns = self._received_ns - info['received_timestamp']
         return RotorThrusts(names, sample.effort, sample.stamp_ns * 1e-9, lead_ns)
@@ -313,8 +313,8 @@ class StateStream:
             return in_order(names, sample, self._names)
         except ValueError as error:
             self._reject(
-                f'joint_states: {error}: use the same config, urdf and tf_prefix for this node '
-                'and the bridge'
+                f'joint_states rejected, {error}; use the same config, urdf and tf_prefix for '
+                'this node and the bridge'
             )
             return None
 
@@ -334,7 +334,9 @@ def to_imu_sample(message: Imu) -> ImuSample:
     # sensor_msgs/Imu: a negative first covariance means that the measurement is absent.
     absent = (message.angular_velocity_covariance, message.linear_acceleration_covariance)
     if any(covariance[0] < 0.0 for covariance in absent):
-        raise RejectedInputError('imu: angular velocity or acceleration is missing')
+        raise RejectedInputError(
+            'imu: angular velocity or acceleration is missing; check its publisher'
+        )
     has_attitude = message.orientation_covariance[0] >= 0.0
     stamp = message.header.stamp
     return ImuSample(

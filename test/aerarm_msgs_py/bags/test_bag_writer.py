@@ -132,7 +132,7 @@ def test_never_overwrites(write_bag, recording) -> None:
 
 def test_says_why_a_directory_cannot_be_made(tmp_path: Path, recording) -> None:
     (tmp_path / 'file').touch()
-    with pytest.raises(BagError, match='cannot be made'):
+    with pytest.raises(BagError, match='cannot be created'):
         BagWriter(tmp_path / 'file' / 'bag', recording.topics)
     with pytest.raises(BagError, match='choose one of none, lz4, zstd'):
         BagWriter(tmp_path / 'bag', recording.topics, compression='zip')

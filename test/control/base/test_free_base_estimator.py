@@ -128,10 +128,10 @@ def test_status_names_the_sources_in_use() -> None:
     assert hover.status == 'rotor commands + IMU below 0.3 Hz'
     assert hover.estimator.problem(hover.now) == ''
     hover.run(0.5, thrust=nothing)
-    assert 'Hz alone: no good rotor command for 0.5' in hover.status
+    assert 'Hz: no good rotor command for 0.5' in hover.status
     assert hover.estimator.problem(hover.now) == hover.status
     hover.run(0.5, imu=nothing)
-    assert 'hovering at weight: no good IMU sample for 0.5' in hover.status
+    assert 'assumed to hover: no good IMU sample for 0.5' in hover.status
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_what_the_imu_says_while_nobody_controls_takes_no_memory() -> None:
     [
         (20.0, 0.0, 'no good IMU sample'),
         (3.5, 0.0, 'no good IMU sample'),
-        (0.0, 8.0, 'off what rotor commands, mass and arm bring about'),
+        (0.0, 8.0, 'from that predicted by rotor commands, mass and arm'),
     ],
 )
 def test_an_imu_that_jumps_and_stays_there_is_named_and_moves_no_torque(
@@ -219,7 +219,7 @@ def test_commands_that_repeat_or_do_not_lift_the_drone_are_not_used() -> None:
     hover = Hover()
     hover.run(3.0)
     hover.run(2.0, thrust=lambda _: hover.thrust)
-    assert 'rotor commands frozen' in hover.status
+    assert 'rotor commands unchanged' in hover.status
     assert hover.largest_step() < 0.01 * np.abs(hover.torques[-1]).max()
     hover.run(2.0, thrust=lambda t: np.full(4, 0.5 + 1e-3 * np.sin(t)))
     assert 'not in flight' in hover.status
@@ -240,10 +240,14 @@ def test_the_imu_corrects_a_drone_file_that_says_too_much_mass() -> None:
 @pytest.mark.parametrize(
     ('names', 'thrust', 'reason'),
     [
-        (('front', 'left', 'rear', 'right'), np.ones(4), 'of another drone'),
+        (
+            ('front', 'left', 'rear', 'right'),
+            np.ones(4),
+            ('check that drone_file describes this drone'),
+        ),
         (None, np.ones(3), '3 efforts for 4 rotors'),
         (None, np.array([1.0, np.nan, 1.0, 1.0]), 'NaN or infinite'),
-        (None, np.full(4, 1500.0), 'far beyond thrust_max'),
+        (None, np.full(4, 1500.0), 'far above thrust_max'),
     ],
 )
 def test_wrong_commands_are_refused(names, thrust, reason: str) -> None:

@@ -65,7 +65,7 @@ def test_a_flight_with_a_cheap_sensor_is_taken() -> None:
         ({'rate': 20.0}, 'angular velocity jumps'),
         ({'rate': 2.5}, 'angular velocity jumps'),
         ({'force': np.array([0.0, 30.0, 0.0])}, 'acceleration jumps'),
-        ({'force': 7.0 * UP}, 'rotors cannot bring about'),
+        ({'force': 7.0 * UP}, 'more than the rotors can cause'),
     ],
 )
 def test_a_jump_that_stays_is_refused_until_it_is_forgotten(change: dict, said: str) -> None:

@@ -56,8 +56,8 @@ def test_lost_commands_in_a_row_are_a_cut_wire():
     assert wires.echo.is_cut
     assert wires.echo.warning == f'board0: {wires.echo.fault}'
     assert wires.echo.fault == (
-        '4 commands in a row did not reach it over MOSI while its answers reach the host: check '
-        'the MOSI wire, its connector, the ground wire and clock_hz'
+        '4 consecutive commands did not reach the board over MOSI, although its answers reach '
+        'the host: check the MOSI wire, its connector, the ground wire and clock_hz'
     )
     wires.exchange()
     wires.exchange()
@@ -103,7 +103,7 @@ def test_the_rate_is_the_share_of_lost_commands(rate):
     assert wires.echo.lost == pytest.approx(5000 * rate, rel=0.2)
     for _ in range(5):
         wires.exchange()
-    is_told = '% of the commands do not reach it over MOSI' in wires.echo.warning
+    is_told = '% of the commands do not reach the board over MOSI' in wires.echo.warning
     assert is_told == (rate > SETTINGS.lost_commands_warning)
 
 

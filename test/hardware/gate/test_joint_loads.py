@@ -8,8 +8,8 @@ from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 
 UNABLE = (
-    'joint2: effort_max = 5 Nm does not hold the arm stretched out with its rated payload, '
-    r'\d\.\d\d Nm: check effort_max, rated_payload and the URDF$'
+    'joint2: effort_max = 5 Nm cannot carry the outstretched arm with its rated payload, '
+    r'which needs \d\.\d\d Nm; check effort_max, rated_payload and the URDF$'
 )
 
 
@@ -69,7 +69,7 @@ def test_a_drive_that_cannot_hold_the_arm_is_refused(config, robot):
 
 def test_another_arm_is_refused(config):
     others = tuple(replace(joint, name=f'other{i}') for i, joint in enumerate(config.joints))
-    with pytest.raises(ValueError, match='URDF .*: give both for the same arm$'):
+    with pytest.raises(ValueError, match='URDF .*: pass files of the same arm$'):
         JointLoads(replace(config, joints=others), load_robot())
 
 

@@ -124,5 +124,5 @@ def test_it_says_when_a_transfer_was_and_how_long_it_took(device, driver):
 
 def test_what_cannot_be_opened_says_what_to_check(config, driver):
     driver.is_there = False
-    with pytest.raises(TransportError, match='cannot open /dev/spidev0.0 for board0: No such file'):
+    with pytest.raises(TransportError, match='/dev/spidev0.0 of board0 cannot be opened'):
         SpidevDevice(config.boards[0]).open()

@@ -111,7 +111,7 @@ def test_tool_targets(bench: ControllerBench, name: str) -> None:
         not_a_number.pose.position.y = float('nan')
         elsewhere.header.frame_id = 'map'
         for reason, message in (
-            ('the arm reaches', unreachable),
+            ('the reach of the arm', unreachable),
             ('three finite numbers', not_a_number),
             ("send it in 'base_link'", elsewhere),
         ):
@@ -126,7 +126,8 @@ def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
         set_points = bench.publisher(topics.SET_POINT)
         message = JointState(name=NAMES, position=HERE)
         reason = (
-            "set_point rejected: the arm is 'fault': run 'arm enable', or clear its fault, first"
+            "set_point rejected, because the arm is 'fault': first run 'arm enable', or "
+            'clear its fault'
         )
         bench.wait(
             lambda: reason in process.log.read_text(),

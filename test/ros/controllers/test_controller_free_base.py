@@ -122,7 +122,7 @@ def test_rotor_commands_are_heard_and_those_of_others_refused(make) -> None:
     hear(node, tell(names, thrusts), lambda: base.rotors.commanded_force > 0.0)
     np.testing.assert_allclose(base.rotors.thrust(node.stamp_ns * 1e-9), thrusts)
     for sent, thrust, reason in (
-        (names[:4], thrusts[:4], 'another drone'),
+        (names[:4], thrusts[:4], 'describes this drone'),
         (names, [float('nan'), *thrusts[1:]], 'NaN'),
         (names, [], 'no effort'),
     ):

@@ -111,7 +111,7 @@ def test_shapes_are_checked_with_a_sentence() -> None:
         ((q, q, q), r'time has the shape \(5, 4\): give \(M,\)'),
         ((time, q[:4], q), r'q has the shape \(4, 4\): give \(M, n\) with M = 5'),
         ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): give \(5, 4\)'),
-        ((time, q, [[1.0], [2.0, 3.0]]), 'tau must be numbers, in rows of equal length'),
+        ((time, q, [[1.0], [2.0, 3.0]]), 'tau must contain numbers, in rows of equal length'),
     ):
         with pytest.raises(IdentificationError, match=words):
             aerarm_ros.from_arrays(*given)
@@ -119,7 +119,7 @@ def test_shapes_are_checked_with_a_sentence() -> None:
         aerarm_ros.from_arrays(time, q, q, names=['a', 'b'])
     with pytest.raises(IdentificationError, match='holdout = 1.5'):
         aerarm_ros.identify([], holdout=1.5)
-    with pytest.raises(IdentificationError, match='no bag to identify from'):
+    with pytest.raises(IdentificationError, match='no bag to identify from: pass at least one'):
         aerarm_ros.identify([])
     for given in (q, 5, None):
         with pytest.raises(IdentificationError, match='is neither a path nor a motion'):

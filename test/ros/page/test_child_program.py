@@ -27,4 +27,4 @@ def test_clicks_at_the_same_time_start_one_node(ros_domain: dict[str, str], tmp_
     for thread in threads:
         thread.join()
     program.close()
-    assert refused == ['recorder runs already: stop it first'] * (CLICKS - 1)
+    assert refused == ['recorder is already running: stop it first'] * (CLICKS - 1)
