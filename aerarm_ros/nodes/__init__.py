@@ -1,8 +1,7 @@
 """The executables, one per file.
 
 - the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
-- controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`,
-  `world_control`
+- the controllers: `nodes.controllers`
 - the drone: `px4_imu` (the drone's motion), `base_reaction` (the arm's reaction on the drone),
   `px4_feedforward`, `mavros_feedforward` (feedforward to the autopilot), `flight_control`
 - optimal motions: `motion_planner`

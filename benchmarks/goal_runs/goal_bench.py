@@ -26,7 +26,7 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.nodes import computed_torque, gravity_compensation
+from aerarm_ros.nodes.controllers import computed_torque, gravity_compensation
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.ros.emulation.emulation_parameters import PAYLOAD_RADIUS
 from aerarm_ros.simulation.arm_plant import PlantParameters

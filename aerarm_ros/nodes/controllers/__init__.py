@@ -1,0 +1,1 @@
+"""The controllers: each file is an executable that launch files and page offer by its name."""
