@@ -54,14 +54,14 @@ _NODES = Path(__file__).parent / 'nodes'
 
 
 def command_modules() -> dict[str, str]:
-    """Return the module of each command: the files of `nodes` and its folder `controllers`."""
+    """Return the module of each command, from the files in `nodes` and `nodes/controllers`."""
     paths = sorted(_NODES.rglob('[a-z]*.py'), key=lambda path: path.stem)
     root = Path(__file__).parents[1]
     return {p.stem: '.'.join(p.relative_to(root).with_suffix('').parts) for p in paths}
 
 
 def controllers() -> tuple[str, ...]:
-    """Return the names of the controllers: each file in `nodes/controllers` is one."""
+    """Return the names of the controllers, which are the files in `nodes/controllers`."""
     return tuple(sorted(path.stem for path in (_NODES / 'controllers').glob('[a-z]*.py')))
 
 

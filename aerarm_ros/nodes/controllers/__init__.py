@@ -1,1 +1,1 @@
-"""The controllers: each file is an executable that launch files and page offer by its name."""
+"""Controllers, one executable per file; launch files and the page offer each by its name."""
