@@ -223,8 +223,8 @@ class Bag:
     def recorded_count(self, topic: str) -> int | None:
         """Return the number of a topic's messages according to the bag, None if unknown.
 
-        The source is metadata.yaml. Without it, a single file's own summary is the source, once
-        the file has been read.
+        The source is metadata.yaml, for a single file the one in its directory. Without it, the
+        source is the summaries of the files, once they have been read.
         """
         if self._information.counts is not None:
             return self._information.counts.get(topic, 0)

@@ -1,8 +1,8 @@
 """Frames of the MAVLink messages that this package sends and reads.
 
 The table lists fields in the form of MAVLink's XML definitions (common.xml, minimal.xml, read in
-March 2026). The order on the wire and the checksum seed follow by the rules of the protocol:
-larger types first, extensions last; see https://mavlink.io/en/guide/serialization.html.
+March 2026). The protocol's rules determine the order on the wire (larger types first, extensions
+last) and the checksum seed; see https://mavlink.io/en/guide/serialization.html.
 """
 
 import re

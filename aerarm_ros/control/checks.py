@@ -122,7 +122,7 @@ class JointLimits:
         return [list(names).index(name) for name in self.names]
 
     def including(self, q: Array) -> 'JointLimits':
-        """Return limits that include a posture (n,) [rad], so that an outside arm may return."""
+        """Return the limits, widened to include a posture (n,) [rad] beyond them."""
         return replace(
             self,
             position_min=np.minimum(self.position_min, q),

@@ -191,8 +191,8 @@ class FlightControl:
     """Hold a drone with its arm at a place, or move it along a path.
 
     The controlled point is the common centre of mass. The target of the centre of mass is its
-    place with a level body at the body's target. The body itself moves aside when it tilts. With
-    the wrench f, m of the joints' motion::
+    place with a level body at the body's target. The body itself moves aside when it tilts. f and
+    m are the force and moment of the joints' motion::
 
         F = m (g + a_d + Kp e + Kd de + Ki int e) - f - d
         M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m - d_R    about the centre of mass

@@ -178,7 +178,7 @@ def _fault(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    # Imported here: this command needs the arm's model, which takes a second to load.
+    # Late import, because this command's model of the arm takes a second to load.
     from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
 
     return CommissioningRun(node, options).run
@@ -366,7 +366,7 @@ def _add_init(command: argparse.ArgumentParser) -> None:
 
 
 def _init(options: argparse.Namespace) -> int:
-    # Imported here: this command needs libraries that take a second to load.
+    # Late import, because this command's libraries take a second to load.
     from aerarm_ros.ros.programs.init_run import InitRun
 
     try:

@@ -54,9 +54,9 @@ class Recorder:
     """Record a bag and report its state.
 
     The latched topic `recorder_status` is a JSON object with `state` (recording, stored, failed),
-    `bag`, and `matched`, the topics whose publisher has been discovered. Other nodes wait for it
-    before they start. /diagnostics, which the bag contains too, shows the numbers of written and
-    lost messages.
+    `bag`, and `matched`, the topics whose publisher has been discovered. Other nodes wait for this
+    topic before they start. The numbers of written and lost messages are on /diagnostics, which
+    the bag contains too.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Rules of imports and of modules, read from the syntax trees."""
+"""Rules of imports and modules, checked by the syntax trees."""
 
 import ast
 import xml.etree.ElementTree as ElementTree

@@ -1,4 +1,4 @@
-"""What is installed: executables, both packages, and the shared files where they are found."""
+"""Installed files: executables, both packages, and shared files."""
 
 import json
 import os
@@ -105,7 +105,7 @@ def test_makefile_setup_ci_and_hosts_name_the_same_pythons() -> None:
 
 
 def requirements(distribution: str) -> list[str]:
-    """Return what setup.py asks for where that ROS distribution is sourced, '' for none."""
+    """Return the requirements of setup.py under a ROS distribution, '' for none."""
     script = (
         'import json, runpy, setuptools\n'
         "setuptools.setup = lambda **given: print(json.dumps(given['install_requires']))\n"

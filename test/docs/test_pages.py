@@ -1,4 +1,4 @@
-"""The documents against the code: what they point to exists, and nothing is left out."""
+"""The documents agree with the code: all targets exist, and nothing is missing."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ GIVEN = re.compile(r'(?<![\w.~])(?P<name>[a-z][a-z_.]*[a-z]):=(?P<value>"[^"]*"|
 
 
 def launch_arguments() -> set[str]:
-    """Return the names that the drive-it page lists, which another test holds to the files."""
+    """Return the arguments on the drive-it page, which another test compares with the files."""
     return set(re.findall(r'`(\w+)`', (DOCS / 'how-to' / 'drive_it.md').read_text()))
 
 

@@ -1,4 +1,4 @@
-"""The documentation site builds without a warning, and code in its pages can be used."""
+"""The documentation site builds without a warning, and code in its pages works."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def commands(text: str) -> list[list[str]]:
 
 
 def problem(command: list[str]) -> str:
-    """Return what is wrong with a command, '' if nothing is."""
+    """Return the problem of a command, or an empty text."""
     name, *rest = command
     if '/' in name:
         return '' if (ROOT / name).exists() or re.search(r'^/|/bin/', name) else name

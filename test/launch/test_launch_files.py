@@ -1,4 +1,4 @@
-"""What can be said about the launch files without ROS's launch: they start what there is."""
+"""Checks of the launch files without ROS's launch: all started executables exist."""
 
 from __future__ import annotations
 

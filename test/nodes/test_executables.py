@@ -1,4 +1,4 @@
-"""The installed commands: interrupted while they are still being imported, and their threads."""
+"""Installed commands: interruption during their imports, and their threads."""
 
 import os
 import signal

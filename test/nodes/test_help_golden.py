@@ -1,6 +1,6 @@
-"""The `--help` of every executable and of every `arm` command, as recorded in test/golden/help.
+"""The `--help` of every executable and `arm` command, compared with test/golden/help.
 
-RECORD=1 in the environment records them again: look at the difference before you commit it.
+RECORD=1 in the environment records the texts again: check the difference before committing.
 """
 
 from __future__ import annotations

@@ -45,8 +45,8 @@ def blend_duration(deviation: JointReference, limits: JointLimits) -> float:
         np.sqrt(np.abs(deviation.q) / (_SHARE * limits.acceleration_max)),
         np.abs(deviation.dq) / (_SHARE * limits.acceleration_max),
     )
-    # 2: a quintic step has a peak slope of 1.9 and, after the square root, a peak curvature of
-    # 2.4; a braking quintic peaks at 1.5 to 2 times its mean.
+    # The factor 2 covers the peaks of a quintic step: slope 1.9 and, after the square root,
+    # curvature 2.4. A braking quintic peaks at 1.5 to 2 times its mean.
     return max(_SHORTEST_BLEND, 2.0 * float(np.max(needed)))
 
 

@@ -127,7 +127,7 @@ class LoadTopics:
         self._send(about_ns, self._model.evaluate(motion))
 
     def fade(self) -> float | None:
-        """Fade the last motion without new states; return the next time [s], None at the end.
+        """Fade the last motion; return the time until the next step [s], None at the end.
 
         Mass and weight do not fade.
         """
@@ -295,7 +295,7 @@ class ContactTopic:
         self._publish(estimator.update())
 
     def fade(self) -> float | None:
-        """Fade the last estimate without new states; return the next time [s], None at the end."""
+        """Fade the last estimate; return the time until the next step [s], None at the end."""
         if self._estimator is None or (told := self._estimator.fade(FADE_STEP)) is None:
             return None
         self._publish(told)

@@ -65,9 +65,9 @@ def run_node(
     SIGINT, SIGTERM, SIGHUP and an external shutdown are normal ends (0), and so is a request for
     help. A task that was interrupted before its end returns 130. While the command line is read,
     an interrupt raises KeyboardInterrupt, because the kind of program is not known yet. An unknown
-    argument or parameter returns 2. Another problem that a user can solve returns 1: a parameter's
-    value or a file (ValueError during creation, OSError at any time). Each is one line on standard
-    error. Any other exception is a defect and keeps its traceback.
+    argument or parameter returns 2. Any other problem that a user can solve, such as an invalid
+    parameter value or file, returns 1 (ValueError during creation, OSError at any time). Each is
+    one line on standard error. Any other exception is a defect and keeps its traceback.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ _ROLES = ('identification', 'validation')
 
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
-    """Return the torque error of each written model, the largest of the validation bags."""
+    """Return the torque error of each written model, the largest of the judged bags."""
     lines = [f'Torque error of the written files [%], filtered, on {_names(judged)}']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:

@@ -1,4 +1,4 @@
-"""A controller on a free base: what it asks for, refuses, and hears of the rotors."""
+"""A controller on a free base: its requirements, rejections and rotor commands."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Live parameters of controllers: taken or refused at once, and hand guiding."""
+"""Live parameters of controllers, accepted or rejected at once, and hand guiding."""
 
 from collections.abc import Callable, Iterator
 
@@ -37,7 +37,7 @@ def make(ros_domain: dict[str, str]) -> Iterator[Callable[..., ControllerNode]]:
 
 
 def act(node: ControllerNode, now: float = 0.0) -> None:
-    """Let the loop's thread do what waits for it."""
+    """Run the waiting actions of the loop's thread."""
     while node._requests:
         node._requests.popleft()(now)
 

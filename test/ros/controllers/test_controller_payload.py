@@ -1,4 +1,4 @@
-"""A payload reaches a running controller: from payload.yaml at its start, and while it runs."""
+"""Payload of a running controller: from payload.yaml at its start, and while it runs."""
 
 from pathlib import Path
 

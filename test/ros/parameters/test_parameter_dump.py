@@ -1,4 +1,4 @@
-"""What `ros2 param dump` writes of a node is a parameter file that the node starts with."""
+"""The output of `ros2 param dump` is a valid parameter file of the node."""
 
 import importlib
 from collections.abc import Iterator
