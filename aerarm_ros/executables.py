@@ -50,6 +50,21 @@ _HEAVY = ('mujoco', 'pinocchio')
 _ROS = re.compile(r'rclpy|rpyutils|ament_|ros|rcl_|[a-z]+_(msgs|srvs|interfaces)$')
 
 
+_NODES = Path(__file__).parent / 'nodes'
+
+
+def command_modules() -> dict[str, str]:
+    """Return the module of each command, from the files in `nodes` and `nodes/controllers`."""
+    paths = sorted(_NODES.rglob('[a-z]*.py'), key=lambda path: path.stem)
+    root = Path(__file__).parents[1]
+    return {p.stem: '.'.join(p.relative_to(root).with_suffix('').parts) for p in paths}
+
+
+def controllers() -> tuple[str, ...]:
+    """Return the names of the controllers, which are the files in `nodes/controllers`."""
+    return tuple(sorted(path.stem for path in (_NODES / 'controllers').glob('[a-z]*.py')))
+
+
 def __getattr__(name: str) -> Callable[[], int]:
     """Return the command of a module in `aerarm_ros.nodes`, for `from ... import NAME`."""
     if name.startswith('_'):
@@ -92,7 +107,7 @@ def _run(name: str) -> int:
 def _serve(name: str) -> int:
     early = _Early()
     with StopSignals(early, is_last=True):
-        main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
+        main = importlib.import_module(command_modules()[name]).main
         early.is_over = True
         try:
             status: int = main()
@@ -107,7 +122,7 @@ def _do(name: str) -> int:
         # Extension modules turn a KeyboardInterrupt into an ImportError, so exit directly. Nothing
         # needs cleaning up yet.
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
-    main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
+    main = importlib.import_module(command_modules()[name]).main
     signal.signal(signal.SIGINT, before)
     status: int = main()
     return status
@@ -138,7 +153,7 @@ class _Early:
 
 def _run_named() -> int:
     """Run the command that the first argument names."""
-    names = sorted(module.stem for module in (Path(__file__).parent / 'nodes').glob('[a-z]*.py'))
+    names = command_modules()
     name = sys.argv[1] if sys.argv[1:] else ''
     if name not in names:
         wrong = f"'{name}' is no command" if name else 'the name of a command comes first'

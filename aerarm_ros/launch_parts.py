@@ -33,19 +33,13 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from aerarm_ros.executables import controllers
 from aerarm_ros.launch_requirements import missing, packaged_files
 from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 from aerarm_ros.ros.process.node_process import STOP_TIMEOUT
 from aerarm_ros.ros.process.process_end import INTERRUPTED
 
 SHARE = FindPackageShare('aerarm_ros')
-CONTROLLERS = (
-    'gravity_compensation',
-    'computed_torque',
-    'impedance_control',
-    'kinematic_control',
-    'world_control',
-)
 WAIT_FOR_A_PERSON = 600.0  # [s]
 # Exit status that asyncio's child watcher reports if it missed the end of a process.
 _UNKNOWN = 255
@@ -107,7 +101,7 @@ def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
     return DeclareLaunchArgument(
         'controller',
         default_value=default,
-        choices=['none', *CONTROLLERS],
+        choices=['none', *controllers()],
         description='law to run',
     )
 

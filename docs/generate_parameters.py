@@ -5,13 +5,13 @@ Usage: python docs/generate_parameters.py
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import importlib
 import io
 from pathlib import Path
 from unittest.mock import patch
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -61,15 +61,6 @@ class TableFoundError(Exception):
         self.parameters = parameters
 
 
-def executables() -> list[str]:
-    """Return the executables of setup.py."""
-    tree = ast.parse((ROOT / 'setup.py').read_text())
-    for statement in tree.body:
-        if isinstance(statement, ast.Assign) and statement.targets[0].id == 'EXECUTABLES':
-            return sorted(ast.literal_eval(statement.value))
-    raise ValueError('setup.py has no list EXECUTABLES')
-
-
 def parameters_of(executable: str) -> list[Parameter]:
     """Return the parameters of an executable, an empty list if it is not a node with a table.
 
@@ -77,14 +68,15 @@ def parameters_of(executable: str) -> list[Parameter]:
     list is complete. A node that exits earlier, because a message package is missing, has its
     table PARAMETERS at the top of the module.
     """
-    source = (ROOT / 'aerarm_ros' / 'nodes' / f'{executable}.py').read_text()
+    name = command_modules()[executable]
+    source = (ROOT / f'{name.replace(".", "/")}.py').read_text()
     if 'run_node(' not in source:
         return []
 
     def find(table: ParameterTable, *_: object) -> None:
         raise TableFoundError(list(table._parameters.values()))
 
-    module = importlib.import_module(f'aerarm_ros.nodes.{executable}')
+    module = importlib.import_module(name)
     with patch.object(ParameterTable, 'declare', find), contextlib.redirect_stderr(io.StringIO()):
         try:
             module.main([])
@@ -99,7 +91,7 @@ def parameters_of(executable: str) -> list[Parameter]:
 
 def page() -> str:
     """Return the whole page."""
-    tables = {name: parameters_of(name) for name in executables()}
+    tables = {name: parameters_of(name) for name in command_modules()}
     nodes_of: dict[str, list[str]] = {}
     for name, parameters in tables.items():
         for parameter in parameters:

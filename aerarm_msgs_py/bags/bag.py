@@ -1,4 +1,4 @@
-"""A recorded bag: its files and its topics."""
+"""Recorded bag with its files and topics."""
 
 import re
 import warnings
@@ -24,16 +24,16 @@ from aerarm_msgs_py.storage.read_limits import (
 
 
 class RecordedMessage(NamedTuple):
-    """A serialized message.
+    """Serialized message with its topic and times.
 
     Attributes
     ----------
     topic
-        Index of its topic in the writer's list.
+        Index of the topic in the writer's list.
     payload
         Serialized message.
     log_time
-        Time of reception [ns].
+        Time of receipt [ns].
     publish_time
         Time of publication [ns].
     sequence
@@ -58,9 +58,9 @@ class RecordedTopic:
     Attributes
     ----------
     name
-        Full name, for example '/arm/joint_states'.
+        Full topic name, for example '/arm/joint_states'.
     type
-        For example 'sensor_msgs/msg/JointState'.
+        Message type, for example 'sensor_msgs/msg/JointState'.
     depth, reliable, latched
         Quality of service that its publishers offer, which `ros2 bag play` uses.
     """
@@ -100,7 +100,7 @@ class Bag:
     Parameters
     ----------
     path
-        Directory, .mcap or .db3 file, or .bag of ROS 1.
+        Directory, .mcap or .db3 file, or ROS 1 .bag file.
     limits
         Limits of memory and time for reading.
 
@@ -127,7 +127,7 @@ class Bag:
         self._files = [_opened(file, self.budget) for file in paths]
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all), about a megabyte at a time.
+        """Yield the messages of given topics (None: all topics), about a megabyte at a time.
 
         If the bag's message count exceeds the messages found, a warning states the difference.
 
@@ -203,7 +203,7 @@ class Bag:
             )
 
     def types(self) -> dict[str, str]:
-        """Return the message type of every topic that the files read so far declare."""
+        """Return the message type of every topic declared in the files read so far."""
         return {topic: kind for file in self._files for topic, kind in file.types.items()}
 
     def _why_empty(self, topic: str) -> str:
@@ -300,7 +300,7 @@ def _size(paths: list[Path]) -> int:
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:
-    """Order bag_2 before bag_10."""
+    """Return a sort key that orders bag_2 before bag_10."""
     return [
         (int(part), '') if part.isdecimal() else (-1, part)
         for part in re.split(r'(\d+)', path.name)

@@ -1,4 +1,4 @@
-"""Read the metadata.yaml of a bag."""
+"""Reader for the metadata.yaml of a bag."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -27,7 +27,7 @@ _OF_A_TAG = (TypeError, AttributeError, LookupError, RecursionError, OverflowErr
 
 @dataclass(frozen=True)
 class BagInformation:
-    """The part of metadata.yaml that readers need.
+    """Content of metadata.yaml that readers need.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class BagInformation:
 
 
 def read_information(path: Path) -> BagInformation:
-    """Read a metadata.yaml.
+    """Read the metadata.yaml of a bag.
 
     Raises
     ------

@@ -24,20 +24,20 @@ from aerarm_msgs_py.storage.read_limits import (
 
 @dataclass(frozen=True)
 class JointStateSeries:
-    """M JointState messages of n joints, in the order they were recorded.
+    """Series of M JointState messages of n joints, in recorded order.
 
     Attributes
     ----------
     names
-        n joint names, the order of the columns.
+        Names of the n joints, in column order.
     stamp
         (M,) `header.stamp` [s]; equal or jumping stamps are kept.
     log_time
-        (M,) time of reception by the recorder [s].
+        (M,) receipt time at the recorder [s].
     position, velocity, effort
         (M, n) [rad], [rad/s], [Nm]; NaN where a message lacks the joint or the field.
     sequence
-        (M,) publication sequence numbers, 0 where unknown.
+        (M,) publication sequence numbers, 0 if unknown.
     """
 
     names: tuple[str, ...]
@@ -77,7 +77,7 @@ class JointStateSeries:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic of a bag.
+    """Type and message counts of one topic in a bag.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ _SINGLE_BYTES = 3000  # charged for a message that is decoded separately, becaus
 
 
 class JointStateBuilder:
-    """Arrays that grow with every block.
+    """Arrays of joint states that grow with every block.
 
     Large arrays grow in place without copying, so the messages are never in memory twice.
 
@@ -135,7 +135,7 @@ class JointStateBuilder:
         self._decoder = JointStateDecoder()
         self._budget = budget
         self._count = 0
-        self._times = np.empty((0, 2), np.int64)  # stamp, reception [ns]
+        self._times = np.empty((0, 2), np.int64)  # stamp and receipt time [ns]
         self._sequence = np.empty(0, np.int64)
         self._values = np.empty((0, 3, 0))
 
@@ -148,14 +148,14 @@ class JointStateBuilder:
         return self._decoder.irregular
 
     def add(self, block: MessageBlock) -> None:
-        """Decode and append messages.
+        """Decode a block of JointState messages and append them.
 
         Raises
         ------
         ValueError
             If a message is not a JointState.
         BagError
-            If the budget is spent.
+            If the budget is exhausted.
         """
         if self._thinned is not None:
             self._thin_out(2 * self._thinned)
@@ -273,14 +273,14 @@ def read_contents(
     most: int | None = None,
     limits: ReadLimits | None = None,
 ) -> BagContents:
-    """Read several topics of a bag at once, each by its type.
+    """Read several topics of a bag in one pass, each by its type.
 
     Parameters
     ----------
     path
         rosbag2 directory, .mcap, .db3 or .bag file.
     required
-        A JointState topic.
+        Name of a JointState topic.
     others
         Optional topics: JointState, String or DiagnosticArray; topics of other types are ignored.
         Of very many JointStates only some are kept, evenly spread.
@@ -338,7 +338,7 @@ def read_contents(
 def lost_messages(sequence: NDArray[np.int64]) -> int | None:
     """Return the number of gaps in (M,) publication sequence numbers.
 
-    None if the recorder stored no numbers.
+    None if the recorder stored no sequence numbers.
     """
     if len(sequence) and sequence[0] > 0 and np.all(np.diff(sequence) == 1):
         return 0
@@ -462,7 +462,7 @@ def joint_state_blocks(
 
 
 def topics(path: Path | str) -> dict[str, TopicSummary]:
-    """Return type, number of messages and of lost messages of every topic in a bag.
+    """Return type, number of messages and number of lost messages of every topic in a bag.
 
     Raises
     ------

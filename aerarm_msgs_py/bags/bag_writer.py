@@ -22,7 +22,7 @@ _VERSION = 9  # the version that ROS 2 Jazzy writes
 
 @dataclass
 class BagMetadata:
-    """Metadata of a bag, as `ros2 bag info` shows it.
+    """Metadata of a bag, as shown by `ros2 bag info`.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class BagMetadata:
         self.counts = [0] * len(self.topics)
 
     def add(self, topic: int, log_time: int) -> None:
-        """Count a message."""
+        """Count a message of a topic, with its receipt time [ns]."""
         self.counts[topic] += 1
         if self.start is None or self.end is None:
             self.start = self.end = log_time
@@ -160,11 +160,11 @@ class BagWriter:
         return list(self._metadata.counts)
 
     def fileno(self) -> int:
-        """Return the descriptor of the MCAP file."""
+        """Return the file descriptor of the MCAP file."""
         return self._stream.fileno()
 
     def write(self, message: RecordedMessage) -> None:
-        """Queue a message; never waits for the disk.
+        """Queue a message without waiting for the disk.
 
         Raises
         ------

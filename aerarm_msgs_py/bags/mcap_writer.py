@@ -1,4 +1,4 @@
-"""An MCAP file that is complete after every chunk.
+"""Writer of MCAP files that are complete after every chunk.
 
 The writer of the mcap package ends a chunk by size only. A slow topic could stay in memory for
 minutes, and the file has no end until it is closed. This writer builds equal records with the
@@ -84,7 +84,7 @@ class McapWriter:
     Parameters
     ----------
     stream
-        Empty file, open for writing and unbuffered.
+        Empty file, opened for unbuffered writing.
     topics
         All topics of the file; messages refer to them by index.
     compression

@@ -81,7 +81,7 @@ def read_poses(
     path
         rosbag2 directory, .mcap or .db3 file.
     topics
-        Topics of these types; all in the bag if empty.
+        Topics of these types; empty for all topics in the bag.
     frames
         Child frames of TFMessages; all if empty.
     limits

@@ -1,4 +1,4 @@
-"""CDR, the wire format of ROS messages: fixed prefixes, readers and arrays."""
+"""Reader and writer parts for CDR, the wire format of ROS messages."""
 
 import struct
 from collections.abc import Iterable, Iterator, Sequence
@@ -47,12 +47,12 @@ class CdrPrefix:
         return bytes(self._bytes)
 
     def add_uint32(self, value: int) -> None:
-        """Append an aligned 32-bit number."""
+        """Append an aligned unsigned 32-bit number."""
         self.align(4)
         self._append(struct.pack('<I', value))
 
     def add_string(self, text: str) -> None:
-        """Append a string: its length with the closing zero, then its bytes."""
+        """Append a string: its length including the final zero, then its bytes."""
         encoded = text.encode() + b'\0'
         self.add_uint32(len(encoded))
         self._append(encoded)
@@ -64,7 +64,7 @@ class CdrPrefix:
             self.add_string(text)
 
     def align(self, size: int) -> None:
-        """Pad to a multiple of `size` bytes."""
+        """Add padding up to a multiple of `size` bytes."""
         padding = -(self.end - ENCAPSULATION_SIZE) % size
         self._append(bytes(padding), known=False)
 
@@ -84,7 +84,7 @@ class CdrPrefix:
         return True
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of the (M, size) rows match, (M,)."""
+        """Return a mask (M,) of the (M, size) rows that match."""
         if rows.shape[1] < self.end:
             return np.zeros(len(rows), bool)
         mask = np.frombuffer(bytes(self._mask), np.uint8)
@@ -109,7 +109,7 @@ class CdrReader:
     Parameters
     ----------
     payload
-        Message with its encapsulation.
+        Message including its encapsulation.
 
     Raises
     ------
@@ -133,11 +133,11 @@ class CdrReader:
         return self._number('I')
 
     def octet(self) -> int:
-        """Read one byte."""
+        """Read one byte from the payload."""
         return self._take(1)[0]
 
     def string(self) -> str:
-        """Read a string."""
+        """Read a string from the payload."""
         length = self.uint32()
         return self._take(length)[:-1].decode(errors='replace')
 
@@ -294,7 +294,7 @@ class Float64ArrayCdr:
     Parameters
     ----------
     n
-        Numbers in every message, at least one.
+        Number of values in every message, at least one.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Serialized sensor_msgs/JointState at fixed offsets.
+"""Codec of serialized sensor_msgs/JointState messages at fixed offsets.
 
 With constant joint names the CDR of a JointState has a fixed layout. So a 1 kHz loop packs and
 unpacks the numbers in place instead of building message objects, in 2 us instead of 30 us.
@@ -66,7 +66,7 @@ class JointStateLayout:
     Attributes
     ----------
     size
-        Bytes up to the end of the last field.
+        Size in bytes up to the end of the last field.
     """
 
     def __init__(self, start: int, n: int, full: tuple[bool, ...]) -> None:
@@ -107,7 +107,7 @@ class JointStateLayout:
         return int(numbers[0] * _NANOSECONDS + numbers[1])
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of the (M, size) rows have this layout's counts, (M,)."""
+        """Return a mask (M,) of the (M, size) rows whose counts match this layout."""
         if rows.shape[1] < self.size:
             return np.zeros(len(rows), bool)
         same = np.ones(len(rows), bool)
@@ -138,12 +138,12 @@ class JointStateLayout:
         return values
 
     def write_counts(self, buffer: bytearray) -> None:
-        """Write the three counts into a payload."""
+        """Write the counts of position, velocity and effort into a payload."""
         for offset, count in zip(self._count_offsets, self._counts, strict=True):
             _COUNT.pack_into(buffer, offset, count)
 
     def views(self, buffer: bytearray) -> list[NDArray[np.float64]]:
-        """Return writable views of position, velocity, effort; (0,) where empty."""
+        """Return writable views of position, velocity, effort; (0,) for an empty field."""
         return [
             np.frombuffer(buffer, '<f8', self.n, offset) if is_full else _EMPTY
             for offset, is_full in zip(self._data_offsets, self.full, strict=True)
@@ -172,7 +172,7 @@ class JointStateCdr:
     Raises
     ------
     ValueError
-        If there are no names, or a name occurs twice.
+        If there are no names, or a name is repeated.
     """
 
     def __init__(self, names: Sequence[str], frame_id: str = '') -> None:
@@ -199,7 +199,7 @@ class JointStateCdr:
         velocity: ArrayLike | None = None,
         effort: ArrayLike | None = None,
     ) -> bytes:
-        """Serialize one message.
+        """Serialize one JointState message.
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class JointStateCdr:
         return bytes(buffer)
 
     def unpack(self, payload: bytes) -> JointSample | None:
-        """Read one message.
+        """Decode one JointState message.
 
         Returns
         -------
@@ -252,7 +252,7 @@ class JointStateCdr:
     def unpack_rows(
         self, rows: NDArray[np.uint8]
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]:
-        """Read many messages of equal size at once.
+        """Decode many messages of equal size at once.
 
         Parameters
         ----------
@@ -266,7 +266,7 @@ class JointStateCdr:
         values : (K, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty
         """
         mine = self._prefix.matching_rows(rows)
-        if not mine.any():  # rows may be too short even for a stamp
+        if not mine.any():  # rows may be too short to contain a stamp
             return mine, np.empty(0, np.int64), np.empty((0, 3, len(self.names)))
         left = np.flatnonzero(mine)
         values = np.full((len(rows), 3, len(self.names)), np.nan)
@@ -341,7 +341,7 @@ class JointStateDecoder:
         self._learnt = 0
 
     def decode(self, payloads: Payloads) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Decode K messages.
+        """Decode K JointState messages.
 
         Returns
         -------

@@ -47,7 +47,7 @@ def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
 
 
 def to_message(names: Sequence[str], sample: JointSample) -> JointState:
-    """Return a message object; None becomes an empty field."""
+    """Return a JointState message object; None becomes an empty field."""
     message = JointState(name=list(names))
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(sample.stamp_ns, _NANOSECONDS)
     for field in ('position', 'velocity', 'effort'):

@@ -1,4 +1,4 @@
-"""Bags that rosbag2 compressed as a whole, or message by message."""
+"""Readers of bags that rosbag2 compressed per file or per message."""
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
@@ -148,7 +148,7 @@ class BagFile(Protocol):
         """Number of messages of every topic according to the file, None if unknown."""
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics."""
+        """Yield the messages of given topics."""
 
 
 class CompressedFile:
@@ -157,11 +157,11 @@ class CompressedFile:
     Parameters
     ----------
     path
-        The .zstd file.
+        Path of the .zstd file.
     budget
         Limits for reading; the decompressed temporary file counts too.
     opened
-        Returns the reader of the decompressed file.
+        Function that returns the reader of the decompressed file.
     """
 
     def __init__(
@@ -189,7 +189,7 @@ class CompressedFile:
         return self._inner.counts if self._inner else None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all).
+        """Yield the messages of given topics (None: all topics).
 
         Raises
         ------

@@ -55,15 +55,13 @@ class ForeignFile:
 
     Parameters
     ----------
-    path
-        The file.
     budget
         Limits for reading; by default in proportion to the file's size.
 
     Attributes
     ----------
     types
-        Message type of every topic, once the file was opened.
+        Message type of every topic, once the file is open.
     counts
         Number of messages of every topic by the file's index or tables, once it was opened.
     damaged
@@ -83,7 +81,7 @@ class ForeignFile:
         return self._report.places > 0
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all).
+        """Yield the messages of given topics (None: all topics).
 
         Raises
         ------

@@ -115,8 +115,6 @@ class McapFile:
 
     Parameters
     ----------
-    path
-        The .mcap file.
     budget
         Limits for reading; by default in proportion to the file's size.
 
@@ -159,7 +157,7 @@ class McapFile:
         return None if counts is None else self._topics.by_topic(counts)
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all) in the order of the file.
+        """Yield the messages of given topics (None: all topics) in file order.
 
         At most one chunk is in memory. If the file has message counts to compare with, chunks
         without such messages are skipped. Damage and a truncated end cause warnings. All readable

@@ -1,4 +1,4 @@
-"""Records of an MCAP file: their fields, chunks and topics."""
+"""Records of an MCAP file: fields, chunks and topics."""
 
 import zlib
 from collections.abc import Iterator
@@ -54,7 +54,7 @@ class ChunkError(ValueError):
 
 @dataclass(frozen=True)
 class McapChunk:
-    """A chunk record.
+    """Chunk record of an MCAP file.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class McapChunk:
     size
         Declared size of its records [bytes].
     crc
-        Checksum of its records; 0 for none.
+        Checksum of the records; 0 for none.
     data
         The records, compressed; fewer than `data_size` bytes if the chunk is truncated.
     data_size
@@ -171,7 +171,7 @@ class McapTopics:
         Raises
         ------
         BagError
-            If there are more topics than any robot has.
+            If the number of topics exceeds any plausible value.
         """
         fields = RecordFields(content)
         try:

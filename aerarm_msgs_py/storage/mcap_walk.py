@@ -62,7 +62,7 @@ class ChunkIndexes:
     channels
         Channels with messages in the chunk.
     complete
-        Whether every index could be read.
+        Whether every index was readable.
     """
 
     channels: set[int] = field(default_factory=set)
@@ -134,7 +134,7 @@ def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
     size = len(records)
     last = size - RECORD.size
     unpack = RECORD.unpack_from
-    message = int(Opcode.MESSAGE)  # comparing with the enumeration takes longer
+    message = int(Opcode.MESSAGE)  # comparing with the enumeration is slower
     while position <= last:
         opcode, length = unpack(records, position)
         end = position + RECORD.size + length
@@ -188,7 +188,7 @@ def read_summary(stream: BinaryIO, size: int, most: int) -> McapSummary:
     Parameters
     ----------
     stream
-        The file.
+        Stream of the file.
     size
         Size of the file [bytes].
     most
@@ -274,7 +274,7 @@ _SMALLEST = {Opcode.CHUNK: _SMALLEST_CHUNK, Opcode.MESSAGE: MESSAGE_HEADER.items
 
 
 class McapRecord(NamedTuple):
-    """One record of a file.
+    """One record of an MCAP file.
 
     Attributes
     ----------
@@ -293,7 +293,7 @@ class McapRecord(NamedTuple):
 
 
 class McapWalk:
-    """The records of a file between its magic bytes, in order.
+    """Iterator over the records of a file between its magic bytes, in order.
 
     At an invalid record, the iteration continues at the next chunk of the summary, or ends without
     a summary. Both are reported.
@@ -301,7 +301,7 @@ class McapWalk:
     Parameters
     ----------
     stream
-        The file.
+        Stream of the file.
     size
         Size of the file [bytes].
     chunks

@@ -24,12 +24,12 @@ _TOLD = 5  # damages reported individually, because a file may have thousands
 
 
 class DamageReport:
-    """Warnings about one file.
+    """Warnings about damage in one file.
 
     Parameters
     ----------
     path
-        The file, for messages.
+        Path of the file, for messages.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class MessageBlock:
     sequence
         (K,) publication sequence numbers, 0 where the recorder did not store them.
     payloads
-        K serialized messages.
+        The K serialized messages.
     """
 
     topic: str
@@ -142,12 +142,12 @@ class ReadLimits:
 
 
 class ReadBudget:
-    """Remaining limits while one bag is read.
+    """Remaining limits while a bag is read.
 
     Parameters
     ----------
     path
-        The bag, for messages.
+        Path of the bag, for messages.
     size
         Size of its files [bytes].
 

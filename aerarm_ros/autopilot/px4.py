@@ -138,7 +138,7 @@ class Px4Gains:
         )
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Check that every value is in its range."""
         for name, value in vars(self).items():
             check = positive if name.endswith(('_p', '_p_acc', '_k')) else non_negative_number
             check(name, value)

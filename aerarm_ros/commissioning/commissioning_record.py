@@ -1,4 +1,4 @@
-"""The record of a commissioned arm, a YAML file next to its configuration."""
+"""Record of a commissioned arm, a YAML file next to its configuration."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _HEADER = (
     '# What `arm commission` found of this arm, see docs/how-to/commissioning.md.\n'
     '# The bridge reads pulse_offset; edit nothing, commission again.\n'
 )
-_DIGITS = 9  # significant
-_SAME = 1e-6  # relative
+_DIGITS = 9  # significant digits
+_SAME = 1e-6  # relative difference
 _ADVICE = "run 'arm commission'"
 
 
@@ -35,13 +35,13 @@ class JointRecord:
     Attributes
     ----------
     date
-        When.
+        Date of the entry.
     findings
-        What is wrong; empty for a joint that passed.
+        Problems found; empty for a joint that passed.
     measured
         Numbers by name: pulse_offset [rad], reduction, delivered, friction [Nm], load [Nm].
     configuration
-        What the configuration said of the joint by then.
+        Values of the joint's configuration at that time.
     """
 
     date: datetime
@@ -57,17 +57,17 @@ class JointRecord:
         findings: Sequence[str],
         measured: Mapping[str, float],
     ) -> JointRecord:
-        """Return the record of a joint by its configuration and what was found."""
+        """Return the record of a joint from its configuration and findings."""
         return cls(date, tuple(findings), dict(measured), _configuration(joint))
 
     @property
     def passed(self) -> bool:
-        """Whether the joint passed."""
+        """Whether the joint passed commissioning."""
         return not self.findings
 
     @property
     def has_pulse_offset(self) -> bool:
-        """Whether the place of the joint's index pulses was measured."""
+        """Whether the angle of the joint's index pulses was measured."""
         return 'pulse_offset' in self.measured
 
 
@@ -78,13 +78,13 @@ class CommissioningRecord:
     Attributes
     ----------
     arm
-        Its name.
+        Name of the arm.
     emulated
         Whether its boards were emulated.
     date
-        Of the last entry; None without one.
+        Date of the last entry; None without one.
     joints
-        By name, without the prefix of an arm's topics.
+        Entries by joint name, without the topic prefix.
     """
 
     arm: str
@@ -93,7 +93,7 @@ class CommissioningRecord:
     joints: Mapping[str, JointRecord] = field(default_factory=dict)
 
     def problem(self, config: ArmConfig, emulated: bool = False) -> str:
-        """Return why an arm counts as not commissioned, and what to do; '' if it does."""
+        """Return why an arm counts as not commissioned, with the remedy; '' if commissioned."""
         if self.arm != config.name:
             return f'the commissioning record is of {self.arm}, not of {config.name}: {_ADVICE}'
         if self.emulated and not emulated:
@@ -116,7 +116,7 @@ class CommissioningRecord:
         return ''
 
     def changed_key(self, joint: JointConfig) -> str:
-        """Return the configuration key of a recorded joint that has changed, or ''."""
+        """Return the changed configuration key of a recorded joint, '' if none has changed."""
         then, now = self.joints[joint.name].configuration, _configuration(joint)
         changed = [
             key
@@ -126,7 +126,7 @@ class CommissioningRecord:
         return next(iter(changed), '')
 
     def open_joints(self, config: ArmConfig) -> list[int]:
-        """Return the numbers of the joints that have to be commissioned, still or again."""
+        """Return the numbers of the joints that must be commissioned, including changed ones."""
         return [
             i
             for i, joint in enumerate(config.joints)
@@ -137,10 +137,10 @@ class CommissioningRecord:
         ]
 
     def pulse_offset(self, config: ArmConfig) -> NDArray[np.float64]:
-        """Return the motors' angles of the index pulses modulo a turn, (n,) [rad].
+        """Return the motor angles of the index pulses modulo a turn, (n,) [rad].
 
-        0 for a joint without one, or whose drive has changed in the configuration; `problem` names
-        it.
+        The value is 0 for a joint without measured pulses, or whose drive configuration has
+        changed; `problem` names that joint.
         """
         offsets = np.zeros(config.n)
         for i, joint in enumerate(config.joints):
@@ -150,17 +150,17 @@ class CommissioningRecord:
         return offsets
 
     def with_prefix(self, prefix: str) -> CommissioningRecord:
-        """Return the record by the names that the arm's joints have on topics."""
+        """Return the record with joint names as on the topics."""
         named = {f'{prefix}{name}': entry for name, entry in self.joints.items()}
         return replace(self, joints=named)
 
     def without_prefix(self, prefix: str) -> CommissioningRecord:
-        """Return the record by the names in files; the opposite of `with_prefix`."""
+        """Return the record with joint names as in files; the inverse of `with_prefix`."""
         named = {name.removeprefix(prefix): entry for name, entry in self.joints.items()}
         return replace(self, joints=named)
 
     def save(self, path: Path) -> None:
-        """Write the record, whole or not at all; raises OSError."""
+        """Write the record, completely or not at all; raises OSError."""
         joints = {name: _plain(entry) for name, entry in self.joints.items()}
         document = {
             'format': _FORMAT,
@@ -173,18 +173,18 @@ class CommissioningRecord:
 
 
 def record_path(config_path: Path, emulated: bool = False) -> Path:
-    """Return the path of the record of a configuration."""
+    """Return the path of the record that belongs to a configuration."""
     kind = '.emulated' if emulated else ''
     return config_path.with_name(f'{config_path.stem}{kind}.commissioning.yaml')
 
 
 def load_record(path: Path) -> CommissioningRecord:
-    """Read a record.
+    """Read a commissioning record.
 
     Raises
     ------
     ConfigError
-        If it cannot be read, or does not say what a record says; one line, with file and key.
+        If the file cannot be read or is not a valid record; one line, with file and key.
     """
     document = read_yaml(path)
     try:
@@ -260,7 +260,7 @@ def _mapping(document: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def _date(value: Any) -> datetime:
-    if isinstance(value, datetime):  # as YAML reads one without quotes
+    if isinstance(value, datetime):  # YAML converts an unquoted date
         return value
     try:
         return datetime.fromisoformat(value)

@@ -129,7 +129,7 @@ class FlightGains:
     tilt_max: float = 0.5
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Check that every value is in its range."""
         for name, value in vars(self).items():
             if name.endswith('_integral'):
                 non_negative_number(name, value)

@@ -100,7 +100,7 @@ class OdometrySample:
     rate: Array
 
     def __post_init__(self) -> None:
-        """Check every number."""
+        """Check that every number is finite and plausible."""
         numbers = [self.stamp, *self.position, *self.attitude, *self.velocity, *self.rate]
         if not np.all(np.isfinite(numbers)):
             raise RejectedInputError('odometry: a value is NaN or infinite: check its source')

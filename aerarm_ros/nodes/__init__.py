@@ -1,12 +1,15 @@
 """The executables, one per file.
 
 - the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
-- controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`,
-  `world_control`
+- the controllers: `nodes.controllers`
 - the drone: `px4_imu` (the drone's motion), `base_reaction` (the arm's reaction on the drone),
-  `px4_feedforward`, `mavros_feedforward` (feedforward to the autopilot), `flight_control`
+  `mavlink_feedforward`, `px4_feedforward`, `mavros_feedforward` (feedforward to the autopilot),
+  `flight_control`
+- two hosts: `ground_link`
+- contact and payload: `contact_estimator`, `payload_estimator`
 - optimal motions: `motion_planner`
-- identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`
+- identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`,
+  `calibrator`
 - user interfaces: `view`, `tool_path`
 - a whole experiment in one command: `demo`, `experiment`
 

@@ -55,7 +55,7 @@ class ContactSettings:
     payload_size: float = 0.2
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check that every setting is positive."""
         for field in fields(self):
             positive(field.name, getattr(self, field.name))
 

@@ -108,7 +108,7 @@ class EstimatorSettings:
     friction_memory: float = 120.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check that every setting is positive."""
         for field in fields(self):
             positive(field.name, getattr(self, field.name))
 

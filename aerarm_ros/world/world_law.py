@@ -50,7 +50,7 @@ class WorldReference(NamedTuple):
 
 
 class WorldGains(NamedTuple):
-    """Gains of `WorldLaw`.
+    """Gains of the control law for the tool in the world, `WorldLaw`.
 
     Attributes
     ----------
@@ -306,10 +306,10 @@ def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> fl
     """Return the drone's effective inertia under an arm that holds its tool, as a fraction.
 
     The arm then does not rotate with the drone. With the inverse `J_q^+` of the tool's Jacobian,
-    the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result is the least eigenvalue of this
-    inertia's angular part relative to the inertia of arm and drone as one rigid body, about the
-    common centre of mass. The frequency of the drone's attitude loop grows by one over the root of
-    the result, compared with held joints.
+    the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result compares this inertia's angular
+    part with the inertia of arm and drone as one rigid body, about the common centre of mass. It
+    is the least eigenvalue of their ratio. The frequency of the drone's attitude loop grows by one
+    over the root of the result, compared with held joints.
 
     Parameters
     ----------

@@ -31,8 +31,8 @@ def modules_in(folder: str) -> list[str]:
 
 
 def executables() -> list[str]:
-    """Return the names in the list EXECUTABLES of setup.py."""
-    return listed_in_setup('EXECUTABLES')
+    """Return the names of the commands."""
+    return sorted(path.stem for path in (ROOT / 'aerarm_ros' / 'nodes').rglob('[a-z]*.py'))
 
 
 def listed_in_setup(name: str) -> list[str]:

@@ -13,6 +13,8 @@ import pytest
 import yaml
 from source_files import listed_in_setup
 
+from aerarm_ros.executables import command_modules
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -63,7 +65,8 @@ def test_every_executable_has_a_main(wheel: zipfile.ZipFile) -> None:
     for line in lines:
         name, target = (part.strip() for part in line.split('='))
         assert target == f'aerarm_ros.executables:{name}'
-        assert 'def main(' in wheel.read(f'aerarm_ros/nodes/{name}.py').decode()
+        module = command_modules()[name].replace('.', '/')
+        assert 'def main(' in wheel.read(f'{module}.py').decode()
 
 
 def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:

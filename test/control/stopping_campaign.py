@@ -139,8 +139,8 @@ def print_distances(limits: JointLimits) -> None:
             speed = share * limits.velocity_max[joint]
             least = speed**2 / (2.0 * limits.acceleration_max[joint])
             cancel, silent, played = (travel(limits, joint, speed) for travel in TRAVELS)
-            # In the former method each joint was blended to its stopping point at a quarter of its
-            # acceleration on average, and a player stopped within 0.5 s.
+            # In the former method each joint stopped with a quarter of its acceleration on
+            # average, and a player stopped within 0.5 s.
             print(
                 f'{joint + 1:5d}  {speed:13.2f}  {least:11.3f}  {4.0 * least:12.3f}  '
                 f'{cancel:12.3f}  {silent:12.3f}  {0.25 * speed:19.3f}  {played:12.3f}  '

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import shlex
 import subprocess
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.nodes.arm import make_parser
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,13 +32,6 @@ def blocks(page: Path, *languages: str) -> list[str]:
         if language in languages:
             found.append('\n'.join(line.removeprefix(indent) for line in text.splitlines()))
     return found
-
-
-def executables() -> set[str]:
-    """Return the executables of setup.py."""
-    text = (ROOT / 'setup.py').read_text()
-    (listing,) = re.findall(r'^EXECUTABLES = (\[.*?\])$', text, flags=re.MULTILINE | re.DOTALL)
-    return set(ast.literal_eval(listing))
 
 
 def commands(text: str) -> list[list[str]]:
@@ -67,7 +60,7 @@ def problem(command: list[str]) -> str:
         return next((word for word in wanted if word not in targets), '')
     if name == 'ros2' and rest[:2] in (['run', 'aerarm_ros'], ['launch', 'aerarm_ros']):
         if rest[0] == 'run':
-            return problem(rest[2:]) if rest[2] in executables() else rest[2]
+            return problem(rest[2:]) if rest[2] in command_modules() else rest[2]
         return '' if (ROOT / 'launch' / rest[2]).exists() else rest[2]
     if name == 'arm' and not {'-h', '--help'} & {*rest}:
         try:
@@ -81,7 +74,7 @@ def problem(command: list[str]) -> str:
     missing = [word for word in scripts if not (ROOT / word).exists()]
     if missing:
         return missing[0]
-    return '' if name in HOST | executables() else name
+    return '' if name in HOST | set(command_modules()) else name
 
 
 def test_a_command_that_is_not_there_is_found() -> None:

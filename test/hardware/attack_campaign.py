@@ -1,15 +1,15 @@
 """Attack the bridge at random, and print the result of each kind of attack: `make attacks`.
 
-The table has one row per attack: the number of runs, the largest distance of the true arm beyond a
-position limit, the highest true speed as a fraction of its limit, and the arm of the worst run,
-for a repetition. Then the attacks are repeated on arms that were just switched on, with unknown
-zeros, and on bridges that are restarted (`attack_zeros`). The exit status is 1 if a promise was
-broken.
+The table has one row per attack with the number of runs. It shows the largest distance of the true
+arm beyond a position limit, and the highest true speed as a fraction of its limit. The arm of the
+worst run is listed for a repetition. Then the attacks are repeated on arms that were just switched
+on, with unknown zeros, and on bridges that are restarted (`attack_zeros`). The exit status is 1 if
+a promise was broken.
 
 With `--lost-commands RATE ...` the boards lose that fraction of the commands from a random moment
-on (MOSI of the first board, of the second, of both in turn), while their answers arrive. The table
-then shows, and limits, the speed while the boards drive. A board that receives no commands
-switches its motors off after `board_timeout`, and the arm falls.
+on, while their answers arrive. The lost signal is MOSI of the first board, of the second, or of
+both. The table then shows, and limits, the speed while the boards drive. A board that receives no
+commands switches its motors off after `board_timeout`, and the arm falls.
 """
 
 import argparse

@@ -134,4 +134,4 @@ print(len(os.listdir('/proc/self/task')) - len(before))
 @pytest.mark.skipif(os.cpu_count() == 1, reason='one core: NumPy has no threads here anyway')
 def test_executables_share_no_matrix_among_threads() -> None:
     assert threads_added_by('numpy') > 0
-    assert threads_added_by('aerarm_ros.nodes.impedance_control') == 0
+    assert threads_added_by('aerarm_ros.nodes.controllers.impedance_control') == 0

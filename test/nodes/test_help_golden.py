@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from aerarm_ros.executables import command_modules
+
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / 'test' / 'golden' / 'help'
 AGAIN = 'RECORD=1 python -m pytest test/nodes/test_help_golden.py records it again'
@@ -54,10 +56,7 @@ def printed(commands: list[list[str]]) -> dict[str, str]:
 
 @pytest.fixture(scope='module')
 def helps() -> dict[str, str]:
-    setup = (ROOT / 'setup.py').read_text()
-    block = re.search(r'^EXECUTABLES = \[\n(.*?)^\]', setup, flags=re.MULTILINE | re.DOTALL)
-    assert block
-    names = re.findall(r"'(\w+)'", block[1])
+    names = list(command_modules())
     texts = printed([[name] for name in names])
     orders = re.findall(r'^    ([a-z]\w+)(?:  |$)', texts['arm'], flags=re.MULTILINE)
     assert 'enable' in orders

@@ -98,7 +98,7 @@ class ImuSample:
     specific_force: Array
 
     def __post_init__(self) -> None:
-        """Check every number."""
+        """Check that every number is finite and plausible."""
         numbers = [self.stamp, *self.angular_velocity, *self.specific_force]
         if self.attitude is not None:
             numbers += [*self.attitude]

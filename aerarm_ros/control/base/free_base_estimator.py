@@ -462,7 +462,7 @@ class FreeBaseEstimator:
         return FreeBaseMotion(motion, self.rotors.wrench(now + ahead), share)
 
     def _fade(self, now: float) -> None:
-        """Fade inputs that are lost or return."""
+        """Fade the effect of inputs that are lost or return."""
         if now == self._updated:
             return
         change = 0.0 if self._updated is None else self._fade_rate * max(now - self._updated, 0.0)

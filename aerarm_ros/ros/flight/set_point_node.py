@@ -146,7 +146,7 @@ class SetPointNode:
         return True
 
     def publish(self, set_point: Any, now_ns: int) -> None:
-        """Send a set point to the autopilot."""
+        """Publish a set point for the autopilot."""
         self._publisher.publish(set_point)
 
     def with_acceleration(self, set_point: Any, acceleration: Array, now_ns: int) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import shutil
 import tempfile
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.executables import command_modules, controllers
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 _WORDS_MAX = 300  # characters of a program's last line
@@ -88,16 +90,8 @@ class ChildProgram:
             shutil.rmtree(self._logs, ignore_errors=True)
 
 
-CONTROLLERS = (
-    'computed_torque',
-    'gravity_compensation',
-    'kinematic_control',
-    'impedance_control',
-    'world_control',
-)
 RANDOM = 'random motion'
-_CARTESIAN = ('kinematic_control', 'impedance_control', 'world_control')
-_TOOL_SPEED = 0.8  # [m/s] tool speed at the full speed limit
+_SPEED, _TOOL_SPEED = 'tool_velocity_max', 0.8  # [m/s] tool speed at the full speed limit
 # Name of a bag, which cannot leave the directory.
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,60}')
 _LARGEST = 1_000_000  # [bytes] largest trajectory file
@@ -176,15 +170,20 @@ class PagePrograms:
 
     def control(self, name: str, speed_share: float) -> None:
         """Start a controller; raises PageProgramError, RuntimeError."""
-        if name not in CONTROLLERS:
+        if name not in controllers():
             raise PageProgramError(f'unknown controller {name!r}')
-        speed = {'tool_velocity_max': speed_share * _TOOL_SPEED} if name in _CARTESIAN else {}
+        speed = {_SPEED: speed_share * _TOOL_SPEED} if _has_tool_target(name) else {}
         self.controller.start(name, {**self._arm, **self._drone, **speed})
 
     def close(self) -> None:
         """End all programs, first those that move the arm."""
         for program in (self.player, self.controller, self.recorder):
             program.close()
+
+
+def _has_tool_target(name: str) -> bool:
+    module = importlib.import_module(command_modules()[name])
+    return any(parameter.name == _SPEED for parameter in module.PARAMETERS)
 
 
 def _is_trajectory(path: Path) -> bool:

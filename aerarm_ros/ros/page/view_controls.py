@@ -16,11 +16,12 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.executables import controllers
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.graph import endpoint_name
-from aerarm_ros.ros.page.page_programs import CONTROLLERS, ChildProgram, PagePrograms
+from aerarm_ros.ros.page.page_programs import ChildProgram, PagePrograms
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.page.view_scene import ARM_BASE
 from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
@@ -221,7 +222,7 @@ class ViewControls:
         self._looked = -np.inf
         gui = server.gui
         with gui.add_folder('Control'):
-            self._controller = gui.add_dropdown('controller', CONTROLLERS)
+            self._controller = gui.add_dropdown('controller', controllers())
             self._control_button = gui.add_button('Start controller')
             self._control_words = gui.add_html('')
         with gui.add_folder('Move by sliders', expand_by_default=False):

@@ -144,7 +144,7 @@ class RosArguments:
         return f'{namespace.rstrip("/")}/{base}'
 
     def _remapped(self, what: str, node: str) -> str:
-        """Return the replacement by the first rule for the node, or an empty text."""
+        """Return a name's remapping by the first rule for the node, or an empty text."""
         for rule in self._remaps:
             left, _, value = rule.partition(':=')
             if left in (what, f'{node}:{what}'):

@@ -287,7 +287,7 @@ class ToolRequest:
             told = self._pose is not None and bool(self._mode)
             return told and self._publisher.get_subscription_count() > 0
 
-        what = f'kinematic_control, impedance_control or world_control in {this_domain()}'
+        what = f'a controller of the tool, such as kinematic_control, in {this_domain()}'
         if not spin_until(self._node, is_there, min(timeout, 1.0)):
             on_wait(what)
             if not spin_until(self._node, is_there, timeout):

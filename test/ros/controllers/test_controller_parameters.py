@@ -11,9 +11,9 @@ from sensor_msgs.msg import JointState
 
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
-from aerarm_ros.nodes.gravity_compensation import GravityCompensationNode
-from aerarm_ros.nodes.impedance_control import ImpedanceControlNode
+from aerarm_ros.nodes.controllers.computed_torque import ComputedTorqueNode
+from aerarm_ros.nodes.controllers.gravity_compensation import GravityCompensationNode
+from aerarm_ros.nodes.controllers.impedance_control import ImpedanceControlNode
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 
 CYCLE = 1e-3
