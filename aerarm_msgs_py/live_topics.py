@@ -189,9 +189,10 @@ def _append_to(waiting: deque[RawMessage]) -> Callable[[bytes, dict[str, int]], 
     return append
 
 
-"""Numbers that mean "not numbered": rosbag2 stores 0, a middleware without numbers gives the
-largest uint64, of which MCAP keeps 32 bits."""
-"""More are one that numbers backwards, or damage: each costs time with every message."""
+"""Sequence numbers of messages without a number: rosbag2 stores 0; a middleware without numbers
+gives the largest uint64, of which MCAP stores 32 bits.
+"""
+"""Largest number of publishers; more indicate damage, and each one costs time for every message."""
 
 
 _WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 'wait', 'is_ready')

@@ -25,7 +25,7 @@ Item = TypeVar('Item')
 Result = TypeVar('Result')
 
 LOCAL = 'local'
-"""Ray's address of a cluster that is started for the runs, on this computer."""
+"""Ray's address of a cluster that is started on this computer for the runs."""
 _TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
 _GIB = 2**30
 _KILLED = (

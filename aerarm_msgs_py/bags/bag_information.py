@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 FILE = 'metadata.yaml'
-"""Its name."""
+"""Name of a bag's metadata file."""
 
 # PyYAML's optional parser in C takes 2 ms instead of 20 ms.
 _LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)

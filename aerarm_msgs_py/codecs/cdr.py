@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 ENCAPSULATION_SIZE = 4
-"""Bytes in front of the message: representation (2) and options (2)."""
+"""Bytes before the message: representation (2) and options (2)."""
 LITTLE_ENDIAN = b'\x00\x01'
-"""Representation identifier of plain CDR, little-endian; the options may hold anything."""
+"""Representation identifier of plain CDR, little-endian; the options may have any value."""
 
 
 class CdrPrefix:

@@ -20,7 +20,7 @@ _UNKNOWN_SIZES = (zstandard.CONTENTSIZE_UNKNOWN, zstandard.CONTENTSIZE_ERROR)
 _FAILURES = (zstandard.ZstdError, RuntimeError, MemoryError)
 
 COMPRESSIONS = ('', 'lz4', 'zstd')
-"""What chunks may be compressed with; '' is none."""
+"""Supported compressions of chunks; '' is none."""
 
 
 class DecompressionError(ValueError):
@@ -126,7 +126,7 @@ def _lz4_pieces(data: bytes) -> Iterator[bytes]:
 
 
 SUFFIX = '.zstd'
-"""What rosbag2 adds to the names of files compressed as a whole."""
+"""Suffix that rosbag2 appends to the names of files compressed as a whole."""
 
 _COPIED_PIECE = 2**20  # bytes
 _LARGEST_WINDOW = 2**27  # bytes

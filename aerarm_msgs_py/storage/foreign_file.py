@@ -24,7 +24,7 @@ from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
 SUFFIXES = ('.bag', '.db3')
-"""Of files of ROS 1 and of SQLite."""
+"""Suffixes of ROS 1 and SQLite files."""
 
 _BEGINNINGS = {
     '.bag': (b'#ROSBAG V2.0\n', 'a bag of ROS 1, version 2.0'),

@@ -131,7 +131,7 @@ class McapChunk:
 
 _CHANNELS = 2**16
 MOST_TOPICS = 4096
-"""More than any robot has."""
+"""Largest number of topics in a file, more than any robot has."""
 
 _NONE = -1
 _CONTRADICTED = -2

@@ -16,7 +16,7 @@ from aerarm_msgs_py.storage.mcap_records import RecordFields
 from aerarm_msgs_py.storage.read_limits import DamageReport, ReadBudget
 
 RECORD = struct.Struct('<BQ')
-"""Opcode and length in front of every record."""
+"""Opcode and length before every record."""
 MESSAGE_HEADER = np.dtype(
     [
         ('opcode', 'u1'),
@@ -27,7 +27,7 @@ MESSAGE_HEADER = np.dtype(
         ('publish_time', '<u8'),
     ]
 )
-"""Beginning of a message record, the payload follows."""
+"""Beginning of a message record, before the payload."""
 
 _INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
 _INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])

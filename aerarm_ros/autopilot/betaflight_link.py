@@ -15,7 +15,8 @@ import numpy as np
 from aerarm_ros.motion.signals import Array
 
 MOTOR_PORT, STATE_PORT, RC_PORT = 9001, 9003, 9004
-"""UDP: motors out (9002 has the first four alone), state in, sticks in."""
+"""UDP ports of Betaflight: motor outputs (9002 has only the first four), state input, stick input.
+"""
 
 CHANNELS, MOTORS = 16, 16
 LOW, MIDDLE, HIGH = 1000, 1500, 2000

@@ -18,7 +18,7 @@ from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
 
 STEP_US = 4000
-"""Between two samples of the sensors while PX4 gets ready [us]."""
+"""Interval of the sensors' samples while PX4 starts [us]."""
 
 _UP = np.array([0.0, 0.0, 1.0])
 _BOOT, _ANSWER = 0.02, 2.0  # [s] of this host: before PX4's first answer, and after it

@@ -18,7 +18,7 @@ from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
 from aerarm_ros.motion.signals import Array
 
 SIMULATOR_PORT, COMPANION_PORT, OFFBOARD_PORT = 4560, 14540, 14580
-"""TCP of the simulator, UDP of the companion, UDP of PX4; plus the number of the instance."""
+"""Ports: TCP of the simulator, UDP of the companion, UDP of PX4; add the number of the instance."""
 
 _HOST = '127.0.0.1'
 _SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER

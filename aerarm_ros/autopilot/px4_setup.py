@@ -11,13 +11,15 @@ from aerarm_ros.motion.signals import Array
 
 VISION, GPS = 'vision', 'gps'
 SENSORS = VISION, GPS
-"""Where PX4's position comes from: odometry as of motion capture, or a satellite receiver."""
+"""Source of PX4's position: odometry, as from motion capture, or a satellite receiver."""
 
 ROTORS = 12
-"""PX4's motors at most."""
+"""Largest number of motors in PX4."""
 
 AIRFRAME = '10016'
-"""none_iris: a multirotor whose simulator is this side; the parameters replace the rest of it."""
+"""Airframe none_iris, a multirotor with this process as simulator; the parameters override its
+other values.
+"""
 
 _FRD = np.array([1.0, -1.0, -1.0])
 _VISION_PARAMETERS = {

@@ -19,7 +19,7 @@ from aerarm_ros.calibration.observations import (
 from aerarm_ros.motion.signals import Array
 
 FEWEST = 6
-"""Postures below which nothing is estimated."""
+"""Smallest number of postures for a calibration."""
 
 _JUMP = 5e-3  # [m] change of the distance between two markers on a rigid body
 _SPREADS = 6.0  # median absolute deviations of a distance below which there is no jump

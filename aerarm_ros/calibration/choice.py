@@ -28,7 +28,7 @@ LEVELS = {
     'offsets': ('offset',),
     'geometry': ('offset', *LINK_GEOMETRY),
 }
-"""Kinds of errors of each level."""
+"""Kinds of geometric errors by level."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from aerarm_ros.calibration.geometry import LinkPoses
 from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]
-"""Which of some rows."""
+"""Boolean mask of rows."""
 
 
 class CalibrationError(ValueError):

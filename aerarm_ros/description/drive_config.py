@@ -47,7 +47,7 @@ class GearConfig:
 RATED_AMBIENT = 25.0
 """Ambient temperature for which a continuous current is stated [degC]."""
 COPPER = 0.00393
-"""Growth of copper's resistance per kelvin, as a share of that at 20 degC (IEC 60028) [1/K]."""
+"""Temperature coefficient of copper's resistance at 20 degC (IEC 60028) [1/K]."""
 # Continuous current as a fraction of the short-time current, for a motor without data. Small
 # outrunners without propeller airflow bear 0.3 to 0.5 of their data sheets' current for 180 s.
 _GUESSED_SHARE = 0.33

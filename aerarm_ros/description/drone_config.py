@@ -152,10 +152,11 @@ class RotorConfig:
 
 
 GRAVITY = 9.81
-"""[m/s^2]"""
+"""Gravitational acceleration [m/s^2]."""
 THRUST_RESERVE = 1.2
-"""Thrust that level rotors must be able to give over the weight, without a moment: what is left is
-all that turns and stops the drone."""
+"""Smallest ratio of the largest vertical thrust of level rotors, without moment, to the weight. The
+reserve is used to rotate and stop the drone.
+"""
 
 _FULL_ACTUATION = 0.05  # smallest sideways force relative to the thrust along the body's z axis
 _ROUNDING = 1e-9

@@ -11,16 +11,15 @@ from dataclasses import dataclass
 from aerarm_ros.description.config_reader import DescriptionError
 
 LOAD_FRICTION = 'load_friction'
-"""Attribute of <dynamics>: dry friction per torque that a gear passes on [-]."""
+"""Attribute of <dynamics>: dry friction per torque transmitted by a gear [-]."""
 DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD = 'damping_beside_load', 'friction_beside_load'
-"""Attributes of <dynamics> where `LOAD_FRICTION` is: what `damping` and `friction` are without it.
-
-Other programs read `damping` and `friction`, which include what grows with the usual load.
+"""Attributes of <dynamics> next to `LOAD_FRICTION`: damping and friction without the load-dependent
+part. Other programs read `damping` and `friction`, which include that part at the typical load.
 """
 CALIBRATED = 'calibrated geometry'
-"""What the comment in front of a calibrated URDF says."""
+"""Text of the comment before the root of a calibrated URDF."""
 LARGEST = 2**24
-"""Most characters of a URDF."""
+"""Largest number of characters of a URDF."""
 
 _DRIVEN_TYPES = ('revolute', 'continuous', 'prismatic')
 _DEEPEST = 50

@@ -149,7 +149,7 @@ def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -
 _SAMPLES = 500
 _CONSTANT = 1e-5  # [m]
 _BUILT_CLOSE = 1.25
-"""Links that never get further apart than this times the clearance are built close together."""
+"""Links count as close by design if their distance never exceeds this multiple of the clearance."""
 
 
 @dataclass(frozen=True)
@@ -375,7 +375,7 @@ class ClearanceChecker:
     """
 
     RESOLUTION = 2e-3
-    """How far below the smallest distance found the guaranteed one may lie [m]."""
+    """Largest difference between the smallest distance found and the guaranteed one [m]."""
 
     def __init__(
         self,
@@ -395,7 +395,7 @@ class ClearanceChecker:
         selected = select_pairs(robot, self._geometry, required, unchecked_pairs)
         self._required = selected.required
         self.notes = selected.notes
-        """Pairs that are not checked or keep less than asked for, in words."""
+        """Texts on pairs without check or with less than the requested clearance."""
         self._geometry_data = pin.GeometryData(self._geometry)
         # References into the data, stored once, because indexing costs more than all distances.
         self._results = [self._geometry_data.distanceResults[i] for i in range(len(self._required))]

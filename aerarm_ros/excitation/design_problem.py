@@ -48,7 +48,7 @@ class StateBasis:
         played = RampedExcitation(unit, 1, ramp_time)
         step = 1.0 / (fundamental * harmonics * samples_per_oscillation)
         self.period_samples = harmonics * samples_per_oscillation
-        """How many samples belong to the period; those of the ramps follow."""
+        """Number of samples of the period; the samples of the ramps follow."""
         ramp = np.linspace(0.0, ramp_time, max(int(ramp_time / step), 2))
         self.times: Array = np.concatenate(
             [
@@ -110,7 +110,7 @@ class DesignConstraints:
     """
 
     _CLEARANCE_SCALE = 0.1
-    """Distance [m] that weighs as much as a whole limit of another kind."""
+    """Distance [m] with the same weight as a whole limit of another kind."""
 
     def __init__(
         self,
@@ -127,7 +127,7 @@ class DesignConstraints:
         self._scales = (half_range, limits.velocity, limits.acceleration, effort)
         finite = np.isfinite(np.concatenate(self._scales))
         self.active = np.append(finite, [True] * (clearance is not None))
-        """Which of the constraints there are: a limit that is infinite is none."""
+        """Mask of the active constraints; infinite limits have none."""
         self._clearance = clearance
         self._pad = pad
         self._sharpness = sharpness
@@ -202,7 +202,7 @@ class FeasibleIterates:
     """
 
     _TOLERANCE = 1e-3
-    """Violation of the constraints, which overestimate, that may still be feasible."""
+    """Constraint violation that may still be feasible, because the constraints are conservative."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, int, Array]] = []

@@ -156,7 +156,7 @@ class ExcitationPlanner:
     """
 
     SHORTEST_TRANSFER = 1.0
-    """Duration of a transfer between postures that are close to each other [s]."""
+    """Shortest duration of a transfer between postures [s]."""
 
     def __init__(
         self,

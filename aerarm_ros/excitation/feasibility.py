@@ -236,7 +236,7 @@ class StopLimits:
     """
 
     _RESTS = 0.02
-    """The arm may come to rest at postures this far apart on the motion [s]."""
+    """Time between checked rest postures along the motion [s]."""
 
     def __init__(self, limits: MotionLimits, effort_model: EffortModel | None) -> None:
         self.limits = limits
@@ -320,7 +320,7 @@ class FeasibilityChecker:
     """
 
     _GLANCE = 25
-    """Every how many cycles a motion is looked at first."""
+    """Spacing in cycles of the samples of the first, coarse check."""
 
     def __init__(
         self,

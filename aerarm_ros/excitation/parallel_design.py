@@ -27,7 +27,7 @@ _worker_designer: TrajectoryDesigner | None = None
 _worker_stop: Callable[[], bool] | None = None
 
 GRACE = 20.0
-"""How long workers may take to return their best so far once a stop is asked for [s]."""
+"""Time for workers to return their best result after a stop [s]."""
 
 
 def design_all(

@@ -95,7 +95,7 @@ class ExcitationPlayer:
     """
 
     START_TOLERANCE = 0.05
-    """How far a joint may have moved since the motion was planned [rad]."""
+    """Largest joint motion between planning and start [rad]."""
 
     def __init__(
         self,
@@ -119,7 +119,7 @@ class ExcitationPlayer:
         self._last_ns = 0
         self.state = PlayState.RUNNING
         self.fault: str | None = None
-        """Why the motion was broken off, None if it was not."""
+        """Reason why the motion was aborted, None if it was not."""
         self.path_time = 0.0
         """Time along the motion at the last state [s]."""
         self.largest_error = np.zeros(len(self._joint_names))

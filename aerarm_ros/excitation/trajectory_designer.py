@@ -208,14 +208,18 @@ class TrajectoryDesigner:
     """
 
     _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
-    """Amplitudes tried for a feasible start, times the specification's."""
+    """Amplitude factors tried for a feasible start, relative to the specification."""
     _REPORT_SAMPLES = 2000
     _RESTARTS = 4
-    """Attempts if the solver's quadratic subproblem fails: a new one forgets the curvature."""
+    """Largest number of restarts if the solver's quadratic subproblem fails; a restart resets the
+    curvature.
+    """
     _TOWARD_START = (0.97, 0.93, 0.85, 0.75, 0.6, 0.4)
-    """Shares of the way from the start to the optimum tried if amplitudes do not repair it."""
+    """Fractions of the path from start to optimum that are tried if smaller amplitudes are
+    infeasible.
+    """
     _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
-    """Scales about the bias tried for a result that breaks a limit between its samples."""
+    """Scale factors about the bias tried for a result that violates a limit between samples."""
 
     def __init__(self, specification: DesignSpecification) -> None:
         setup = specification.setup

@@ -120,7 +120,7 @@ class ContactObserver:
 
 
 DURATION = 2.0
-"""[s] over which it is averaged."""
+"""[s] over which the bias is averaged."""
 
 
 class ContactZero:
@@ -163,7 +163,7 @@ class ContactZero:
 
 
 FADE_STEP = 0.01
-"""[s] between two words on an estimate that fades."""
+"""[s] between two messages of a fading estimate."""
 
 _FADE = 0.2  # [s] duration of the fade
 _PIECE = 0.004  # [s] over which the rotors' wrench is assumed linear

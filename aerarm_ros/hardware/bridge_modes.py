@@ -37,7 +37,7 @@ OFF = ('idle', 'unhomed')
 HELD = ('ready', 'running')
 'Modes in which the motors hold the arm.'
 COMMANDABLE = (*HELD, 'damping')
-'Modes in which the arm tracks a command: damping ends with the next one.'
+"""Modes in which the arm follows a command; damping ends with the next command."""
 
 
 def to_switch_on(mode: str) -> str:

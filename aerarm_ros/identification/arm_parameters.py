@@ -89,7 +89,7 @@ def inertia_boxes(inertial: Array) -> InertiaBoxes:
 
 
 CoupledJoints = Sequence[tuple[str, str]]
-"""Pairs of a joint and its driver, the joint whose motion it feels."""
+"""Pairs of a joint and its driver, the joint whose motion causes a torque on the first."""
 
 
 def coupled_terms(

@@ -54,7 +54,7 @@ _MEANINGS = {
 }
 
 COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
-"""Torque by another joint's motion: of either sign."""
+"""Terms of torque caused by another joint's motion, of either sign."""
 
 
 @dataclass(frozen=True)
@@ -142,10 +142,10 @@ class JointTerm:
 
 
 THESIS_TERMS = (JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB))
-"""The friction of thesis (2.6)."""
+"""Friction terms of thesis (2.6)."""
 
 ROTOR = JointTerm(TermKind.ROTOR)
-"""Rotor inertia, which the thesis leaves out and geared joints need."""
+"""Rotor inertia term, which the thesis omits and geared joints need."""
 
 
 # Order of the blocks of columns, thesis (3.5) first.

@@ -46,12 +46,12 @@ REMEDIES: Mapping[str, str] = {
     '(do not state exact stamps)',
     REVERSAL: 'reverse less often, or pass through zero velocity faster',
 }
-"""Every cause, with what reduces it."""
+"""Remedy for each cause of the residual."""
 
 UNEXPLAINED = (
     'check geometry, tool and cables; calibrate the geometry; record a motion that is more varied'
 )
-"""What reduces a residual of no known cause."""
+"""Remedy for a residual without known cause."""
 
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
 _LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # of the searched gear ratios

@@ -24,12 +24,12 @@ from aerarm_ros.link.sealed import NO_SESSION, OVERHEAD, Session
 DATAGRAM_MAX = 1200
 """Bytes of a datagram: below any usual MTU, with room for a tunnel's headers."""
 HEADERS = 42
-"""Bytes of the headers of Ethernet, IPv4 and UDP, which count towards the rate."""
+"""Bytes of the headers of Ethernet, IPv4 and UDP, which count in the rate."""
 SILENCE = 1.0
-"""Without a datagram for this long [s] the connection counts as cut."""
+"""[s] without a datagram, after which the connection counts as lost."""
 
 URGENT, PROMPT, BULK = range(3)
-"""Priorities of messages: in each datagram until confirmed, soon, when there is room."""
+"""Priorities of messages: in each datagram until acknowledged, soon, or if there is room."""
 
 _TIME, _CONFIRMED, _PART, _VALUE = range(4)
 _ENTRY = struct.Struct('<BH')  # kind, length

@@ -23,7 +23,7 @@ KEY_SIZE = 32
 """Bytes of the shared key."""
 SESSION_SIZE = 8
 NO_SESSION = bytes(SESSION_SIZE)
-"""Where a sender does not know the other side's session yet."""
+"""Receiver's session in a datagram before the other end's session is known."""
 OVERHEAD = SESSION_SIZE + 8 + SESSION_SIZE + 16
 """Bytes that sealing adds to a body."""
 

@@ -181,7 +181,7 @@ def checked_rotor_inertia(rotor_inertia: npt.ArrayLike, n: int) -> Array:
 
 
 GRAVITY = 9.81
-"""[m/s^2]"""
+"""Gravitational acceleration [m/s^2]."""
 _POSTURES = 500
 
 

@@ -10,7 +10,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
 ARM_LENGTH = 0.65
-"""d_3 of table 2.1: from joint 2 to joint 4 [m]."""
+"""Length d_3 of table 2.1, from joint 2 to joint 4 [m]."""
 
 DH_BASE_HEIGHT = 0.167
 """Origin of the DH base frame above the URDF's base_link [m], thesis A.4."""

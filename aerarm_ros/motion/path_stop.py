@@ -22,10 +22,10 @@ _STEPS = 40  # steps in the shortest braking time
 _SHARE = 0.98
 
 Row = tuple[float, float, float, float]
-"""Coefficients (along, across, still) and limit of one quantity that a stop has to limit.
-
-Where the path is passed at the rate r [-], with the rate's derivative r' [1/s], the quantity is
-`along * r' + across * r^2 + still`, and its size stays within the limit."""
+"""Coefficients (along, across, still) and limit of one quantity during a stop. At the path rate r
+[-] with its derivative r' [1/s] the quantity is `along * r' + across * r^2 + still`. Its magnitude
+stays within the limit.
+"""
 Rows = Callable[[JointReference], Iterable[Row]]
 
 

@@ -18,10 +18,10 @@ from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.replay import KnownArm
 
 FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jerk')
-"""Of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
+"""Features of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
 
 LONGEST_GAP = 0.1
-"""[s] between two states; after a longer one the observer starts again."""
+"""[s] Longest gap between two states; after a longer one the observer restarts."""
 
 _WIDTH = 0.01  # [rad/s] width of dry friction's change of direction
 _SLOW = 0.05  # [rad/s] below which dry friction may have another direction or be static

@@ -12,9 +12,9 @@ from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState, Array
 
 WINDOW = 5e-3
-"""[s] after which momentum is taken again: motion is much slower, torque is a mean over it."""
+"""[s] Interval of the momentum samples, over which torque is averaged; motion is much slower."""
 SLOW = 0.03
-"""[rad/s]: slower joints may be held by dry friction, in either direction."""
+"""[rad/s] Below this speed dry friction may act in either direction."""
 _SETTLED = 6.6  # time constants after which a step response has reached 99 %
 _TORQUE, _DOUBT, _MODELLED = -3, -2, -1  # columns
 _NO_SPIN = np.zeros(3)

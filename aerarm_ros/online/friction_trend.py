@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.online.payload_estimator import FRICTION_NAMES
 
 MOST = 500
-"""Records that are kept."""
+"""Largest number of records."""
 WEEK = 7 * 86400.0
 """[s]"""
 _CLEAR = 3.0  # standard deviations

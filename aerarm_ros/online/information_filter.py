@@ -84,7 +84,7 @@ class InformationFilter:
 
 
 SPECK = 1e-6
-"""Mass [kg] of what stands for nothing: it is a body, too."""
+"""Mass [kg] that represents no payload and is still a physical body."""
 _ITERATIONS = 6
 _DENSITY = 1000.0  # [kg/m^3] of the prior's ball: objects are about as dense as water
 _ENTROPY = 0.5  # weight of the prior against a squared standard deviation

@@ -23,7 +23,7 @@ from aerarm_ros.online.information_filter import (
 )
 
 FRICTION_NAMES = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
-"""Of the rows of `OnlineEstimate.friction`."""
+"""Names of the rows of `OnlineEstimate.friction`."""
 
 _UNKNOWN = 0.5  # of the prior's standard deviation
 
@@ -191,7 +191,7 @@ class EffortWatch:
 
 
 PERIOD = 0.02
-"""[s] between estimates, at least."""
+"""[s] Shortest interval between estimates."""
 # [s] A longer silence may hide any event.
 _LONGEST_GAP = 0.05
 _TARE, _LOAD = slice(0, 10), slice(10, 20)

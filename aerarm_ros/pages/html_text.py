@@ -16,7 +16,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 Html = Markup
-"""Text that is HTML already and isn't escaped again."""
+"""Text that is already HTML and is not escaped again."""
 
 # Spaces as wide as a digit, and as a decimal point.
 _DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'

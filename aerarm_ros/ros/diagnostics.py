@@ -11,7 +11,7 @@ from rclpy.node import Node
 from aerarm_msgs_py import topics
 
 PERIOD = 1.0
-'[s]; reporting period of a node without news.'
+"""[s] Reporting period of a node without changes."""
 
 
 class DiagnosticsPublisher:

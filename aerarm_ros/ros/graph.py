@@ -154,7 +154,7 @@ def _problems(name: str, topic: Topic, publisher: TopicEndpointInfo) -> Iterator
 
 _CYCLES = 100  # [cycles] between two checks
 UNNAMED = 'a new node'
-"""In place of the name of a publisher that was found before its node."""
+"""Name of a publisher that was discovered before its node."""
 
 
 class PublisherWatch:
@@ -236,7 +236,7 @@ class PublisherWatch:
 
 
 OF_AN_ARM = ': stop all but one, or give each arm its own namespace or ROS_DOMAIN_ID'
-"""What to do about a topic that an arm has."""
+"""Advice for duplicate publishers of an arm's topic."""
 
 
 def several_publishers(topic: str, names: Sequence[str], advice: str = OF_AN_ARM) -> str:

@@ -82,7 +82,7 @@ class Rotors:
 
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-"""In the world [m/s^2]."""
+"""Gravity in the world [m/s^2]."""
 
 _FREE = 6
 
@@ -274,7 +274,7 @@ class MovingBasePlant(FreeBasePlant):
 
 
 SPIN_UP = 0.3
-'[s] in which the rotors replace the support of the drone.'
+"""[s] in which the rotors take the drone's weight from its support."""
 
 # [kg], [kg m^2] of a held drone, which is put back in each sub-step.
 _HELD = 1e6

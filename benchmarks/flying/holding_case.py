@@ -110,4 +110,4 @@ CASES = {
     'ordinary Jacobian': HoldingCase(law=ORDINARY),
     'joints held': HoldingCase(law=HELD),
 }
-"""By name; the goals are those of the RMS [mm], 1.5 times the first one for wrong links."""
+"""Cases by name, with goals for the RMS error [mm]; 1.5 times the first goal for wrong links."""

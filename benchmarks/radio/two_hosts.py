@@ -19,7 +19,7 @@ from types import TracebackType
 DRONE, GROUND = '10.77.0.1', '10.77.0.2'
 """Addresses of the two hosts on the radio."""
 RADIO = 'radio'
-"""Name of the radio's interface on both hosts."""
+"""Name of the radio link's interface on both hosts."""
 
 _TOOLS = ('unshare', 'nsenter', 'ip', 'tc', 'chrt')
 _SET_UP = (

@@ -9,7 +9,7 @@ from aerarm_ros.control.compensation import Fade, FrictionCompensation
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference
 
 HAND_GUIDING_DAMPING = 0.02
-"""Part of Kd left when a person guides the arm: enough that a released arm stops."""
+"""Fraction of Kd in hand guiding, enough to stop a released arm."""
 
 
 class GravityCompensation:

@@ -10,7 +10,7 @@ from aerarm_ros.identification.conditioning.uniform_motion import UniformMotion
 from aerarm_ros.identification.errors import IdentificationError
 
 FILTERS = ('auto', 'harmonics', 'butterworth')
-"""Ways to clean the kinematics."""
+"""Available filters of the kinematics."""
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import Array
 
 FOLDS = 5
-"""Parts of a motion, of which each is predicted from the others."""
+"""Number of parts of a motion for cross-validation."""
 
 BLOCKS = 5 * FOLDS
-"""Consecutive pieces of a motion, which the parts are made of."""
+"""Number of consecutive blocks of a motion that form the parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Samples:
 
 
 SHORTEST = 3.0
-"""Motion [s] to identify from: a shorter one excites next to nothing."""
+"""Shortest motion for an identification [s]; a shorter one has almost no excitation."""
 
 _ANTI_ALIASING = 0.4  # cut-off of the filter before decimation, relative to the new sampling rate
 _STANDSTILL = 0.02  # relative to the top speed of the fastest joint

@@ -20,7 +20,7 @@ from aerarm_ros.motion.signals import Array
 
 _SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # relative to a joint's top speed
 NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
-"""Terms that are no friction."""
+"""Joint terms that are not friction."""
 
 
 @dataclass(frozen=True, eq=False)

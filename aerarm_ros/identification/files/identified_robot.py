@@ -108,7 +108,7 @@ INERTIA_ENTRIES = {
     'xz': (0, 2),
     'yz': (1, 2),
 }
-"""Which entry of an inertia tensor each name stands for."""
+"""Row and column of each named entry of an inertia tensor."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -178,16 +178,16 @@ def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Ar
 
 
 WIDTHS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)
-"""Velocities [rad/s] over which dry friction may change sign; 0 is the step of (2.6)."""
+"""Candidate velocities [rad/s] over which dry friction changes sign; 0 is the step of (2.6)."""
 
 CREEP_WIDTHS = (0.3, 0.6)
-"""Velocities [rad/s] at which slowly rising friction levels off."""
+"""Candidate velocities [rad/s] at which saturating viscous friction levels off."""
 
 STRIBECK_WIDTHS = (0.05, 0.15)
-"""Velocities [rad/s] above which the friction of standstill has gone."""
+"""Candidate velocities [rad/s] above which Stribeck friction vanishes."""
 
 ASYMMETRY_WIDTH = 0.02
-"""Velocity [rad/s] over which friction that acts in one direction sets in."""
+"""Velocity [rad/s] over which asymmetric friction develops."""
 
 # A term is kept if it lowers the held-out error of the arm by this fraction; another recording of
 # the same motion can cause smaller changes.
@@ -311,9 +311,8 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
         JointTerm(TermKind.BACKWARD, ASYMMETRY_WIDTH),
     ),
 }
-"""Friction models with a name, each (2.6) and rotors plus what its name says.
-
-Names joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
+"""Friction models by name. Each contains (2.6), rotor inertia and the named terms. Names joined by
+'+' are combined; 'auto' chooses each joint's terms by cross-validation.
 """
 
 # The links' parameters determine the load on which friction depends, and vice versa.

@@ -15,7 +15,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.motion.signals import Array
 
 TIME = ('time', 'times', 't', 'stamp', 'stamps', 'timestamp', 'time_s', '__time')
-"""Names of the time."""
+"""Accepted names of the time column."""
 
 WORDS = {
     'position': ('position', 'positions', 'pos', 'q', 'angle', 'actual_q'),
@@ -23,7 +23,7 @@ WORDS = {
     'effort': ('effort', 'efforts', 'eff', 'torque', 'torques', 'tau'),
     'current': ('current', 'currents', 'actual_current', 'i'),
 }
-"""Names of what is recorded of joints; currents are efforts where there are no others."""
+"""Accepted names of joint quantities; currents serve as efforts if there are no others."""
 
 _DEGREE = np.pi / 180.0
 # Factors to s, rad or m, rad/s or m/s, Nm or N; to A for currents.
@@ -181,7 +181,7 @@ def _of_joint(name: str) -> TableColumn | None:
 
 
 TABLES = ('.csv', '.npz')
-"""Suffixes of files that are tables."""
+"""File suffixes of tables."""
 
 _LARGEST = 2**30  # bytes of an unpacked file: three times 40 min of 7 joints at 1 kHz
 _NAMES = ('joint_names', 'names', 'joints')
@@ -284,9 +284,9 @@ def read_table(
 
 
 _Columns = dict[tuple[str, str], Array]
-"""Quantity and joint to values in SI units; ('time', '') to the time."""
+"""Values in SI units by quantity and joint; the time has the key ('time', '')."""
 _Sources = dict[tuple[str, str], str]
-"""The same keys to what they are called in the file."""
+"""Names in the file by quantity and joint."""
 
 
 def _csv(

@@ -41,7 +41,7 @@ def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
 
 
 MOST_POINTS = 1000
-"""Of a curve: about what a screen shows."""
+"""Largest number of points of a curve, about the resolution of a screen."""
 
 _ROW_HEIGHT = 190  # [px] height of one joint's axes
 # Measured curves are broad and pale, so that they stay visible under thin lines.

@@ -27,19 +27,19 @@ from aerarm_ros.identification.solvers.thesis_solvers import (
 from aerarm_ros.motion.signals import Array
 
 RECOMMENDED = 'sdp'
-"""The solver whose estimate is physically consistent."""
+"""Name of the recommended solver, whose estimate is physically consistent."""
 
 SOLVERS = (
     *('cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED),
     'output_error',
 )
-"""All solvers, in the order of tables."""
+"""Names of all solvers, in the order of tables."""
 
 ALWAYS = ('cad', 'cad_friction', 'ols', RECOMMENDED)
-"""Those that the report compares."""
+"""Solvers that always run, for comparison in the report."""
 
 FAST = (*ALWAYS, 'wls')
-"""Those that take milliseconds."""
+"""Solvers that take milliseconds."""
 
 
 def solve_all(

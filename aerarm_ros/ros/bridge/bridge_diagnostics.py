@@ -119,9 +119,9 @@ _END = object()
 # Name of the part, level, text and values.
 Status = tuple[str, bytes, str, Mapping[str, object]]
 MOTORS = 'motors'
-'Diagnostics of the motors.'
+"""Part of the diagnostics with the motors' values."""
 POWER_FROM = 'power from'
-"""Key of its source there, see `MotorPower`."""
+"""Diagnostics key of the power's source, see `MotorPower`."""
 _POWER_SOURCES = {
     'voltage': 'power computed from the voltages that the boards report',
     'model': (

@@ -19,7 +19,7 @@ from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, R
 
 _DEFAULTS = BridgeSettings()
 AUTO = 'auto'
-"""Value of `state_file` that leaves the place to the bridge."""
+"""Value of `state_file` with which the bridge selects the path."""
 
 # Name: (unit, description) of the settings that `BridgeSettings` accepts unchanged.
 _SETTINGS = {

@@ -42,10 +42,10 @@ FILE_PARAMETERS = (
 )  # fmt: skip
 
 RESIDUALS = 'residuals.yaml'
-"""Name of the file of learnt thresholds."""
+"""File name of learnt contact thresholds."""
 
 RESIDUALS_SECTION = 'residual_bound'
-"""Its only key."""
+"""Only key of the file of contact thresholds."""
 
 
 def contact_settings(values: Any) -> ContactSettings:

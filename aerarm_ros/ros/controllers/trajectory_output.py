@@ -9,7 +9,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from aerarm_ros.motion.signals import JointMotion
 
 POINT_PERIOD = 0.02
-"""Between two points [s]: with velocity and acceleration, quintics between them are near enough."""
+"""[s] between two points, short enough for interpolation by quintics."""
 
 _SECOND = 1_000_000_000
 

@@ -265,7 +265,7 @@ PACE_PARAMETERS = (
 )
 
 LAG = {KEEP_UP: 3, LOCKSTEP: 0, REAL_TIME: 0}
-"""Number of states, and of odometry messages, that may be without an answer."""
+"""Largest number of states, and of odometry messages, without an answer."""
 
 # In these modes a simulation in lockstep pauses as soon as the arm rests, until a request or
 # message arrives. In modes that need no controller the simulation runs ahead.

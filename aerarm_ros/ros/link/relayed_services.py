@@ -34,7 +34,7 @@ SERVICE_TYPES: Mapping[str, Any] = MappingProxyType(
         },
     }
 )
-"""Types of services that are relayed, by their names in ROS."""
+"""Types of relayed services, by their names in ROS."""
 E_STOP = 'e_stop'
 
 _CALL = struct.Struct('<IH')

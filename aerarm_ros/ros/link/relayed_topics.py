@@ -26,7 +26,7 @@ WINDOWED = (
     topics.MOTOR_STATES,
     topics.ROTOR_COMMAND,
 )
-"""Joint states of the drone that are decimated with minimum and maximum."""
+"""Joint states of the drone that are decimated, with minimum and maximum."""
 VALUES = (
     topics.MOTOR_POWER,
     topics.ENERGY,
@@ -44,7 +44,7 @@ VALUES = (
     topics.STATIC_WRENCH,
     topics.RECORDED_UNTIL,
 )
-"""Other streams of the drone; the newest message of each window is sent as it is."""
+"""Other streams of the drone, of which the newest message of each window is sent unchanged."""
 EVENTS = (
     topics.ARM_MODE,
     topics.PLAN_STATUS,
@@ -54,7 +54,7 @@ EVENTS = (
     topics.COMMISSIONING_REPORT,
     topics.DIAGNOSTICS,
 )
-"""What the ground receives without loss."""
+"""Topics that the ground receives without loss."""
 COMMANDS = (
     topics.JOINT_TRAJECTORY,
     topics.JOINT_GOAL,
@@ -66,13 +66,18 @@ COMMANDS = (
     topics.FLIGHT_SET_POINT,
     topics.COMMISSIONING_REQUEST,
 )
-"""What the ground sends. `joint_command` is missing: a controller must run on the bridge's host."""
+"""Topics that the ground sends. `joint_command` is excluded, because a controller must run on the
+bridge's host.
+"""
 COMMAND_LIFETIME = 1.0
-"""A command that is not delivered within this time [s] is dropped, so that no motion that was
-requested before a cut begins after it."""
+"""[s] Lifetime of a command, so that no motion requested before a loss of connection begins after
+it.
+"""
 
 LAYOUTS, OFFERED, STOPS, CALLS, STOP_RESULTS, RESULTS = range(1000, 1006)
-"""Channels that are no topics. Stops have their own: nothing is in front of them."""
+"""Channels other than topics. Stop requests have their own channel, so that they never queue
+behind others.
+"""
 DOWN = (*WINDOWED, *VALUES, *EVENTS)
 UP_CHANNEL = 100
 _DEPTH = 100

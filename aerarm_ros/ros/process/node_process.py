@@ -188,7 +188,7 @@ def _as_yaml(value: object) -> str:
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _PEERS = ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
 NETWORK = 'AERARM_NETWORK'
-"""Environment variable; `open` lets nodes be found from other hosts."""
+"""Environment variable; with `open` other hosts can discover the nodes."""
 _OPEN = 'open'
 
 

@@ -17,7 +17,7 @@ from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data
 from aerarm_ros.ros.process.process_end import USER_ERROR
 
 COMPLETING = '_ARGCOMPLETE'
-"""Variable by which a shell asks a program for completions, in place of running it."""
+"""Environment variable with which a shell requests completions from a program."""
 
 
 def complete(parser: argparse.ArgumentParser) -> None:

@@ -30,7 +30,7 @@ from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_fligh
 
 DRONE, REPORT = 'drone.yaml', 'report.html'
 MOUNT_FILES = (DRONE, REPORT, MARKER)
-"""All that a result may hold."""
+"""Files that a result may contain."""
 _NOTE = (
     "Pose of the arm's base frame and of the IMU in the frame of the drone's body. Standard "
     'deviations are those of the fit. "Moved" is the rotation from the pose in the file to the '

@@ -38,7 +38,7 @@ from aerarm_ros.ros.programs.calibrator_input import (
 
 URDF, YAML, CONFIG, REPORT = 'calibrated.urdf', 'calibration.yaml', 'arm.yaml', 'report.html'
 RESULT_FILES = (URDF, YAML, CONFIG, REPORT, MARKER)
-"""All that a result may hold."""
+"""Files that a result may contain."""
 _SEED = 0  # of the held-out postures
 
 

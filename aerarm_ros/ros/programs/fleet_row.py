@@ -18,9 +18,9 @@ Row = dict[str, str | float | int | bool | None]
 
 OK, FAILED = 'ok', 'failed'
 STD = '_std'
-"""End of the name of a column of standard deviations."""
+"""Suffix of the columns with standard deviations."""
 KEYS = ('bag', 'arm', 'date', 'status', 'reason')
-"""First columns of every row; `failed_row` has no others."""
+"""First columns of every row, and the only ones of `failed_row`."""
 _PACKAGE = 'aerarm_ros'
 
 

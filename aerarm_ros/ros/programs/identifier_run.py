@@ -62,7 +62,7 @@ RESULT_FILES = (
     *('estimate.yaml', 'identified.urdf', 'identified.xml', 'identified.sdf', 'payload.yaml'),
     *('report.html', MARKER),
 )
-"""All that a result may hold."""
+"""Files that a result may contain."""
 
 
 def write_result(
@@ -218,7 +218,7 @@ class RecordedArm:
 
 
 UNCALIBRATED = 0.1
-"""Relative deviation of torque constants as manufacturers and papers state them."""
+"""Relative deviation of torque constants from manufacturers and papers."""
 
 
 def gain_deviation(options: argparse.Namespace) -> float:

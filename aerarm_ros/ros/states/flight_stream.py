@@ -95,7 +95,7 @@ class FlightStream:
         self._reader = RawReader(node, topics.ODOMETRY, topics.IMU)
         self._reject = reject
         self.answers = Answers()
-        'Topic that responds to the odometry.'
+        """Answers to the odometry, republished if it is re-sent."""
         self.frame = ''
         """Frame of the odometry's poses, '' before the first."""
 
