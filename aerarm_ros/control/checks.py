@@ -41,7 +41,7 @@ def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
     """
     array = np.asarray(values, dtype=float)
     if array.shape not in ((), (n,)):
-        raise ValueError(f'{name} has {array.size} values, but needs {n} (or one for all)')
+        raise ValueError(f'{name} has {array.size} values, {n} are needed (or one for all)')
     if not np.all(np.isfinite(array)):
         raise ValueError(f'{name} = {array} must be finite')
     return np.broadcast_to(array, (n,)).copy()

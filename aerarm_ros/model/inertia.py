@@ -218,7 +218,10 @@ def checked_body(name: str, pi: npt.ArrayLike, advice: str = '') -> Array:
     values = np.array(pi, dtype=float)
     numbers = values.shape == (10,) and bool(np.isfinite(values).all())
     if not numbers or not is_physically_consistent(values, _ROUNDING):
-        raise ValueError(f'{name} {values.tolist()} is physically impossible{advice}')
+        raise ValueError(
+            f'{name} {values.tolist()} is invalid, because no body has these inertial '
+            f'parameters{advice}'
+        )
     return values
 
 

@@ -174,7 +174,10 @@ def test_what_is_wrong_is_refused(estimator: ContactEstimator) -> None:
         (lambda: estimator.offer_odometry(odometry(0.0)), r'stamped -100 s .*synchronise'),
         (lambda: estimator.offer_rotors(['a'], np.ones(1), START), 'rotors'),
         (lambda: estimator.offer_rotors(DRONE.rotor_names, np.full(6, np.nan), START), 'NaN'),
-        (lambda: estimator.offer_rotors(DRONE.rotor_names, np.ones(6), 0.0), 'one clock'),
+        (
+            lambda: estimator.offer_rotors(DRONE.rotor_names, np.ones(6), 0.0),
+            "synchronise the drone's clock",
+        ),
     ]
     for action, reason in refused:
         with pytest.raises(RejectedInputError, match=reason):

@@ -54,7 +54,7 @@ def test_a_single_point_is_a_place() -> None:
         ({'times': []}, 'a time and a pose'),
         ({'positions': PLACES * np.nan}, 'finite'),
         ({'yaws': [0.0]}, 'a time and a pose'),
-        ({'velocities': np.zeros((2, 3))}, 'or none'),
+        ({'velocities': np.zeros((2, 3))}, 'or for none'),
     ],
 )
 def test_what_is_no_way_is_refused(change: dict[str, object], reason: str) -> None:

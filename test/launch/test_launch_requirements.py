@@ -129,7 +129,7 @@ def test_modules_are_missed_only_where_they_are_needed(
     others = {key: text for key, text in GIVEN.items() if key not in ('hardware', name)}
     assert missing(others) == []
     (text,) = missing({**others, name: value})
-    assert text.startswith(f'{name}:={value}: {module} is not installed: ')
+    assert text.startswith(f'{name}:={value} needs the Python package {module}: ')
 
 
 def test_everything_that_is_missing_is_told_at_once(without) -> None:

@@ -64,8 +64,8 @@ def check_refusal(done: subprocess.CompletedProcess, words: str, out: Path) -> N
     ('kind', 'words'),
     [
         ('missing joints', 'joint3, joint4 of the URDF are not in'),
-        ('NaN effort', 'effort of joints joint2 is NaN'),
-        ('huge effort', 'effort of joints joint2 reaches 1e+308'),
+        ('NaN effort', 'is NaN or infinite in'),
+        ('huge effort', 'reaches 1e+308 in'),
         ('repeated names', 'names joint joint3 more than once'),
         ('repeated stamps', 'repeated'),
         ('jumping stamps', 'no joint states for 30.0'),

@@ -118,7 +118,7 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     assert desk.set('duration', 0.2)
     refused = desk.ask(topics.JOINT_GOAL, goal)
     assert (refused['accepted'], refused['asked']) == (False, ASKED)
-    assert 'a motion of 0.2 s is out of reach' in refused['text']
+    assert 'a motion of 0.2 s is infeasible' in refused['text']
     assert 'the fastest motion takes' in refused['text']
     point.header.frame_id = 'camera'
     assert "its frame is 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']

@@ -252,7 +252,7 @@ def test_a_wrong_frame_is_one_clear_line(ros_domain: dict[str, str], port: int) 
     done = run('view', parameters={'port': port, 'tool': 'gripper'})
     assert done.returncode == 1
     said = done.stderr + done.stdout
-    assert "no frame 'gripper'" in said
+    assert "frame 'gripper' is not in the URDF" in said
     assert 'Traceback' not in said
 
 

@@ -24,7 +24,7 @@ a killed recorder that of one which began later or was killed earlier: the same 
 
 _MEMORY = 3 * 2**30  # bytes of address space, so that a failure does not affect the machine
 _TIME = 60  # [s]
-_FIGURE = re.compile(r'\d+ (of \d+ )?(messages|bytes)|last \d+ bytes|of the \d+ files')
+_FIGURE = re.compile(r'\d+ (of (the )?\d+ )?(messages|bytes)|last \d+ bytes|of the \d+ files')
 _TOPIC, _OTHER = '/joint_states', '/motor_states'
 
 

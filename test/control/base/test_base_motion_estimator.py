@@ -144,7 +144,7 @@ def test_a_gap_makes_no_more_of_the_noise_than_the_samples_do() -> None:
 def test_before_the_first_sample_the_configured_gravity_counts() -> None:
     estimator = BaseMotionEstimator(GRAVITY)
     np.testing.assert_array_equal(estimator.motion(3.0).gravity, GRAVITY)
-    assert 'no IMU yet' in estimator.status(3.0)
+    assert 'no IMU sample yet' in estimator.status(3.0)
 
 
 def test_switched_off_it_never_listens() -> None:

@@ -116,7 +116,7 @@ def test_a_reference_that_no_frame_holds_gives_the_board_no_current(links, wire,
     references.motors[2].position = 1e9
     references.motors[3].current = 2.0
     talk(links, wire, references, 1, enable=True)
-    assert 'beyond the' in links[1].monitor.fault
+    assert 'outside the range' in links[1].monitor.fault
     assert links[0].monitor.fault == ''
     assert wire.boards[1].system_enabled
     assert [motor.current for motor in wire.boards[1].motors] == [0.0, 0.0]

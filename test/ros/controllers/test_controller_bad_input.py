@@ -95,7 +95,7 @@ def test_set_points(bench: ControllerBench) -> None:
         for reason, message in (
             ('joint2 at 9 rad is outside', JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0])),
             ('shoulder', JointState(name=['shoulder', *NAMES[1:]], position=HERE)),
-            ('it needs 4 positions', JointState(name=NAMES, position=HERE[:3])),
+            ('it must have 4 positions', JointState(name=NAMES, position=HERE[:3])),
             ('must be finite', JointState(name=NAMES, position=[float('nan'), *HERE[1:]])),
         ):
             refuse(bench, process, lambda m=message: set_points.publish(m), reason)

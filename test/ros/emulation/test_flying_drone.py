@@ -198,7 +198,7 @@ def test_a_weak_drone_and_two_kinds_of_base_are_refused(
     for parameters, reason in (
         ({'drone_file': tmp_path / 'none.yaml'}, 'No such file'),
         ({'drone_file': DRONE, 'base_motion_profile': 'moving'}, 'remove one of the two'),
-        ({'drone_file': DRONE, 'imu_noise': [0.1]}, 'imu_noise has 1 numbers, not 2'),
+        ({'drone_file': DRONE, 'imu_noise': [0.1]}, 'imu_noise has 1 numbers instead of 2'),
         ({'contact_force': [1.0, 0.0, 0.0]}, 'a flying drone: set drone_file'),
         ({'drone_file': DRONE, 'contact_link': 'nowhere'}, "unknown link 'nowhere'"),
     ):
