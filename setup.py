@@ -2,6 +2,7 @@
 
 import os
 from glob import glob
+from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
@@ -53,36 +54,8 @@ DOCS = [
     'sphinx-copybutton>=0.5.2,<1',
 ]
 
-EXECUTABLES = [
-    'arm',
-    'base_reaction',
-    'calibrator',
-    'computed_torque',
-    'contact_estimator',
-    'demo',
-    'excitation',
-    'excitation_designer',
-    'experiment',
-    'fake_hardware',
-    'flight_control',
-    'gravity_compensation',
-    'ground_link',
-    'hardware_bridge',
-    'identifier',
-    'impedance_control',
-    'kinematic_control',
-    'mavlink_feedforward',
-    'mavros_feedforward',
-    'motion_planner',
-    'motor_bench',
-    'payload_estimator',
-    'px4_feedforward',
-    'px4_imu',
-    'recorder',
-    'tool_path',
-    'view',
-    'world_control',
-]
+# Each file of `nodes` and `nodes/controllers` is a command.
+EXECUTABLES = sorted(path.stem for path in Path(PACKAGE, 'nodes').rglob('[a-z]*.py'))
 
 
 # What the bridge runs in every millisecond, and nothing that waits, reads files or knows ROS.

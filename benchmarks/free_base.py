@@ -1,11 +1,11 @@
-"""Joint error of an arm under a drone as light as itself, over topics, beside a fixed base.
+"""Joint error of an arm under a drone of similar mass, over topics, compared with a fixed base.
 
-`fake_hardware`, `computed_torque` and `flight_control` run as processes, in lockstep, so that the
-figures do not depend on the host. Drones of other masses are the packaged ones, scaled. The arm
+`fake_hardware`, `computed_torque` and `flight_control` run as processes in lockstep, so the figures
+do not depend on the host. Drones of other masses are scaled versions of the packaged ones. The arm
 hangs down; "slow" swings its joints by 0.4 to 0.5 rad at 0.2 to 0.35 Hz, "fast" by 0.5 to 0.8 rad
-at 0.5 to 0.9 Hz. Errors are taken from joint_states, each against the reference at its own stamp.
-The arm is as drawn and the controller knows it; at the end it is another arm, which the controller
-knows by what `identifier` made of a recorded excitation.
+at 0.5 to 0.9 Hz. Errors are computed from joint_states, relative to the reference at each state's
+stamp. The arm equals the controller's model. In the last cases the arm deviates from its model, and
+the controller uses parameters that `identifier` estimates from a recorded excitation.
 """
 
 import argparse
@@ -34,11 +34,11 @@ LINE = '{:>7} {:9} {:23} {:10} {:5} {:>10} {:>6} {:>6} {:>6}'
 HEADINGS = ('drone', 'uses', 'model error', 'arm', '', 'RMS [mrad]', 'max', 'growth', 'mm off')
 GOALS = {'true': 1.3, 'identified': 2.0}
 SHORTEST = 3.0 * RAMP  # [s]
-LOST = 1.0  # [m] off its place a drone does not hold, and the errors say nothing of the law
+LOST = 1.0  # [m] error above which the drone is lost, and joint errors are meaningless
 
 
 def growth(times: np.ndarray, errors: np.ndarray) -> float:
-    """Return the RMS of the last third over that of the first third."""
+    """Return the ratio of the RMS in the last third to the RMS in the first third."""
     first, last = np.quantile(times, [1 / 3, 2 / 3])
     parts = errors[times < first], errors[times > last]
     return float(np.sqrt((parts[1] ** 2).mean() / (parts[0] ** 2).mean()))
@@ -46,15 +46,14 @@ def growth(times: np.ndarray, errors: np.ndarray) -> float:
 
 @dataclass
 class Campaign:
-    """Cases, one after the other, each printed when it is done.
+    """Sequence of cases, each printed when finished.
 
     Attributes
     ----------
-    node : Node
     lengths : dict
-        Of the motions [s].
+        Durations of the motions [s].
     results : dict
-        RMS error [mrad] and growth by arm, case and motion; infinite where it failed.
+        RMS error [mrad] and growth by arm, case and motion; infinite after a failure.
     """
 
     node: Node
@@ -84,7 +83,7 @@ class Campaign:
             print(LINE.format(*heading, '', *'----'), text, flush=True)
 
     def summary(self) -> None:
-        """Print what the goals are about."""
+        """Print the figures with goals."""
         over: dict[str, float] = {}
         worse, grown = 0.0, 0.0
         for (arm, case, motion), (rms, growth_of_it) in self.results.items():

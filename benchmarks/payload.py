@@ -1,11 +1,12 @@
-"""What is picked up in motion, weighed by `PayloadEstimator` beside the truth, over many seeds.
+"""Payload estimates of `PayloadEstimator` after a pick-up in motion, compared with the truth.
 
-Emulated arms made by seeds play a random excitation, pick a ball of 0.2 kg up and put it down.
-Each recording is gone through by several estimators, whose model of the arm is as wrong as
-identified ones are: links by 1 % and 0.5 mm, friction by 15 %, each with its own errors. Then the
-recordings are spoiled in all ways and gone through once more: every estimate has to be a body.
+Emulated arms with different seeds play a random excitation, pick up a ball of 0.2 kg and put it
+down. Several estimators process each recording. Their arm models have the errors of identified
+models: links by 1 % and 0.5 mm, friction by 15 %, with random errors for each estimator. Then the
+recordings are corrupted in several ways and processed again; every estimate must be physically
+possible.
 
-Every step is timed, and after it a call that does nothing: what the machine does to both is seen.
+Every step is timed, followed by an empty call, which shows the influence of the machine on both.
 """
 
 import argparse
@@ -36,14 +37,14 @@ STEP_QUANTILES = (0.5, 0.9, 0.99, 0.999, 1.0)
 
 
 def estimator(known: PlantParameters) -> PayloadEstimator:
-    """Return an estimator that takes the arm for a known one."""
+    """Return an estimator with a given arm model."""
     robot = load_robot().with_inertial_parameters(known.inertial_parameters)
     dynamics = MovingBaseDynamics(robot, known.rotor_inertia)
     return PayloadEstimator(dynamics, known.viscous, known.coulomb, known.load_friction)
 
 
 def nothing() -> None:
-    """Take as long as the machine takes for a call."""
+    """Empty call, which measures the machine's overhead."""
 
 
 def weigh(
@@ -51,12 +52,12 @@ def weigh(
 ) -> dict[str, float]:
     """Return errors and whether the stated intervals cover the truth.
 
-    To `times` goes how long each step took, and a call of nothing after it [ns].
+    The duration of each step, and of an empty call after it [ns], is appended to `times`.
     """
     learner = estimator(known)
     true_mass, true_centre = run.payload[0], run.payload[1:4] / run.payload[0]
     found: dict[str, float] = {}
-    clock = time.thread_time_ns  # of the processor: who else runs costs nothing but its caches
+    clock = time.thread_time_ns  # processor time: other processes only affect the caches
     for now, state in run.states():
         began = clock()
         told = learner.update(state, now)
@@ -83,7 +84,7 @@ def weigh(
 
 
 def spoiled(runs: list[CarryingRun], steps: int) -> Iterator[tuple[str, list[ArmState]]]:
-    """Yield recordings spoiled in turn, until there were so many steps."""
+    """Yield corrupted recordings in turn, up to a number of steps."""
     random = np.random.default_rng(0)
     ways: dict[str, Callable[[ArmState], ArmState]] = {
         'as recorded': lambda state: state,
@@ -108,7 +109,7 @@ def spoiled(runs: list[CarryingRun], steps: int) -> Iterator[tuple[str, list[Arm
 
 
 def consistent_steps(runs: list[CarryingRun], steps: int) -> tuple[int, int, float, dict]:
-    """Return steps, estimates, the smallest eigenvalue and changes found in each way."""
+    """Return steps, estimates, the smallest eigenvalue and changes found by type of corruption."""
     count = estimates = 0
     smallest = np.inf
     changes: dict[str, int] = {}
@@ -146,7 +147,7 @@ def report(results: list[dict[str, float]]) -> None:
 
 
 def report_times(times: list[tuple[int, int]]) -> None:
-    """Print quantiles of the steps' and of the empty calls' times."""
+    """Print quantiles of the durations of steps and empty calls."""
     shares = ', '.join(f'{100 * share:g} %' for share in STEP_QUANTILES)
     print(f'{len(times)} steps [us], {shares}:')
     for name, values in zip(('a step', 'nothing'), 1e-3 * np.array(times).T, strict=True):

@@ -1,11 +1,11 @@
-"""How well the tool is held in the world while wind moves the drone, over topics.
+"""Tool position error in the world while wind moves the drone, over topics.
 
-`fake_hardware`, `world_control`, `base_reaction` and `flight_control` run as processes, in
-lockstep, so that the figures do not depend on the host. Wind of 1.5 N RMS below 0.5 Hz pushes a
-drone of 3 kg; the arm's controller gets an odometry of 100 Hz that is 10 ms late, with 1 mm and
-5 mm/s of noise. The tool is held where it is, moves on a path of 20 cm, and is held with a poor
-odometry, under light drones, a fully actuated one, and with a wrong model of the arm; beside these,
-with the ordinary Jacobian and with held joints. `make world` writes a page with a replay.
+`fake_hardware`, `world_control`, `base_reaction` and `flight_control` run as processes in lockstep,
+so the figures do not depend on the host. Wind of 1.5 N RMS below 0.5 Hz pushes a drone of 3 kg. The
+arm's controller receives a 100 Hz odometry with a delay of 10 ms and noise of 1 mm and 5 mm/s. The
+cases are: a tool held in place, a tool on a path of 20 cm, a poor odometry, light drones, a fully
+actuated drone, and a wrong model of the arm. For comparison, the ordinary Jacobian and held joints
+are used. `make world` writes a page with a replay.
 """
 
 import argparse
@@ -29,7 +29,7 @@ HEADINGS = ('flight', 'tool mm', 'max', 'drone mm', 'max', 'goal', '')
 
 
 def fly(node: Node, name: str, arm: ArmModel, seconds: float) -> HoldingRecord | str:
-    """Return what a flight was like, or why there was none."""
+    """Return the record of a flight, or the reason of a failure."""
     case = CASES[name]
     try:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
@@ -41,7 +41,7 @@ def fly(node: Node, name: str, arm: ArmModel, seconds: float) -> HoldingRecord |
 
 
 def line(name: str, record: HoldingRecord | str) -> str:
-    """Return the line of a flight."""
+    """Return the line of a flight for the table."""
     if isinstance(record, str):
         return LINE.format(name, *['-'] * 5, record)
     goal = CASES[name].goal

@@ -1,7 +1,7 @@
-"""The arm under a drone: a controller that knows how the drone answers, and what the drone feels.
+"""Start the arm, a controller that models the drone's reaction, and the publishers for the drone.
 
 ros2 launch aerarm_ros drone.launch.py hardware:=spi autopilot:=px4 drone_file:=my_drone.yaml
-Takes the arguments of bringup.launch.py.
+Accepts the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -26,7 +26,7 @@ from aerarm_ros.launch_parts import (
 
 ON_PX4 = EqualsSubstitution(LaunchConfiguration('autopilot'), 'px4')
 BY_OURSELVES = EqualsSubstitution(LaunchConfiguration('autopilot'), 'flight_control')
-# What world_control answers to the drone must not be told to it.
+# The drone must not receive the motion with which world_control reacts to the drone.
 NOT_BY_REACTION = ParameterValue(
     PythonExpression(["'", LaunchConfiguration('controller'), "' != 'world_control'"]),
     value_type=bool,
@@ -65,10 +65,10 @@ ARGUMENTS = (
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     reaction = node(
         'base_reaction',
-        # Who feeds the arm forward picks from what it is told ahead of time.
+        # The feedforward nodes pick the time that they need from the published forecast.
         {
             'lead': 0.06,
             'measured_motion': NOT_BY_REACTION,

@@ -1,7 +1,7 @@
-"""The experiment of thesis 5.4: dynamic controllers on the simulated arm, as a table and a page.
+"""Run the experiment of thesis 5.4: dynamic controllers on the simulated arm.
 
-ros2 launch aerarm_ros experiment.launch.py out:=controllers identified:=run1/identified.urdf
-Needs neither bridge nor motors, and ends by itself.
+ros2 launch aerarm_ros experiment.launch.py out:=controllers identified:=run1/identified.urdf The
+result is a table and an HTML page. The experiment needs neither bridge nor motors.
 """
 
 from launch import LaunchDescription
@@ -28,7 +28,7 @@ ARGUMENTS = (
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     options = [
         part
         for argument in ARGUMENTS

@@ -1,4 +1,4 @@
-"""The ground's computer: the ground's end of ground_link and the browser view.
+"""Start ground_link and the browser view on the ground computer.
 
 ros2 launch aerarm_ros ground_side.launch.py drone:=192.168.1.10
 """
@@ -51,7 +51,7 @@ ARGUMENTS = (
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     text = {
         name: ParameterValue(LaunchConfiguration(name), value_type=str)
         for name in ('drone', 'tf_prefix')

@@ -1,4 +1,4 @@
-"""A recorded bag: its files and its topics."""
+"""Recorded bag with its files and topics."""
 
 import re
 import warnings
@@ -24,16 +24,16 @@ from aerarm_msgs_py.storage.read_limits import (
 
 
 class RecordedMessage(NamedTuple):
-    """A serialized message.
+    """Serialized message with its topic and times.
 
     Attributes
     ----------
     topic
-        Index of its topic in the writer's list.
+        Index of the topic in the writer's list.
     payload
         Serialized message.
     log_time
-        Time of reception [ns].
+        Time of receipt [ns].
     publish_time
         Time of publication [ns].
     sequence
@@ -47,22 +47,22 @@ class RecordedMessage(NamedTuple):
     sequence: int
 
 
-# rosbag2 writes "no limit" as the largest number of nanoseconds, split like this.
+# rosbag2 writes "no limit" as the largest number of nanoseconds, split into seconds and remainder.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """A topic to be written into a bag.
+    """Description of a topic in a bag.
 
     Attributes
     ----------
     name
-        Full name, for example '/arm/joint_states'.
+        Full topic name, for example '/arm/joint_states'.
     type
-        For example 'sensor_msgs/msg/JointState'.
+        Message type, for example 'sensor_msgs/msg/JointState'.
     depth, reliable, latched
-        Quality of service its publishers offer; `ros2 bag play` publishes with it.
+        Quality of service that its publishers offer, which `ros2 bag play` uses.
     """
 
     name: str
@@ -72,7 +72,7 @@ class RecordedTopic:
     latched: bool = False
 
     def qos_profile(self) -> dict[str, object]:
-        """Return the quality of service as rosbag2's metadata (version 9) has it."""
+        """Return the quality of service in the form of rosbag2's metadata (version 9)."""
         return {
             'history': 'keep_last',
             'depth': self.depth,
@@ -88,38 +88,38 @@ class RecordedTopic:
 
 _METADATA = bag_information.FILE
 _OTHER_STORAGES = ('.db3', f'.mcap{SUFFIX}', f'.db3{SUFFIX}')
-_MOST_NAMED = 20  # topics in a message
-_LONGEST_NAME = 100  # characters of one in a message
+_MOST_NAMED = 20  # topics listed in a message
+_LONGEST_NAME = 100  # characters of a topic's name in a message
 
 
 class Bag:
-    """A rosbag2 directory, or one file of messages by itself.
+    """A rosbag2 directory, or a single file of messages.
 
-    `metadata.yaml` isn't needed: a recorder that was killed may have left none, or an old one.
+    `metadata.yaml` is not required, because a killed recorder may have left no or an old one.
 
     Parameters
     ----------
     path
-        Directory, .mcap or .db3 file, or .bag of ROS 1.
+        Directory, .mcap or .db3 file, or ROS 1 .bag file.
     limits
-        What reading may take, whatever the files hold.
+        Limits of memory and time for reading.
 
     Attributes
     ----------
     budget
-        What is left of the limits.
+        Remaining part of the limits.
 
     Raises
     ------
     BagError
-        If there is no such path, or nothing in it is a bag.
+        If the path does not exist or contains no bag.
     """
 
     def __init__(self, path: Path | str, limits: ReadLimits | None = None) -> None:
         self.path = Path(path)
         if not self.path.exists():
             raise BagError(f'the bag {self.path} does not exist: check the path')
-        self._unused = ''  # why metadata.yaml isn't
+        self._unused = ''  # reason why metadata.yaml is not used
         self._information = self._read_information()
         paths = self._find_paths()
         self.budget = ReadBudget(self.path, _size(paths), limits)
@@ -127,14 +127,14 @@ class Bag:
         self._files = [_opened(file, self.budget) for file in paths]
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all), about a megabyte at a time.
+        """Yield the messages of given topics (None: all topics), about a megabyte at a time.
 
-        A warning says how many messages the bag's own account lists beyond those found.
+        If the bag's message count exceeds the messages found, a warning states the difference.
 
         Raises
         ------
         BagError
-            If a file can't be read, or would take more than the limits allow.
+            If a file cannot be read, or exceeds the limits.
         """
         found: dict[str, int] = {}
         for file in self._files:
@@ -168,17 +168,16 @@ class Bag:
         Raises
         ------
         BagError
-            If a file can't be read, the topic isn't in the bag, holds no messages or has
-            another type.
+            If a file cannot be read, or the bag lacks the topic, its messages or its type.
         """
         yield from self.messages_and(topic, message_type, ())
 
     def messages_and(
         self, topic: str, message_type: str, others: Collection[str]
     ) -> Iterator[MessageBlock]:
-        """Yield the messages of one topic of known type, and of others if they are there.
+        """Yield the messages of one required topic of known type, and of optional topics.
 
-        Errors are those of `messages`; nothing is asked of the other topics.
+        Raises the errors of `messages` for the required topic only.
         """
         name = '/' + topic.lstrip('/')
         empty = True
@@ -193,7 +192,7 @@ class Bag:
 
     @property
     def damaged(self) -> bool:
-        """Whether the files read so far miss their end or hold damage."""
+        """Whether the files read so far are truncated or damaged."""
         return self._report.places > 0 or any(file.damaged for file in self._files)
 
     def _check_type(self, topic: str, found: str, expected: str) -> None:
@@ -204,7 +203,7 @@ class Bag:
             )
 
     def types(self) -> dict[str, str]:
-        """Return the message type of every topic that the files read so far declare."""
+        """Return the message type of every topic declared in the files read so far."""
         return {topic: kind for file in self._files for topic, kind in file.types.items()}
 
     def _why_empty(self, topic: str) -> str:
@@ -226,10 +225,10 @@ class Bag:
         )
 
     def recorded_count(self, topic: str) -> int | None:
-        """Return how many messages of a topic the bag's own account lists.
+        """Return the number of a topic's messages according to the bag, None if unknown.
 
-        That is metadata.yaml (for a single file the one beside it, if it knows no other), or
-        what the files say at their end, once they were read. None if neither says anything.
+        The source is metadata.yaml, for a single file the one in its directory. Without it, the
+        source is the summaries of the files, once they have been read.
         """
         if self._information.counts is not None:
             return self._information.counts.get(topic, 0)
@@ -237,7 +236,7 @@ class Bag:
         return None if None in own else sum(c.get(topic, 0) for c in own if c is not None)
 
     def _read_information(self) -> BagInformation:
-        """Return what metadata.yaml says, nothing if it is missing or broken."""
+        """Return the content of metadata.yaml, empty if it is missing or damaged."""
         folder = self.path.parent if self.path.is_file() else self.path
         try:
             information = read_information(folder / _METADATA)
@@ -277,12 +276,12 @@ class Bag:
                 BagWarning,
                 stacklevel=3,
             )
-        # A killed recorder may have begun a file that its last metadata doesn't know yet.
+        # A killed recorder may have started a file that its last metadata does not list.
         return listed if set(listed) == set(present) else present
 
 
 def _files_in(folder: Path) -> list[Path]:
-    """Return the files of a bag, of one storage, in natural order."""
+    """Return the files of a bag with one storage format, in natural order."""
     try:
         names = [file for file in folder.iterdir() if file.is_file()]
     except OSError as error:
@@ -315,7 +314,7 @@ def _size(paths: list[Path]) -> int:
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:
-    """Order bag_2 before bag_10."""
+    """Return a sort key that orders bag_2 before bag_10."""
     return [
         (int(part), '') if part.isdecimal() else (-1, part)
         for part in re.split(r'(\d+)', path.name)

@@ -1,4 +1,4 @@
-"""Whether measurements are what they should be, each fault with one clear error."""
+"""Checks of calibration measurements, each with one clear error."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from aerarm_ros.calibration.observations import (
 from aerarm_ros.motion.signals import Array
 
 FEWEST = 6
-"""Postures below which nothing is estimated."""
+"""Smallest number of postures for a calibration."""
 
-_JUMP = 5e-3  # [m] change of a distance between markers of a rigid body
-_SPREADS = 6.0  # median absolute deviations of a distance that are no jump
-_ALIKE = 1e-6  # [m] markers that differ by less are one
-_MILLIMETRES = (300.0, 3000.0)  # ratio of measured and predicted motion
-_MISFIT = 0.05  # share of the arm's motion that an arm as drawn may leave unexplained
+_JUMP = 5e-3  # [m] change of the distance between two markers on a rigid body
+_SPREADS = 6.0  # median absolute deviations of a distance below which there is no jump
+_ALIKE = 1e-6  # [m] closer markers are duplicates
+_MILLIMETRES = (300.0, 3000.0)  # ratio of measured to predicted motion
+_MISFIT = 0.05  # fraction of the arm's motion that a nominal arm may leave unexplained
 _LEAST_MISFIT = 3e-3  # [m]
-_LARGEST_TURN = 12.0  # [rad] of a joint, beyond which a position is in degrees
-_FAR, _FAR_SIGMAS = 0.02, 15.0  # [m], standard deviations of a single marker's jump
-_EXPLAINED = 0.2  # of the misfit that is left when markers are exchanged, or a joint's sign
+_LARGEST_TURN = 12.0  # [rad] joint position above which the unit must be degrees
+_FAR, _FAR_SIGMAS = 0.02, 15.0  # [m] and standard deviations of a single marker's jump
+_EXPLAINED = 0.2  # remaining fraction of the misfit after exchanging markers or inverting a joint
 
 
 def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
@@ -57,11 +57,12 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def check_count(observations: Observations) -> None:
-    """Require enough postures in which something was seen.
+    """Check that enough postures have measurements.
 
     Raises
     ------
     CalibrationError
+        If there are too few.
     """
     seen = np.any([source.seen for source in observations.sources], axis=0)
     if int(seen.sum()) < FEWEST:
@@ -72,12 +73,12 @@ def check_count(observations: Observations) -> None:
 
 
 def check_positions(observations: Observations, geometry: ArmGeometry) -> list[str]:
-    """Return warnings of joints beyond their limits.
+    """Return warnings about joints beyond their limits.
 
     Raises
     ------
     CalibrationError
-        If positions are missing, or in degrees.
+        If positions are missing or in degrees.
     """
     messages = []
     robot = geometry.robot
@@ -105,12 +106,12 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
 
 
 def check_units(observations: Observations, geometry: ArmGeometry) -> None:
-    """Require that the measured motion has about the range of the arm's motion.
+    """Check that the measured motion is about as large as the arm's motion.
 
     Raises
     ------
     CalibrationError
-        If it looks like millimetres.
+        If the measurements look like millimetres.
     """
     predicted = _spread(geometry.poses(observations.q, np.zeros(len(geometry.names))).position)
     for source in observations.sources:
@@ -130,12 +131,13 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
 
 
 def check_rigid(observations: Observations) -> None:
-    """Require that markers keep their distances.
+    """Check that markers keep their distances.
 
     Raises
     ------
     CalibrationError
-        If markers are exchanged in some postures, or one jumps; it names them and the posture.
+        If markers are exchanged in some postures, or a marker jumps; the message names markers and
+        posture.
     """
     for source in observations.sources:
         if isinstance(source, MarkerSource) and len(source.names) > 1:
@@ -145,7 +147,7 @@ def check_rigid(observations: Observations) -> None:
 def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
     pairs = list(combinations(range(len(source.names)), 2))
     distance = np.array([_distances(source.position, pair) for pair in pairs])
-    together = np.isfinite(distance).any(axis=1)  # some are never seen at once
+    together = np.isfinite(distance).any(axis=1)  # some markers are never visible at the same time
     pairs, distance = (
         [p for p, is_seen in zip(pairs, together, strict=True) if is_seen],
         (distance[together]),
@@ -187,16 +189,17 @@ def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
 
 
 def check_misfit(fit: Fit) -> None:
-    """Require that the URDF describes this arm, and that no marker jumps or is exchanged.
+    """Check that the URDF matches the arm, and that no marker jumps or is exchanged.
 
     Parameters
     ----------
     fit : Fit
-        With offsets.
+        Fit with joint offsets.
 
     Raises
     ------
     CalibrationError
+        If one of these faults explains the misfit.
     """
     observations, geometry = fit.observations, fit.geometry
     reach = _spread(geometry.poses(observations.q, fit.errors).position)
@@ -211,7 +214,7 @@ def check_misfit(fit: Fit) -> None:
 
 
 def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
-    """Find markers that are exchanged in a few postures, and one that jumps."""
+    """Detect markers that are exchanged in a few postures, and a marker that jumps."""
     labels = fit.observations.labels
     vectors = residual.reshape(len(residual), len(source.names), 3)
     off = np.linalg.norm(vectors, axis=2)
@@ -255,7 +258,7 @@ def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
 
 
 def _turning_back(fit: Fit, typical: float) -> str:
-    """Return the joint whose opposite sign explains most of the motion, '' if none does."""
+    """Return the joint whose sign inversion explains most of the motion, '' if none."""
     from aerarm_ros.calibration.fit import registered
 
     observations = fit.observations
@@ -273,7 +276,7 @@ def _distances(position: Array, pair: tuple[int, int]) -> Array:
 
 
 def _spread(position: Array) -> float:
-    """Return the root mean square distance of places from their median [m]."""
+    """Return the RMS distance of positions from their median [m]."""
     seen = position[np.isfinite(position).all(axis=1)]
     if not len(seen):
         return 0.0

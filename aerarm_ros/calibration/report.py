@@ -1,4 +1,4 @@
-"""The report of a calibration: one page, and a table for the terminal."""
+"""Report of a calibration as a page, and as a table for the terminal."""
 
 from __future__ import annotations
 
@@ -47,13 +47,12 @@ _ABSORBED = (
 
 
 def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> str:
-    """Return the whole report as HTML, offline and self-contained.
+    """Return the complete report as self-contained HTML that opens offline.
 
     Parameters
     ----------
-    calibration : Calibration
     mapping : sequence of str
-        What the columns or topics of the input were taken as.
+        Interpretation of the input's columns or topics.
     """
     body = [paragraph(headline(calibration), 'lead')]
     if calibration.messages:
@@ -74,7 +73,7 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
 
 
 def headline(calibration: Calibration) -> str:
-    """Return the result in a sentence."""
+    """Return the result in one sentence."""
     observations, name = calibration.observations, 'in the fitted postures'
     if calibration.held_out:
         held = calibration.held_out[0]
@@ -119,7 +118,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def _extrapolation(calibration: Calibration, observations: Observations) -> str:
-    """Return the errors within the joint ranges that were fitted and beyond, '' if none is."""
+    """Return errors within and beyond the fitted joint ranges, '' if no posture is beyond."""
     within = calibration.within(observations)
     if within.all() or not within.any():
         return ''

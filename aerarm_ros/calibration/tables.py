@@ -1,4 +1,4 @@
-"""Postures and measurements from a table: CSV, or arrays in an .npz file."""
+"""Postures and measurements from a table: a CSV file, or arrays in an .npz file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ANGLE_UNITS = {'rad': 1.0, 'mrad': 1e-3, 'deg': np.pi / 180.0, '°': np.pi / 18
 _LARGEST = 2**28  # bytes
 _UNIT = re.compile(r'\s*[\[(]([^\[\]()]*)[\])]\s*$')
 _AXIS = r'(?P<axis>qx|qy|qz|qw|phi[xyz]|roll|pitch|yaw|[xyz])'
-# x1, qx_1, x[1]; then marker1.x, tool_x, m1/qx; then x alone.
+# Accepted forms: x1, qx_1, x[1]; marker1.x, tool_x, m1/qx; x alone.
 _FORMS = (
     re.compile(rf'^{_AXIS}[_.]?(?P<name>\d+)$', re.IGNORECASE),
     re.compile(rf'^{_AXIS}\[(?P<name>\d+)\]$', re.IGNORECASE),
@@ -29,22 +29,22 @@ _FORMS = (
     re.compile(rf'^{_AXIS}(?P<name>)$', re.IGNORECASE),
 )
 _SAME = {'phix': 'roll', 'phiy': 'pitch', 'phiz': 'yaw'}
-_UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cells of what was not seen
+_UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cell contents that mean a missing measurement
 _CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
 
 @dataclass(eq=False)
 class Measured:
-    """Measurements of one marker or pose, row by row; missing ones are NaN.
+    """Measurements of one marker or pose by row; NaN where missing.
 
     Attributes
     ----------
     position : (M, 3) ndarray
-        [m]
+        Position [m].
     rotation : (M, 3, 3) ndarray or None
-        None for a marker.
+        Rotation matrix; None for a marker.
     columns : str
-        Where it stands in the table.
+        Names of its table columns.
     """
 
     position: Array
@@ -54,22 +54,22 @@ class Measured:
 
 @dataclass(eq=False)
 class PostureTable:
-    """Joint positions and measurements, row by row.
+    """Joint positions and measurements by row.
 
     Attributes
     ----------
     joints : dict of str to (M,) ndarray
-        Positions [rad], of prismatic joints [m].
+        Positions [rad], for prismatic joints [m].
     measured : dict of str to Measured
-        By the name of marker or body.
+        Measurements by name of marker or body.
     contacts : dict of str to (M,) ndarray
-        By the name of the plane: 1 where the tool touches it.
+        Contacts by name of the plane; 1 where the tool touches it.
     time : (M,) ndarray or None
-        [s]
+        Time [s].
     mapping : list of str
-        What each column was taken as, in words.
+        Interpretation of each column as text.
     unused : list of str
-        Columns that mean nothing here.
+        Columns without meaning for a calibration.
     """
 
     joints: dict[str, Array] = field(default_factory=dict)
@@ -92,32 +92,32 @@ def read_postures(
     rename: Mapping[str, str] | None = None,
     prismatic: Collection[str] = (),
 ) -> PostureTable:
-    """Read joint positions, markers, poses and contacts.
+    """Read joint positions, markers, poses and contacts from a table.
 
-    Columns of a CSV file: a joint's name alone (`elbow`), or as the identifier reads it
-    (`q_elbow`, `elbow.position [deg]`); markers as `x1, y1, z1` or `tip.x [mm], tip.y, tip.z`;
-    poses with `qx, qy, qz, qw` or `roll, pitch, yaw` (also `phix1 ...`) added; `contact_table`
-    with 0 or 1. Empty cells were not seen. Arrays of an .npz file: `q` (M, n) with `joint_names`,
-    `markers` (M, K, 3) with `marker_names`, `time`.
+    Accepted columns of a CSV file are a joint's name (`elbow`) or the identifier's names
+    (`q_elbow`, `elbow.position [deg]`). Markers have columns `x1, y1, z1` or `tip.x [mm], tip.y,
+    tip.z`. Poses have additional columns `qx, qy, qz, qw` or `roll, pitch, yaw` (also `phix1 ...`).
+    Contacts have a column such as `contact_table` with 0 or 1. Empty cells mean missing
+    measurements. An .npz file contains the arrays `q` (M, n) with `joint_names`, `markers` (M, K,
+    3) with `marker_names`, and `time`.
 
     Parameters
     ----------
-    path : Path
     known_joints : collection of str
         Driven joints of the URDF.
     length_unit : str
-        Of positions whose column states none: 'm' (also if empty), 'cm', 'mm'.
+        Unit of positions whose column states none: 'm' (also if empty), 'cm', 'mm'.
     degrees : bool
-        Whether angles are in degrees where their column states no unit.
+        Whether angles are in degrees if their column states no unit.
     rename : mapping, optional
-        Names of the table's joints to the URDF's.
+        URDF joint name by name in the table.
     prismatic : collection of str
-        Those of the joints whose positions are lengths [m], degrees or not.
+        Joints whose positions are lengths [m], independent of `degrees`.
 
     Raises
     ------
     CalibrationError
-        If it cannot be read, or has no joint or nothing that was measured.
+        If the file cannot be read, or contains no joint or no measurements.
     """
     try:
         if path.stat().st_size > _LARGEST:
@@ -145,7 +145,7 @@ def read_postures(
 
 
 class _Reader:
-    """Sorts columns by what they mean."""
+    """Assigns table columns to joints, markers, poses and contacts."""
 
     def __init__(
         self,
@@ -210,7 +210,7 @@ class _Reader:
         return False
 
     def _numbered_joints(self, columns: Mapping[str, Array]) -> None:
-        """Take `q1 ... qn` as the URDF's joints in turn, where no column is named by a joint."""
+        """Use `q1 ... qn` as the URDF's joints in order if no column has a joint name."""
         if self._table.joints:
             return
         numbered = []
@@ -304,7 +304,7 @@ class _Reader:
 
 
 def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
-    """Return the rotations (M, 3, 3) of quaternions or roll, pitch and yaw; None without."""
+    """Return rotations (M, 3, 3) from quaternions or roll, pitch and yaw; None without either."""
     for keys in (('qx', 'qy', 'qz', 'qw'), ('roll', 'pitch', 'yaw')):
         if not all(key in axes for key in keys):
             continue
@@ -323,7 +323,7 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
 
 
 def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
-    """Return the columns, and note those that hold other things than numbers."""
+    """Return the columns, and store the names of non-numeric ones in `wrong`."""
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         header = file.readline().lstrip('#').strip()
         found = [d for d in (';', '\t', ',') if d in header]

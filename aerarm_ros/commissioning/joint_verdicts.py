@@ -1,4 +1,4 @@
-"""What the measurements of one joint say about its motor, encoder, gear and driver."""
+"""Evaluation of one joint's measurements: motor, encoder, gear and driver."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.commissioning_probe import REACH, SPEED, ProbeReport
 
 RATIO_TOLERANCE = 0.05
-_NOT_TURNED = 0.2  # share of the turn that an encoder has to count at least
-_ALSO_TURNED = 0.25  # share of the turn by which another joint may be carried along
+_NOT_TURNED = 0.2  # least fraction of the turn that an encoder must count
+_ALSO_TURNED = 0.25  # fraction of the turn by which another joint may move along
 _PULSES_OFF = 2
-_RETURN_TOLERANCE = 0.05  # [rad] at the joint, of a hand that places it twice
-_NOT_DRIVEN = 0.5  # share of the way that a drive has to reach
+_RETURN_TOLERANCE = 0.05  # [rad] at the joint, placement error of a hand between two placements
+_NOT_DRIVEN = 0.5  # least fraction of the travel that a drive must reach
 _DELIVERED = (0.8, 1.2)
-# Friction of a made gear beside the configuration's: 30 % of spread, and what a gear of a printed
-# part runs in by; the allowance is for joints with hardly any.
+# Friction of a real gear relative to the configured one: 30 % spread, and running-in of printed
+# gears. The allowance applies to joints with almost no friction.
 _FRICTION = (0.3, 2.0)
 _FRICTION_ALLOWANCE = 0.05  # [Nm]
 _TURN = 2.0 * pi
@@ -27,23 +27,23 @@ Measured = dict[str, float]
 def turn_findings(
     config: ArmConfig, joint: int, turn: float, report: ProbeReport
 ) -> tuple[Findings, Measured]:
-    """Judge a joint that a hand turned while the motors were off.
+    """Evaluate a joint that a person turned with motors off.
 
     Parameters
     ----------
     config
-        The arm.
+        Configuration of the arm.
     joint
-        Its number.
+        Number of the joint.
     turn
-        Angle by which it was turned [rad], positive in the joint's direction.
+        Angle of the turn [rad], positive in the joint's direction.
     report
-        Of the bridge, since before the turn.
+        Bridge report that covers the whole turn.
 
     Returns
     -------
     findings
-        What is wrong, and what to check; empty for a joint as configured.
+        Problems with what to check; empty for a joint as configured.
     measured
         `reduction`: motor turns per joint turn.
     """
@@ -94,7 +94,7 @@ def turn_findings(
 
 
 def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
-    """Judge a joint that was turned back to where its turn began; arguments as `turn_findings`."""
+    """Evaluate a joint that was turned back to its start; arguments as in `turn_findings`."""
     this = config.joints[joint]
     off = this.gear.ratio * report.travel[joint]
     if abs(off) <= _RETURN_TOLERANCE:
@@ -106,15 +106,15 @@ def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findi
 
 
 def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[Findings, Measured]:
-    """Judge a joint whose motor was driven forth and back; arguments as `turn_findings`.
+    """Evaluate a joint that its motor drove back and forth; arguments as in `turn_findings`.
 
     Returns
     -------
     findings
-        What is wrong, and what to check.
+        Problems with what to check.
     measured
-        `delivered`: measured per requested current. `friction` and `load`: half the difference and
-        half the sum of the torques in both directions [Nm].
+        `delivered`: ratio of measured to requested current. `friction` and `load`: half the
+        difference and half the sum of the torques in both directions [Nm].
     """
     this = config.joints[joint]
     if report.phase != 'done' or len(report.strokes) != 2:
@@ -189,8 +189,7 @@ def pulse_offset(
     Parameters
     ----------
     home_angle
-        Motor angle of the joint's place when the report began [rad], zero at the configuration's
-        offset.
+        Motor angle at the start of the report [rad], relative to the configured offset.
     """
     angle = report.pulse_angle[joint]
     return None if angle is None else (home_angle + angle) % _TURN

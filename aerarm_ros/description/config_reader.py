@@ -1,4 +1,4 @@
-"""From a YAML mapping to a frozen dataclass, with errors that name the key."""
+"""Conversion of YAML mappings to frozen dataclasses, with errors that name the key."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ from aerarm_ros.description.resources import find_file, resource
 
 
 class DescriptionError(ValueError):
-    """Unusable URDF; the message names the joint or link and what to do."""
+    """Unusable URDF; the message names the joint or link and the remedy."""
 
 
 class ConfigError(ValueError):
@@ -22,14 +22,14 @@ class ConfigError(ValueError):
 
 
 def check_range(owner: str, key: str, value: float, low: float, high: float, unit: str) -> None:
-    """Require `low <= value <= high`.
+    """Check that `low <= value <= high`.
 
-    The ranges are wide: they catch NaN and values in a wrong unit, not poor choices.
+    The ranges are wide: they detect NaN and wrong units, not poor choices.
 
     Raises
     ------
     ConfigError
-        If the value is outside, not finite, or not a number.
+        If the value is outside the range, not finite, or not a number.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ConfigError(f'{owner}: {key} must be a number, not {value!r}')
@@ -42,12 +42,12 @@ def check_range(owner: str, key: str, value: float, low: float, high: float, uni
 
 
 def check_choice(owner: str, key: str, value: object, choices: tuple[object, ...]) -> None:
-    """Require that `value` is one of `choices`.
+    """Check that `value` is one of `choices`.
 
     Raises
     ------
     ConfigError
-        If it is another; the message lists the choices.
+        If the value is not among the choices; the message lists them.
     """
     if isinstance(value, bool) or value not in choices:
         listed = ', '.join(str(choice) for choice in choices)
@@ -55,21 +55,21 @@ def check_choice(owner: str, key: str, value: object, choices: tuple[object, ...
 
 
 def check_name(owner: str, key: str, value: object) -> None:
-    """Require a text that isn't empty.
+    """Check that a value is a non-empty text.
 
     Raises
     ------
     ConfigError
-        If it is empty or no text.
+        If the value is empty or not a text.
     """
     if not isinstance(value, str) or not value.strip():
         raise ConfigError(f'{owner}: {key} = {value!r} must be a name')
 
 
 LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-"""Loader of plain data; the one in C, where PyYAML has it, takes a tenth of the time."""
+"""Loader of plain data; PyYAML's C loader, if available, is ten times faster."""
 
-_LARGEST = 2**20  # bytes; the largest file of the suite has a tenth of it
+_LARGEST = 2**20  # bytes; ten times the suite's largest file
 _DEEPEST = 20
 _LONGEST_NUMBER = 64  # characters
 _NUMBER = re.compile(r'[-+]?[0-9][0-9a-fA-FxXob_:.+-]*')
@@ -78,10 +78,10 @@ _CLOSING = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
 
 
 class UniqueKeyLoader(LOADER):  # type: ignore[misc]
-    """Reads plain data only, and refuses a key given twice (YAML forbids it, PyYAML doesn't)."""
+    """YAML loader for plain data that rejects repeated keys, which PyYAML would accept."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a mapping, after a look for repeated keys."""
+        """Build a mapping after checking for repeated keys."""
         seen = set()
         for key_node, _ in node.value:
             key = getattr(key_node, 'value', None)
@@ -94,14 +94,14 @@ class UniqueKeyLoader(LOADER):  # type: ignore[misc]
 
 
 def read_plain(path: Path, loader: Any = UniqueKeyLoader) -> Any:
-    """Read a YAML file, see `plain_data`.
+    """Read a YAML file as plain data, see `plain_data`.
 
     Raises
     ------
     OSError
-        If it can't be read.
+        If the file cannot be read.
     ConfigError
-        If it is too large or isn't plain YAML.
+        If the file is too large or not plain YAML.
     """
     with path.open('rb') as stream:
         content = stream.read(_LARGEST + 1)
@@ -112,19 +112,19 @@ def read_plain(path: Path, loader: Any = UniqueKeyLoader) -> Any:
 
 
 def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
-    """Return the data of a YAML text.
+    """Parse a YAML text into plain data.
 
     Parameters
     ----------
-    text : str
     loader : type
-        `LOADER` or what derives from it.
+        `LOADER` or a subclass.
 
     Raises
     ------
     ConfigError
-        If it isn't YAML, gives a key twice, has anchors or aliases (by which a small text becomes
-        endless data), more bytes, deeper nesting or longer numbers than any configuration.
+        If the text is not YAML, repeats a key, or contains anchors or aliases (which can expand a
+        small text without limit). Also if size, nesting or number lengths exceed those of any
+        configuration.
     """
     if len(text) > _LARGEST:
         raise ConfigError(f'the file is larger than {_LARGEST} bytes, more than any configuration')
@@ -134,17 +134,17 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
     except ConfigError:
         raise
     except yaml.YAMLError as error:
-        # libyaml has a limit of its own, and meets it before `_check_events` sees the nesting.
+        # libyaml reaches its own limit before `_check_events` sees the nesting.
         if 'nesting depth' in str(error):
             raise ConfigError(f'nested more than {_DEEPEST} levels deep') from None
         raise ConfigError(f'not valid YAML: {" ".join(str(error).split())}') from None
     except (ValueError, TypeError, AttributeError, LookupError, OverflowError) as error:
-        # Of a value that isn't what its form or its tag says, such as 2001-99-99.
+        # A value that contradicts its form or tag, for example 2001-99-99.
         raise ConfigError(f'not valid YAML: {" ".join(str(error).split())}') from None
 
 
 def _check_events(text: str) -> None:
-    """Look through a text without building anything; needs no recursion, whatever its depth."""
+    """Check the events of a text without building data or recursion."""
     depth = 0
     for event in yaml.parse(text, Loader=LOADER):
         reason = ''
@@ -161,7 +161,7 @@ def _check_events(text: str) -> None:
 
 
 def _is_long_number(event: Any) -> bool:
-    """Tell whether a text is a long number by its form, or may be one by its tag."""
+    """Return whether a text is a long number by its form, or may be one by its tag."""
     long = len(event.value) > _LONGEST_NUMBER
     return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
 
@@ -171,13 +171,13 @@ _PREFIX = re.compile(r'([A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*/?)?')
 
 
 def check_prefix(prefix: str) -> None:
-    """Require a prefix with which every name is one that ROS's frames may have.
+    """Check that names with a prefix are valid ROS frame names.
 
     Raises
     ------
     DescriptionError
-        If it holds anything but letters, digits, underscores and single slashes, begins with
-        another than a letter, or is very long. Nothing at all is fine.
+        If the prefix contains other characters than letters, digits, underscores and single
+        slashes, does not begin with a letter, or is very long. An empty prefix is valid.
     """
     if len(prefix) > _LONGEST or not _PREFIX.fullmatch(prefix):
         raise DescriptionError(
@@ -189,16 +189,16 @@ def check_prefix(prefix: str) -> None:
 Config = TypeVar('Config')
 
 _FRACTION = re.compile(r'([-+]?\d{1,15})/(\d{1,15})')
-_LONGEST_SHOWN = 100  # characters of a wrong value in a message
+_LONGEST_SHOWN = 100  # characters of an invalid value that a message shows
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Read a YAML file that holds one mapping.
+    """Read a YAML file that contains one mapping.
 
     Raises
     ------
     ConfigError
-        If it can't be read, isn't plain YAML, repeats a key or holds something else.
+        If the file cannot be read, is not plain YAML, repeats a key or is not a mapping.
     """
     try:
         document = read_plain(path)
@@ -217,19 +217,19 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def config_path(path: Path | str | None, packaged: str) -> Path:
-    """Return the file of a configuration: the packaged one in config/ if `path` is None."""
+    """Return a configuration's path; None means the packaged file in config/."""
     return resource('config', packaged) if path is None else find_file(path)
 
 
 def load(
     path: Path | str | None, packaged: str, make: Callable[[dict[str, Any]], Config]
 ) -> Config:
-    """Return what `make` makes of a YAML file, by default of the packaged one in config/.
+    """Read a YAML file, by default the packaged one in config/, and convert it with `make`.
 
     Raises
     ------
     ConfigError
-        If the file can't be read or says something wrong; one line, with file and key.
+        If the file cannot be read or is invalid; one line, with file and key.
     """
     source = config_path(path, packaged)
     document = read_yaml(source)
@@ -240,7 +240,7 @@ def load(
 
 
 def section(document: dict[str, Any], key: str, kind: type) -> Any:
-    """Return `document[key]`, required to be a list or mapping (`kind`) with something in it."""
+    """Return `document[key]`, which must be a non-empty list or mapping (`kind`)."""
     value = document[key]
     if not isinstance(value, kind) or not value:
         name = 'mapping' if kind is dict else 'list'
@@ -249,12 +249,12 @@ def section(document: dict[str, Any], key: str, kind: type) -> Any:
 
 
 def check_keys(where: str, entry: Any, config: type, also: tuple[str, ...] = ()) -> None:
-    """Require that `entry` is a mapping with the fields of `config` (and `also`), no others.
+    """Check that `entry` is a mapping with exactly the fields of `config` and `also`.
 
     Raises
     ------
     ConfigError
-        If it isn't a mapping, or a key is missing or unknown.
+        If the entry is not a mapping, or a key is missing or unknown.
     """
     if not isinstance(entry, dict):
         raise ConfigError(f'{where} must be a mapping of keys, not {entry!r}')
@@ -272,25 +272,24 @@ def check_keys(where: str, entry: Any, config: type, also: tuple[str, ...] = ())
 
 
 def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
-    """Build the dataclass `config` from a mapping read from YAML.
+    """Build the dataclass `config` from a mapping that was read from YAML.
 
     Parameters
     ----------
     config : type
-        A dataclass whose fields are float, int, bool, str, optional floats or tuples of floats;
-        a field of another type must be given ready-made.
+        Dataclass with fields of type float, int, bool, str, optional float or tuple of floats;
+        fields of other types must be in `given`.
     where : str
-        Place in the file, for messages.
+        Location in the file, for messages.
     entry : mapping
-        One key a field; fields with a default may be left out.
+        One key per field; fields with a default are optional.
     **given
-        Fields known from elsewhere, such as the key under which the entry stood.
+        Fields from other sources, for example the key of the entry.
 
     Raises
     ------
     ConfigError
-        If a key is unknown or missing or its value isn't of the field's type, or from the
-        dataclass's own checks.
+        If a key is unknown or missing, its value has the wrong type, or the dataclass rejects it.
     """
     if not isinstance(entry, dict):
         raise ConfigError(f'{where} must be a mapping of keys, not {entry!r}')
@@ -330,7 +329,7 @@ def _convert(where: str, value: Any, hint: Any) -> Any:
 
 
 def _number(where: str, value: Any) -> float:
-    """Return a float; texts such as '1/31' and '1e-5' (which YAML 1.1 takes for text) count."""
+    """Return a float; also accept texts such as '1/31' and '1e-5' (a text in YAML 1.1)."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if isinstance(value, str):

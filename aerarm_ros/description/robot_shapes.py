@@ -1,4 +1,4 @@
-"""A robot's shapes, its mesh files read within limits."""
+"""Shapes of a robot, with size limits for mesh files."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.robot import Robot
 
 _MIB = 2**20
-# A mesh of 8 MiB is read and made convex in 10 s and 700 MB; of arms that are published, the
-# largest has 5 MiB, and all of one arm 21.
+# A mesh of 8 MiB is read and made convex in 10 s with 700 MB. The largest mesh of published arms
+# has 5 MiB, and the largest total of one arm is 21 MiB.
 _LARGEST = 8 * _MIB
 _LARGEST_TOGETHER = 32 * _MIB
 _MOST = 1000
-# Formats without compression or other files; what their size is, is how much they hold ...
+# Formats without compression or references, so their size bounds their content ...
 _FORMATS = ('.dae', '.obj', '.ply', '.stl')
-# ... but for the places of a Collada file that show another place again.
+# ... except for nodes of a Collada file that instantiate another node.
 _INSTANCE, _INSTANCE_OF_NODE = b'<instance_', b'<instance_node'
 _MOST_INSTANCES, _MOST_INSTANCES_OF_NODES = 2000, 16
 
@@ -32,16 +32,16 @@ def load_shapes(
     Parameters
     ----------
     robot
-        The arm.
+        Robot model of the arm.
     kind
-        Which shapes.
+        Visual or collision shapes.
     package_directories
-        Where `package://` meshes are looked for, besides the folders above the URDF.
+        Folders for `package://` meshes, in addition to the folders above the URDF.
 
     Raises
     ------
     DescriptionError
-        If a mesh is no plain file of a known format, or is larger than an arm needs.
+        If a mesh is not a regular file of a known format, or is too large.
     ValueError, RuntimeError
         If a mesh is missing or damaged.
     """
@@ -55,7 +55,7 @@ def load_shapes(
 
 
 def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
-    """Look at every mesh file before one is read, as often as it is named."""
+    """Check every mesh file before any is loaded, once per reference."""
     names = [mesh.get('filename', '') for mesh in ET.fromstring(urdf).iter('mesh')]
     if len(names) > _MOST:
         raise DescriptionError(
@@ -76,7 +76,7 @@ def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
 
 
 def _checked_size(file: Path) -> int:
-    """Return the bytes of a mesh file that may be read."""
+    """Return the size of a mesh file in bytes, after checking the limit."""
     if not file.is_file():
         raise DescriptionError(f'mesh {file} is not a regular file: check its path')
     if file.suffix.lower() not in _FORMATS:

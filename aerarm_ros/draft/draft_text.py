@@ -1,4 +1,4 @@
-"""A draft as YAML for people to go on from: what is a guess, and how to find it."""
+"""Draft as commented YAML, with guessed values marked and advice on how to determine them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerarm_ros.description.drive_config import GearConfig, JointConfig, MotorCo
 from aerarm_ros.draft.arm_draft import ArmDraft
 
 MARK = '# guess'
-_COLUMN = 38  # of marks
+_COLUMN = 38  # column of the marks
 _WIDTH = 100
 _PLAIN = re.compile(r'[A-Za-z_][A-Za-z_0-9]*')
 _ROTOR = 'rotor_inertia'
@@ -26,7 +26,7 @@ Values that a URDF does not contain are marked "guess". They suit emulated board
 motors. Replace each guess by the real value and delete its mark. At last, delete the line
 emulated_only."""
 
-# How each value that may be a guess is found.
+# Advice on how to determine each value that may be guessed.
 _ARM_ADVICE = {
     'profile': "layout of the boards' frames: a name of config/profiles, or a file of your own.",
     'gravity_in_base': '[m/s^2], gravity in the frame of the base link, as the base is mounted. '
@@ -77,13 +77,12 @@ _JOINT_ADVICE = {
 
 
 def arm_text(draft: ArmDraft, source: str) -> str:
-    """Return the drive train as YAML.
+    """Return the drafted drive train as YAML.
 
     Parameters
     ----------
-    draft : ArmDraft
     source : str
-        File name of the URDF, for its head.
+        File name of the URDF, for the header.
     """
     config = draft.config
     lines = [*_comment(_HEAD.format(name=config.name, source=source)), '', *_about(_ARM_ADVICE), '']
@@ -155,7 +154,7 @@ _EXCITATION_GUESSES = (
 
 
 def excitation_text(draft: ArmDraft, source: str) -> str:
-    """Return where and how far an excitation may move the arm, as YAML."""
+    """Return the excitation settings as YAML."""
     head = (
         f'Limits of an excitation of {draft.config.name}. Drafted from {source}; values that a '
         'URDF does not contain are marked "guess".'
@@ -217,7 +216,7 @@ def _list(values: Sequence[object]) -> str:
 
 
 def _number(value: object) -> str:
-    """Return a number that YAML 1.1 reads as one: its floats have a point."""
+    """Return a number as text that YAML 1.1 parses as a number; floats need a decimal point."""
     if isinstance(value, float):
         text = repr(value)
         return text if '.' in text or 'e' not in text else text.replace('e', '.0e')

@@ -1,4 +1,4 @@
-"""Files of a design: trajectories, their previews."""
+"""Files of designed trajectories."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from aerarm_ros.excitation.trajectory_designer import DesignResult, DesignSpecif
 
 
 def write_design(path: Path | str, text: str) -> None:
-    """Write a text file, whole or not at all.
+    """Write a text file, completely or not at all.
 
     Raises
     ------
     ExcitationError
-        If it cannot be written.
+        If the file cannot be written.
     """
     try:
         write_whole(Path(path), text)
@@ -39,7 +39,7 @@ FORMAT = 'aerarm_ros/fourier_trajectory/1'
 
 @dataclass(frozen=True)
 class _Document:
-    """Keys of the file; everything in `made_with` is for the reader, none of it is read back."""
+    """Keys of the file; the entries of `made_with` are informative and not read back."""
 
     format: str
     fundamental_frequency: float
@@ -50,7 +50,7 @@ class _Document:
 
 @dataclass(frozen=True)
 class _JointSeries:
-    """Coefficients of one joint [rad]."""
+    """Fourier coefficients of one joint [rad]."""
 
     bias: float
     sine: tuple[float, ...]
@@ -59,14 +59,14 @@ class _JointSeries:
 
 @dataclass(frozen=True)
 class TrajectoryFile:
-    """A trajectory, the joints it is for, and how it was made.
+    """Trajectory with its joint names and its origin.
 
     Parameters
     ----------
-    trajectory : the Fourier series.
+    trajectory : Fourier series of the joints.
     joint_names : joint of each row of the coefficients.
-    made_with : seed, condition number, margins and whatever else tells where it comes from.
-    periods : how many periods are meant to be played; None if that is left to the player.
+    made_with : information on the origin, for example seed, condition number and margins.
+    periods : number of periods to play; None if the player decides.
     """
 
     trajectory: FourierTrajectory
@@ -75,12 +75,12 @@ class TrajectoryFile:
     periods: int | None = None
 
     def save(self, path: Path | str) -> None:
-        """Write the file; an existing one is replaced as a whole or not at all.
+        """Write the file, replacing an existing one completely or not at all.
 
         Raises
         ------
         ExcitationError
-            If it cannot be written.
+            If the file cannot be written.
         """
         series = self.trajectory
         joints = {
@@ -107,12 +107,12 @@ class TrajectoryFile:
 
     @classmethod
     def load(cls, path: Path | str) -> TrajectoryFile:
-        """Read a file.
+        """Read a trajectory file.
 
         Raises
         ------
         ExcitationError
-            If it cannot be read or is no trajectory; the message names file and key.
+            If the file cannot be read or is not a trajectory; the message names file and key.
         """
         path = Path(path)
         try:
@@ -152,7 +152,7 @@ class TrajectoryFile:
         Raises
         ------
         ExcitationError
-            If the file is for other joints.
+            If the file belongs to other joints.
         """
         if set(joint_names) != set(self.joint_names):
             raise ExcitationError(
@@ -165,7 +165,7 @@ class TrajectoryFile:
 
 
 def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
-    """Return the closest approach to each kind of limit, for a file's `made_with`."""
+    """Return the smallest margin to each kind of limit, for a file's `made_with`."""
     return {
         margin.limit: {
             'subject': margin.subject,
@@ -180,7 +180,7 @@ def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
 def designed_file(
     specification: DesignSpecification, result: DesignResult, periods: int
 ) -> TrajectoryFile:
-    """Return the file of a design, to be played for some periods."""
+    """Return the trajectory file of a design, with a number of periods to play."""
     quality = result.quality
     made_with: dict[str, Any] = {
         'objective': specification.objective,

@@ -1,4 +1,4 @@
-"""What a result says about its input: signs, units, gravity, bounds."""
+"""Plausibility checks of a result's input: signs, units, gravity, bounds."""
 
 from collections.abc import Mapping
 
@@ -15,18 +15,18 @@ from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import MASS_FACTOR, Estimate
 from aerarm_ros.motion.signals import Array
 
-# [%] of torque error: predicting no torque at all leaves 100, which efforts in a much smaller
-# unit approach from below.
+# Torque error [%]. Predicting zero torque gives 100; efforts in a much smaller unit approach 100
+# from below.
 _USELESS = 90.0
-# The semidefinite program costs a few per cent of the least error, not several times it.
+# The semidefinite program increases the least error by a few per cent, not by a factor.
 _FAR_ABOVE = 3.0
 _LARGE = 10.0  # [%]
-_OTHER_UNIT = 5.0  # factor between their sizes
-_AT_BOUND = 0.01  # share of a mass
+_OTHER_UNIT = 5.0  # factor between their magnitudes
+_AT_BOUND = 0.01  # relative distance of a mass from its bound
 _CLEARLY_NEGATIVE = 3.0  # standard deviations
 
-_FAR_OFF = 20.0  # [%] of a joint's own torque
-_FOLLOWS = 0.5  # share of a residual that two columns of another joint's motion explain
+_FAR_OFF = 20.0  # [%] relative to a joint's own torque
+_FOLLOWS = 0.5  # fraction of a residual that two columns of another joint's motion explain
 
 _CHECK = (
     'check sign and unit of the effort (--effort-gain JOINT=Nm/A, or =-1), gravity (--gravity), '
@@ -45,11 +45,9 @@ def error_warnings(
     Parameters
     ----------
     solutions : mapping
-        By solver; those of `solvers.ALWAYS` are there.
+        Solutions by solver, including those of `solvers.ALWAYS`.
     bags : list of SampleColumns
-        The identification bags.
-    cad : ArmParameters
-    joints : tuple of str
+        Identification bags.
     """
     drawn, ols, sdp = (
         float(np.mean([bag.filtered for bag in solutions[name].identification]))
@@ -73,7 +71,7 @@ def error_warnings(
 
 
 def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
-    """Return which joints' torque is hardly explained."""
+    """Return warnings about joints whose torque the model barely explains."""
     warnings = []
     errors, predicted = (
         _joint_errors(part, len(joints))
@@ -95,14 +93,12 @@ def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
 def coupling_warnings(
     recommended: Solution, bags: list[SampleColumns], joints: tuple[str, ...]
 ) -> list[str]:
-    """Return which joints' residual follows another joint's motion.
+    """Return warnings about joints whose residual follows another joint's motion.
 
     Parameters
     ----------
-    recommended : Solution
     bags : list of SampleColumns
-        The identification bags.
-    joints : tuple of str
+        Identification bags.
     """
     warnings = []
     errors = _joint_errors(recommended.identification, len(joints))
@@ -118,7 +114,7 @@ def coupling_warnings(
 
 
 def _joint_errors(bags: list[BagAssessment], n: int) -> Array:
-    """Return the largest torque error of each joint on some bags, 0 where there is none [%]."""
+    """Return the largest torque error of each joint over bags, 0 without any [%]."""
     return np.asarray(np.fmax.reduce([np.zeros(n), *(bag.per_joint_filtered for bag in bags)]))
 
 
@@ -130,7 +126,7 @@ def _shares(joints: tuple[str, ...], errors: Array, told: npt.NDArray[np.bool_])
 def _followed(
     recommended: Solution, bags: list[SampleColumns]
 ) -> dict[int, tuple[int | None, float]]:
-    """Return for each joint the one whose motion explains most of its residual, and how much."""
+    """Return, per joint, the joint whose motion explains its residual best, and the fraction."""
     n = bags[0].samples.n
     couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
     found: dict[int, tuple[int | None, float]] = {}
@@ -160,16 +156,16 @@ def _followed(
 
 
 def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[str]:
-    """Return which parameters of the recommended estimate are held by their bounds.
+    """Return warnings about parameters of the recommended estimate at their bounds.
 
     Parameters
     ----------
     estimate : Estimate
-        By the semidefinite program.
+        Estimate of the semidefinite program.
     fit : ModelFit
-        Its `theta` is the solution without constraints.
+        Fit with the unconstrained solution in `theta`.
     cad_mass : (n,) ndarray
-        [kg]
+        Nominal masses [kg].
     """
     warnings = []
     ratio = estimate.inertial[:, 0] / cad_mass
@@ -222,7 +218,7 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
 
 
 def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, ...]) -> list[str]:
-    """Return joints whose torque runs against the drawing's or has another size."""
+    """Return joints whose torque differs from the model torque in sign or magnitude."""
     found = []
     for name, factor in torque_factors(bags, cad, joints).items():
         if factor < 0.0:

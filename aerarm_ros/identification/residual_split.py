@@ -1,11 +1,11 @@
-"""Split of the torque residual by its causes, so that the report can say what limits accuracy.
+"""Causes of the torque residual, which show what limits the accuracy.
 
-Two causes are random. Their size is measured: white noise of the level found in the upper half of
-the recorded spectra is added to the recording once more, and both pass the same filters. The other
-causes leave a pattern: the residual is regressed on the torques that each of them would add, less
-the part that the model's own parameters absorb. The cause that explains most comes first, then the
-one that adds most. Explained is the variance of parts of the recording that the regression has not
-seen, so chance explains next to nothing.
+Two causes are random: torque noise, and noise of position and velocity. Their size is measured:
+white noise of the level in the upper half of the recorded spectra is added to the recording again,
+and both recordings pass the same filters. All other causes have a pattern. The residual is
+regressed on the torque of each pattern, minus the part that the model's parameters absorb. Causes
+are added in order of the explained residual. The explained part is the variance in held-out parts
+of the recording, so chance explains almost nothing.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ REMEDIES: Mapping[str, str] = {
     '(do not state exact stamps)',
     REVERSAL: 'reverse less often, or pass through zero velocity faster',
 }
-"""Every cause, with what reduces it."""
+"""Remedy for each cause of the residual."""
 
 UNEXPLAINED = (
     'check geometry, tool and cables; calibrate the geometry; record a motion that is more varied'
 )
-"""What reduces a residual of no known cause."""
+"""Remedy for a residual without known cause."""
 
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
-_LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # of the gears that are searched for
+_LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # of the searched gear ratios
 _SEARCHED = 4000  # samples, enough to find a period
-_PRESLIDING = (0.003, 0.01, 0.03)  # [rad] after a reversal, until friction has its full size
-_LEAST_GAIN = 0.01  # of the mean square; less is chance
-_RIDGE = 1e-4  # keeps two patterns of the same shape from growing against each other
+_PRESLIDING = (0.003, 0.01, 0.03)  # [rad] after a reversal, until friction reaches its full value
+_LEAST_GAIN = 0.01  # of the mean square; smaller gains are due to chance
+_RIDGE = 1e-4  # prevents large opposite coefficients of similar patterns
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +68,13 @@ class ResidualSplit:
     Attributes
     ----------
     bag : str
+        Name of the bag.
     rms : (n,) ndarray
-        Root mean square of the residual [Nm].
+        RMS of the residual [Nm].
     fractions : dict of str to (n,) ndarray
-        Part of the mean square per cause, a key of `REMEDIES`; the rest is unexplained.
+        Fraction of the mean square per cause, a key of `REMEDIES`; the rest is unexplained.
     above_cutoff : (n,) ndarray
-        Part of the raw residual's mean square that the torque's low-pass removes.
+        Fraction of the unfiltered residual's mean square that the torque's low-pass filter removes.
     """
 
     bag: str
@@ -83,11 +84,11 @@ class ResidualSplit:
 
     @property
     def unexplained(self) -> Array:
-        """(n,) part of the mean square that no cause explains: model, geometry, unknown forces."""
+        """Fraction (n,) of the mean square without known cause: model, geometry, unknown forces."""
         return np.asarray(1.0 - sum(self.fractions.values()))
 
     def largest(self) -> list[str | None]:
-        """Return the largest cause per joint, None where most is unexplained."""
+        """Return the largest cause per joint, None where most of the residual is unexplained."""
         names = list(self.fractions)
         parts = np.array([*self.fractions.values(), self.unexplained])
         best = parts.argmax(axis=0)
@@ -102,19 +103,16 @@ def split_residual(
     recording: Recording,
     ratios: Array | None = None,
 ) -> ResidualSplit:
-    """Split the residual of an estimate on a recording.
+    """Split the residual of an estimate on a recording by its causes.
 
     Parameters
     ----------
-    regressor : Regressor
     conditioner : Conditioner
-        With the cut-off and delays of the identification.
-    kinematics : KinematicsFilter
-    estimate : Estimate
+        Conditioner with the cut-off and delays of the identification.
     recording : Recording
-        Both noise and patterns need some seconds of it; a minute is plenty.
+        Recording of at least some seconds; one minute is sufficient.
     ratios : (n,) ndarray, optional
-        Motor turns per joint turn; without, periods are searched for.
+        Motor turns per joint turn; without them, periods are searched.
 
     Raises
     ------
@@ -162,9 +160,9 @@ def _conditioned(
 def white_noise(values: Array) -> Array:
     """Return the standard deviation of white noise in signals (M, n).
 
-    The smaller of two estimates. The median of the upper half of the spectrum ignores a motion and
-    narrow peaks, but not steps. The median of second differences ignores steps, as those of dry
-    friction, but not a fast motion.
+    The result is the smaller of two estimates. The median over the upper half of the spectrum
+    ignores a motion and narrow peaks, but not steps. The median of second differences ignores
+    steps, such as those of dry friction, but not a fast motion.
     """
     window = np.hanning(len(values))[:, None]
     slope = np.linspace(0.0, 1.0, len(values))[:, None] * (values[-1] - values[0])
@@ -173,7 +171,7 @@ def white_noise(values: Array) -> Array:
     by_spectrum = np.sqrt(level / (window**2).sum())
     second = np.abs(np.diff(values, 2, axis=0))
     by_difference = np.median(second, axis=0) / (norm.ppf(0.75) * math.sqrt(6.0))
-    # Of a coarse encoder most differences are zero.
+    # With a coarse encoder most differences are zero.
     by_difference[by_difference == 0.0] = np.inf
     return np.asarray(np.minimum(by_spectrum, by_difference))
 
@@ -186,7 +184,7 @@ def _noise_torques(
     recording: Recording,
     bag: SampleColumns,
 ) -> dict[str, Array]:
-    """Return the filtered torque (M, n) [Nm] that measurement noise of the same level causes."""
+    """Return the filtered torque (M, n) [Nm] caused by additional noise of the measured level."""
     random = np.random.default_rng(0)
 
     def noisy(values: Array) -> Array:
@@ -202,7 +200,7 @@ def _noise_torques(
     other = _conditioned(regressor, conditioner, kinematics, again)
 
     def change(before: Array, after: Array) -> Array:
-        # Noise may move the ends of the motion by some samples.
+        # Noise may shift the ends of the motion by some samples.
         return np.asarray(CubicSpline(other.samples.time, after)(bag.samples.time) - before)
 
     predicted = [each.predict(estimate.model, estimate.theta).filtered for each in (bag, other)]
@@ -220,13 +218,13 @@ def _patterns(
     residual: Array,
     ratios: Array | None,
 ) -> dict[str, list[Array]]:
-    """Return filtered torques (M, k) that each cause would add, per cause and joint."""
+    """Return filtered torques (M, k) of each cause's pattern, by cause and joint."""
     samples = bag.samples
     inertial = estimate.theta[: 10 * samples.n]
     fine = _fine_positions(samples)
     derive = _derivative(samples)
     bends = _bent(regressor, inertial, bag, derive)
-    # A delay of the filter's period or more shows in the second derivative as well.
+    # A delay of the filter's period or more also affects the second derivative.
     rates = np.stack([derive(predicted, 1), derive(predicted, 2)], axis=2)
     absorbed = _Absorption(bag, estimate)
     patterns = {
@@ -242,7 +240,7 @@ def _patterns(
 
 
 class _Absorption:
-    """Least squares of the model's parameters, which hides a part of every pattern."""
+    """Least-squares fit of the model's parameters, which absorbs a part of every pattern."""
 
     def __init__(self, bag: SampleColumns, estimate: Estimate) -> None:
         samples, model = bag.samples, estimate.model
@@ -261,7 +259,7 @@ class _Absorption:
         self._inverse = np.linalg.pinv(sum(r.T @ r for r in used), rcond=1e-12, hermitian=True)
 
     def rest(self, pattern: Array, joint: int) -> Array:
-        """Return what the parameters leave of a torque (M, k) of one joint [Nm]."""
+        """Return the part of a joint's torque (M, k) that the parameters do not absorb [Nm]."""
         rows, usable = self._rows[joint], self._usable[:, joint]
         return np.asarray(pattern - rows @ (self._inverse @ (rows[usable].T @ pattern[usable])))
 
@@ -281,7 +279,7 @@ def _derivative(samples: Samples) -> Callable[[Array, int], Array]:
 def _ripple(
     samples: Samples, fine: Array, residual: Array, joint: int, ratios: Array | None
 ) -> Array:
-    """Return waves over the angle of joint and motor, those of the motor searched if unknown."""
+    """Return sinusoids of joint angle and motor angle; an unknown gear ratio is searched."""
     rows = np.flatnonzero(samples.measured[:, joint])
     angle, left = samples.q[rows, joint], residual[rows, joint]
     orders = [1.0, 2.0]
@@ -298,11 +296,11 @@ def _ripple(
 def _bent(
     regressor: Regressor, inertial: Array, bag: SampleColumns, derive: Callable[[Array, int], Array]
 ) -> Array:
-    """Return the torque (n, M, n + 1) per compliance of each joint [rad], and of the joint's rotor.
+    """Return the torque (n, M, n + 1) per compliance of each joint and of the joint's rotor [rad].
 
-    A gear of compliance c puts the link at q - c tau when the encoder is on its motor (one column
-    per gear, by a small difference of the rigid model), or the rotor at q + c tau when it is on
-    the link.
+    A gear of compliance c places the link at q - c tau if the encoder is on the motor (one column
+    per gear, by a finite difference of the rigid model). If the encoder is on the link, the rotor
+    is at q + c tau.
     """
     samples = bag.samples
     tau = bag.links_torque(inertial)
@@ -316,12 +314,12 @@ def _bent(
         bent = regressor.stack_rigid(*moved) @ inertial
         columns.append(samples.coarse_filter((bent - tau) / small))
     rotor = samples.coarse_filter(second)
-    together = np.stack(columns, axis=2)  # (M, joint of the torque, joint that bends)
+    together = np.stack(columns, axis=2)  # (M, joint of the torque, compliant joint)
     return np.concatenate([together, rotor[:, :, None]], axis=2).transpose(1, 0, 2)
 
 
 def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
-    """Return friction that is missing after a reversal, per distance that it takes to build up."""
+    """Return the friction missing after a reversal, one column per distance of its build-up."""
     direction = np.where(samples.dq_fine[:, joint] < 0.0, -1.0, 1.0)
     turned = np.flatnonzero(np.diff(direction)) + 1
     last = np.zeros(len(angle), dtype=np.intp)
@@ -329,14 +327,14 @@ def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
     gone = np.abs(angle - angle[np.maximum.accumulate(last)])
     missing = [direction * np.exp(-gone / distance) for distance in _PRESLIDING]
     columns = np.column_stack(missing)
-    columns[: turned[0] if len(turned) else None] = 0.0  # nothing is known of an earlier reversal
+    columns[: turned[0] if len(turned) else None] = 0.0  # an earlier reversal is unknown
     return samples.fine_filter(columns)
 
 
 def _explained(
     residual: Array, patterns: Mapping[str, Array], fold: npt.NDArray[np.intp]
 ) -> dict[str, float]:
-    """Return the gain of each pattern, the one that explains most first (forward selection)."""
+    """Return the gain of each pattern by forward selection, the largest first."""
     gains = dict.fromkeys(patterns, 0.0)
     chosen: list[str] = []
     known = 0.0
@@ -355,7 +353,7 @@ def _explained(
 
 
 def _unseen_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
-    """Return the part of the mean square that patterns explain in the fold left out."""
+    """Return the fraction of the mean square that patterns explain in the held-out fold."""
     columns = np.hstack(groups)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     products = [columns[fold == k].T @ columns[fold == k] for k in range(FOLDS)]

@@ -48,13 +48,14 @@ _MEANING = {
     'e_stop': 'damp the arm at once, until clear_fault',
     'put_back': f'{_FAKE} with motors off: reset the arm to its initial configuration',
 }
-# Which bridges are asked, if none is named.
+# Bridges that receive a request without a bridge's name.
 _WHO = {
     'e_stop': 'all bridges of this namespace, or all bridges if it has none',
     'disable': 'every bridge of this namespace, of any name',
     'put_back': _FAKE,
 }
-# What runs another executable: its name, the parameter that is given, and what it is.
+# Commands that run another executable: its name, the parameter to set, and the parameter's
+# meaning.
 _PROGRAMS = {
     'play': (
         'excitation',
@@ -73,17 +74,17 @@ _CALIBRATE = (
 _INIT = 'write a first configuration of an arm from its URDF'
 _COMMISSION = 'guide through the first power-on, joint by joint: THE ARM MOVES after a confirmation'
 _TIMEOUT = 20.0  # [s]
-# Twice what a new node needs at worst until it is told of a bridge.
+# Twice the longest time in which a new node discovers a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
 
 
 class Arm:
-    """One request, on the command line.
+    """Command-line client that sends one request.
 
     Attributes
     ----------
     status
-        Exit status after `run`: 0 when what was asked was done.
+        Exit status after `run`; 0 if the request succeeded.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -110,7 +111,10 @@ def _say_wait(what: str) -> None:
 
 
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    """Return a call of the bridge's service, made ready: discovery takes its time."""
+    """Return a function that calls the bridge's service.
+
+    The service client is created now, because discovery takes time.
+    """
     bridges = options.bridge or ([_FAKE] if options.command == 'put_back' else [])
     actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
     everywhere = getattr(options, 'all', False)
@@ -118,7 +122,7 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
     def ask() -> None:
         if options.wait_before:
-            # An arm that is where it shall end up need not come from there.
+            # An arm that is already in the final mode need not reach the first one.
             modes = [options.wait_before, *(options.wait or ())]
             client.wait_for_mode(modes, options.timeout)
         action = options.command
@@ -127,7 +131,7 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
             action = 'home' if client.mode == 'unhomed' else action
         if options.command in STOPS:
             for answer in client.stop(options.command, options.timeout):
-                print_answer(answer)  # the stop goes on, whoever hears of it
+                print_answer(answer)  # The stop continues even if the answer is lost.
         else:
             print(client.call(action, options.timeout), flush=True)
         if options.wait:
@@ -178,7 +182,7 @@ def _fault(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    # Only now: no other command needs the arm's model, which takes a second to load.
+    # Late import, because this command's model of the arm takes a second to load.
     from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
 
     return CommissioningRun(node, options).run
@@ -191,7 +195,7 @@ def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return what reads the command line."""
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog=NAME,
         description='Send one request to the bridge or another node and print the result.',
@@ -206,7 +210,7 @@ def make_parser() -> argparse.ArgumentParser:
     def add(name: str, meaning: str, make_request: MakeRequest) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=meaning, description=meaning)
         command.set_defaults(make_request=make_request)
-        # Who needs a stop is told sooner that there is no bridge.
+        # A stop request must report a missing bridge sooner.
         timeout = _STOP_TIMEOUT if name == 'e_stop' else _TIMEOUT
         command.add_argument(
             '--timeout',
@@ -366,7 +370,7 @@ def _add_init(command: argparse.ArgumentParser) -> None:
 
 
 def _init(options: argparse.Namespace) -> int:
-    # Only now: no other command needs the libraries, which take a second to load.
+    # Late import, because this command's libraries take a second to load.
     from aerarm_ros.ros.programs.init_run import InitRun
 
     try:
@@ -397,7 +401,7 @@ def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
 
 
 def finite_number(text: str) -> float:
-    """Return a number of the command line; ValueError if it is none, infinite or NaN."""
+    """Convert text of the command line to a finite number; raises ValueError."""
     value = float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -405,7 +409,7 @@ def finite_number(text: str) -> float:
 
 
 def positive_number(text: str) -> float:
-    """Return a number of the command line; ValueError unless it is above zero and finite."""
+    """Convert text of the command line to a finite number above zero; raises ValueError."""
     value = finite_number(text)
     if value <= 0.0:
         raise ValueError(text)
@@ -413,9 +417,9 @@ def positive_number(text: str) -> float:
 
 
 def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
-    """Run another executable instead of this one; Ctrl-C is its own."""
+    """Replace this process by another executable, which then receives Ctrl-C."""
     executable, parameter, *_ = _PROGRAMS[options.command]
-    given = f'{parameter}:={json.dumps(options.what)}'  # whatever it looks like, it is text
+    given = f'{parameter}:={json.dumps(options.what)}'  # always a text
     begin = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     command = [sys.executable, '-m', 'aerarm_ros.executables', executable]
     sys.stdout.flush()
@@ -423,7 +427,7 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
 
 
 def _completion() -> str:
-    """Return what makes bash or zsh ask each executable for completions."""
+    """Return the script with which bash or zsh completes the arguments of all executables."""
     from argcomplete.shell_integration import shellcode
 
     names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))

@@ -1,4 +1,4 @@
-"""Moves the arm along an excitation trajectory, one command for every joint state.
+"""Move the arm along an excitation trajectory, with one command per joint state.
 
 Usage: ros2 run aerarm_ros excitation --ros-args -p seed:=1 -p periods:=2
 """
@@ -78,7 +78,7 @@ PARAMETERS = ParameterTable(
 
 
 class ExcitationNode:
-    """Waits for the arm, plans from its present configuration, plays, and reports the result.
+    """Wait for the arm, plan from its present configuration, play, and report the result.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class ExcitationNode:
         self._parameters = PARAMETERS.declare(self._node)
         arm, robot = load_arm(self._parameters)
         self._names = arm.joint_names
-        self._own_names = tuple(map(robot.own_name, self._names))  # of the trajectory's file
+        self._own_names = tuple(map(robot.own_name, self._names))  # names in the file
         self._setup = load_setup(self._parameters, arm, robot)
         self._periods = self._parameters.periods or DEFAULT_PERIODS
         self._trajectory = self._get_trajectory()
@@ -117,7 +117,7 @@ class ExcitationNode:
         self._plan = PlanTopic(self._node, self._names, lambda: states.stamp_ns, self._ahead)
 
     def run(self) -> None:
-        """Play the trajectory; `status` is the exit status."""
+        """Play the trajectory and set `status` to the exit status."""
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
                 self._run()
@@ -155,7 +155,7 @@ class ExcitationNode:
         self._conclude()
 
     def _get_trajectory(self) -> FourierTrajectory:
-        """Load or draw the trajectory, inside the limits, and save it if asked to."""
+        """Load or draw a trajectory inside the limits, and save it if the user asked for it."""
         values, setup = self._parameters, self._setup
         if values.trajectory:
             file = TrajectoryFile.load(values.trajectory)
@@ -218,7 +218,7 @@ class ExcitationNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; the exit status is 0 only if the whole trajectory was played, undamped."""
+    """Run the node; return 0 if the whole trajectory was played without damping."""
     return run_node(NAME, ExcitationNode, args, PARAMETERS, __doc__)
 
 

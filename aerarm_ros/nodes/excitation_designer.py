@@ -1,4 +1,4 @@
-"""Designs an excitation trajectory that `excitation` plays; needs no running ROS.
+"""Design an excitation trajectory for the `excitation` node; needs no running ROS.
 
 Usage: ros2 run aerarm_ros excitation_designer --out trajectory.yaml --preview trajectory.html
 """
@@ -18,10 +18,11 @@ NAME = 'excitation_designer'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Design; return 0 if a trajectory was written, 2 if there is something to check, or 130."""
+    """Design a trajectory; return 0 if it was written, 2 for an invalid input, 130 after a stop."""
     stops: list[bool] = []
     with StopSignals(lambda: stops.append(True)):
-        # Only now: loading the libraries takes seconds, in which a Ctrl-C is to be a request too.
+        # Imported here: loading the libraries takes seconds, in which Ctrl-C must also be a stop
+        # request.
         from aerarm_ros.excitation.settings import DesignStoppedError
         from aerarm_ros.ros.programs.design_run import DesignRun
 

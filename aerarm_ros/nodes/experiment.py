@@ -1,8 +1,8 @@
-"""The experiment of thesis 5.4: dynamic controllers on the simulated arm.
+"""Run the experiment of thesis 5.4: dynamic controllers on the simulated arm.
 
-Runs reference trajectories with gravity compensation and computed torque, CAD and true
-parameters, with and without disturbance observer, the drone still, tilted and moving; prints
-a table of errors and writes an HTML page.
+The arm follows reference trajectories with gravity compensation and computed torque, with CAD and
+true parameters, with and without disturbance observer. The drone is still, tilted or moving. The
+program prints a table of errors and writes an HTML page.
 """
 
 import argparse
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         truth, origin = _truth(config, robot, options)
         motion = _motion(config, robot, options)
         cases = _cases(options.only)
-        options.out.mkdir(parents=True, exist_ok=True)  # before minutes of work
+        options.out.mkdir(parents=True, exist_ok=True)  # fail before the long computation
     except (ValueError, OSError) as error:
         print(f'{NAME}: {error}', file=sys.stderr)
         return 1
@@ -107,14 +107,14 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _file(text: str) -> Path | None:
-    """Return a path; no text, as a launch file gives it, is no file."""
+    """Convert text to a path; return None for the empty text that a launch file passes."""
     return Path(text) if text else None
 
 
 def _truth(
     config: ArmConfig, robot: Robot, options: argparse.Namespace
 ) -> tuple[PlantParameters, str]:
-    """Return the plant's parameters and where they come from."""
+    """Return the simulated arm's parameters and their source."""
     nominal = PlantParameters.nominal(config, robot)
     if options.identified is None:
         return nominal.perturbed(options.arm_seed), f'the arm of seed {options.arm_seed}'
@@ -130,7 +130,7 @@ def _truth(
 
 
 def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> RampedExcitation:
-    """Draw a trajectory that is safe to play."""
+    """Draw a trajectory that respects the arm's limits."""
     settings = load_excitation_config()
     setup = ExcitationSetup.of_arm(robot, config, settings)
     candidates = RandomTrajectory(

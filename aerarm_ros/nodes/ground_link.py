@@ -1,8 +1,8 @@
-"""Connects drone and ground: the drone's topics and services appear on the ground.
+"""Connect drone and ground: the drone's topics and services appear on the ground.
 
-The 1 kHz topics stay on the drone; this relay sends decimated states, diagnostics and the mode to
-the ground, and commands, service requests and the e-stop to the drone, over one encrypted
-connection of at most 0.3 Mbit/s and 100 packets per second. Run it once on each host.
+The 1 kHz topics stay on the drone. This relay sends decimated states, diagnostics and the mode to
+the ground, and sends commands, service requests and the e-stop to the drone. One encrypted
+connection carries at most 0.3 Mbit/s and 100 packets per second. Run the node on each host.
 
 Usage: ros2 run aerarm_ros ground_link --ros-args -p role:=ground -p drone:=ADDRESS
 """
@@ -70,7 +70,7 @@ PARAMETERS = ParameterTable(
 
 
 class GroundLink:
-    """One end of the connection.
+    """Drone end or ground end of the connection.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class GroundLink:
         self._end = (DroneEnd if is_drone else GroundEnd)(self._node, values, key)
 
     def run(self) -> None:
-        """Relay until stopped."""
+        """Relay messages until stopped."""
         with StopSignals(self._stop), BackgroundExecutor(self._node):
             prepare_thread(self._values, self._node.get_logger())
             while not self._is_over and rclpy.ok():

@@ -1,8 +1,9 @@
-"""Forwards set points to an autopilot over MAVLink, with what the arm's motion takes.
+"""Forward set points to an autopilot over MAVLink, with feedforward of the arm's motion.
 
-For teams without MAVROS and without a DDS agent. Set points: flight_set_point, sent again and
-again, or flight_trajectory. The node publishes the autopilot's odometry, imu and rotor_command for
-the arm. It neither arms nor changes a mode, but for its services ~/arm, ~/disarm and ~/offboard.
+The node is for vehicles without MAVROS and DDS agent. Set points arrive on flight_set_point, sent
+repeatedly, or on flight_trajectory. The node publishes the autopilot's odometry, imu and
+rotor_command for the arm. Only the services ~/arm, ~/disarm and ~/offboard arm the autopilot or
+change its mode.
 """
 
 import sys
@@ -44,8 +45,8 @@ from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock
 
 NAME = 'mavlink_feedforward'
-_LISTEN = 0.002  # [s] that a look at the line takes at most
-_REMEMBERED = 5.0  # [s] for which a rejection is a warning
+_LISTEN = 0.002  # [s] longest wait for data on the MAVLink line
+_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 _REPLY = 2.0  # [s] for which a service waits for the autopilot's answer
 _WORLD = 'odom'
 
@@ -90,12 +91,12 @@ PARAMETERS = ParameterTable(
 
 
 class MavlinkFeedforward:
-    """One line to one autopilot.
+    """MAVLink connection to one autopilot.
 
     Raises
     ------
     ValueError
-        If the line cannot be opened, no drone is given, or its outputs are wrong.
+        If the line cannot be opened, no drone is given, or the output channels are wrong.
     """
 
     def __init__(self) -> None:
@@ -150,7 +151,7 @@ class MavlinkFeedforward:
             node.create_service(Trigger, f'~/{name}', act, callback_group=group)
 
     def run(self) -> None:
-        """Forward until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Forward set points until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         executor = SingleThreadedExecutor()
         executor.add_node(self.node)
         with StopSignals(self._on_stop):
@@ -164,7 +165,7 @@ class MavlinkFeedforward:
         self._line.close()
 
     def _listen(self, patience: float) -> None:
-        """Take what the autopilot sent, and publish it."""
+        """Receive the autopilot's messages and publish them."""
         try:
             messages = self._line.messages(patience)
         except OSError as error:
@@ -213,7 +214,7 @@ class MavlinkFeedforward:
         if target is None or not self._autopilot.is_linked(now):
             self._set_points.reset()
             return
-        if state is None:  # nothing of the arm can be added: its axes are not known
+        if state is None:  # Without the vehicle's axes the arm's feedforward cannot be added.
             state = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
             arm = FeedForward.at_rest(arm.body)
             if self._set_points.needs_state:
@@ -223,7 +224,7 @@ class MavlinkFeedforward:
         self._sent += 1
 
     def _wanted(self, now: float) -> FlightTarget | None:
-        """Return where the drone shall be, None where nobody says so."""
+        """Return the drone's target, or None without a valid set point."""
         if self._path is not None:
             begin, path = self._path
             if now <= begin + path.duration:
@@ -329,7 +330,7 @@ class MavlinkFeedforward:
 
 
 def _channels(values: Any, count: int) -> list[int]:
-    """Return the index of each rotor's output; raises ValueError."""
+    """Convert the output numbers to one index per rotor; raises ValueError."""
     given = list(values.output_channels) or list(range(1, count + 1))
     if len(given) != count or len(set(given)) != count or not all(0 < x <= 32 for x in given):
         raise ValueError(

@@ -1,9 +1,9 @@
-"""Plans motions from where the arm is to goals, and sends them to the controller.
+"""Plan motions from the arm's present configuration to goals, and send them to the controller.
 
 A goal is a `sensor_msgs/JointState` with positions on `joint_goal`, or a
-`geometry_msgs/PointStamped`, where the tool shall be, on `tool_goal`. Out goes a
-`joint_trajectory`; `plan_status` tells what came of the goal, as a JSON object: which goal and
-which trajectory by the stamps of both.
+`geometry_msgs/PointStamped` with the tool's position on `tool_goal`. The node publishes the
+planned motion on `joint_trajectory`. The node publishes the result of planning on `plan_status`,
+as a JSON object with the stamps of goal and trajectory.
 """
 
 from __future__ import annotations
@@ -94,12 +94,12 @@ PLANNER_PARAMETERS = (
 
 
 def plan_settings(values: SimpleNamespace) -> dict[str, object]:
-    """Return the `PlanSettings` of the parameters."""
+    """Return the arguments of `PlanSettings` from the node's parameters."""
     return {parameter.name: getattr(values, parameter.name) for parameter in _SETTINGS}
 
 
 def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
-    """Return the planner; raises ValueError with what to check."""
+    """Create the planner; raises ValueError."""
     model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
     setup = load_setup(values, config, robot)
     planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]
@@ -112,12 +112,12 @@ def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Mo
 NAME = 'motion_planner'
 PARAMETERS = ParameterTable(*PLANNER_PARAMETERS)
 
-_PERIOD = 0.02  # [s] between two looks for a goal
+_PERIOD = 0.02  # [s] period of checks for a goal
 _AT_REST = 0.05  # [rad/s]
 
 
 class MotionPlannerNode:
-    """Goals in, a `MotionPlanner`, trajectories out.
+    """Receive goals, plan with `MotionPlanner` and publish trajectories.
 
     Attributes
     ----------
@@ -136,13 +136,13 @@ class MotionPlannerNode:
         self._requests: deque[Callable[[], None]] = deque()
         self._values = PARAMETERS.declare(self._node, self._on_parameter, payload_problem)
         config, robot = load_arm(self._values)
-        Kinematics(robot, self._values.frame)  # refuses a link that the arm has not
+        Kinematics(robot, self._values.frame)  # raises if the arm has no such link
         self._limits = JointLimits.from_config(config)
         self._base = robot.base_link
         self._names = config.joint_names
         self._planner = make_planner(self._values, config, robot)
         self._state: Array | None = None
-        self._asked = Time()  # stamp of the goal that is planned for
+        self._asked = Time()  # stamp of the goal for which a motion is being planned
         self._states = StateSampler(self._node, self._names)
         self._trajectories, self._told = (
             self._node.create_publisher(topic.type, topic.name, topic.offered)
@@ -158,7 +158,7 @@ class MotionPlannerNode:
         self._loop = PeriodicLoop(_PERIOD)
 
     def run(self) -> None:
-        """Plan until stopped."""
+        """Plan motions until stopped."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
@@ -190,7 +190,8 @@ class MotionPlannerNode:
         self._send(planner.plan_tool(self._start(), place, values.frame, values.hold_time))
 
     def _start(self) -> Array:
-        # Now, after the goal has come: who asks has seen the arm at rest.
+        # Read the state after the goal arrived: the client saw the arm at rest before sending the
+        # goal.
         newest = self._states.newest()
         self._state = self._state if newest is None else newest
         if self._state is None:
@@ -210,7 +211,7 @@ class MotionPlannerNode:
         return np.array(q)
 
     def _send(self, plan: MotionPlan) -> None:
-        self._states.newest()  # time has passed while it was planned
+        self._states.newest()  # Planning took time.
         lead_ns = round(self._values.lead * 1e9)
         begin_ns = self._states.stamp_ns + lead_ns if lead_ns else 0
         message = trajectory_message(plan.path, self._names, begin_ns)

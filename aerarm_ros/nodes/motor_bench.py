@@ -1,4 +1,4 @@
-"""Measures friction, inertia, torque constant, resistance and backlash of the drives, thesis 4.4.
+"""Measure friction, inertia, torque constant, resistance and backlash of the drives, thesis 4.4.
 
 Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
 """
@@ -101,7 +101,7 @@ PARAMETERS = ParameterTable(
 
 
 class MotorBenchNode:
-    """Moves one joint at a time, measures, and writes the drives' parameters.
+    """Move one joint at a time, measure, and write the drives' parameters.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class MotorBenchNode:
         self._values = values = PARAMETERS.declare(self._node)
         self._source = config_path(values.config or None, 'aerarm.yaml')
         arm, self._robot = load_arm(values)
-        # What is measured is told, and written, by the names that the arm has in its files.
+        # Messages and results use the joint names of the arm's files.
         self._config = load_arm_config(values.config or None)
         names = self._config.joint_names
         self._setup = load_setup(values, arm, self._robot)
@@ -156,7 +156,7 @@ class MotorBenchNode:
         self._arm_at_end = ArmAtEnd(self._node, values)
 
     def run(self) -> None:
-        """Measure; `status` is the exit status."""
+        """Measure the drives and set `status` to the exit status."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
@@ -258,7 +258,7 @@ class MotorBenchNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the bench; the exit status is 0 only if everything was measured and written."""
+    """Run the bench; return 0 only if every drive was measured and the results were written."""
     return run_node(NAME, MotorBenchNode, args, PARAMETERS, __doc__)
 
 

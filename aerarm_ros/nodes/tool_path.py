@@ -1,4 +1,4 @@
-"""Publishes the path of the tool as nav_msgs/Path, for RViz and Foxglove.
+"""Publish the path of the tool as nav_msgs/Path, for RViz and Foxglove.
 
 Usage: ros2 run aerarm_ros tool_path
 """
@@ -45,7 +45,7 @@ PARAMETERS = ParameterTable(
 
 
 class ToolPath:
-    """Samples the joint states and keeps the last points of the tool.
+    """Sample the joint states and publish the latest points of the tool.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class ToolPath:
         self._loop = PeriodicLoop(1.0 / values.rate)
 
     def run(self) -> None:
-        """Publish until stopped."""
+        """Publish the tool's path until stopped."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 

@@ -1,4 +1,4 @@
-"""The campaign as a page with plots."""
+"""Page with plots of the energy campaign."""
 
 from typing import Any
 
@@ -16,20 +16,20 @@ OTHERS = (QUINTIC, TRAPEZOID)
 def energy_page(
     found: EnergyFigures, standby: float, watt_hours: float, note: str, refused: list[str]
 ) -> str:
-    """Return the page as HTML.
+    """Return the page of the energy campaign as HTML.
 
     Parameters
     ----------
     found
-        What was measured.
+        Measured figures.
     standby
-        Power of the boards with no current in a motor [W].
+        Power of the boards without motor current [W].
     watt_hours
-        The battery [Wh].
+        Energy of the battery [Wh].
     note
-        What was played.
+        Description of the played moves.
     refused
-        Moves that were not played to their end, and why.
+        Moves that were not completed, with the reason.
     """
     names = list(found.by_shape)
     rows = found.rows(standby, watt_hours)

@@ -1,4 +1,4 @@
-"""A campaign of flights as a page with plots and replays."""
+"""Page with plots and replays of a flight campaign."""
 
 from pathlib import Path
 from typing import Any
@@ -13,25 +13,25 @@ from aerarm_ros.description.resources import write_whole
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
 
-_THINNED = 8  # one in so many states is drawn
+_THINNED = 8  # draw one in so many states
 
 
 def write_page(path: Path, results: FlightResults, note: str) -> None:
-    """Write the page, and say where; parameters as of `flight_page`."""
+    """Write the page and print its path; parameters as in `flight_page`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, flight_page(results, note))
     print(f'Page      {path}')
 
 
 def flight_page(results: FlightResults, note: str) -> str:
-    """Return the page as HTML.
+    """Return the page of the flight campaign as HTML.
 
     Parameters
     ----------
     results
-        What was flown.
+        Results of all flights.
     note
-        With what.
+        Description of the settings.
     """
     body = [paragraph(note, 'lead')]
     for drone, flights in results.records.items():
@@ -64,7 +64,7 @@ def flight_page(results: FlightResults, note: str) -> str:
 
 
 def _told(row: tuple[str, ...]) -> str:
-    """Return a row without what was not flown."""
+    """Return a row without entries for flights that were not made."""
     return ', '.join(text for text in row if not text.startswith('-'))
 
 

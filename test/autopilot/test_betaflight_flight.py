@@ -1,4 +1,4 @@
-"""A drone is held at its place through the sticks of a Betaflight, and armed before."""
+"""Position control of a drone through Betaflight's sticks, including arming."""
 
 from dataclasses import replace
 
@@ -62,7 +62,7 @@ def test_it_is_armed_then_hovers_and_goes_where_it_is_told() -> None:
 
 
 def sticks(wrench: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
-    """Return roll, pitch, throttle and yaw against a motion's wrench, armed and at the place."""
+    """Return roll, pitch, throttle and yaw against a motion's wrench, in hover."""
     flight = StickFlight(is_armed=True)
     state = flight.state if rotation is None else flight.state._replace(rotation=rotation)
     fed = FeedForward.at_rest(flight.body)._replace(wrench=wrench, wrench_now=wrench)

@@ -1,4 +1,4 @@
-"""Packets against bytes, and a scripted firmware as a process beside us."""
+"""Packets compared with bytes, and a scripted firmware as a process."""
 
 import shutil
 import socket

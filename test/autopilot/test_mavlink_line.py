@@ -18,7 +18,7 @@ ARMED_OFFBOARD = {'type': 13, 'autopilot': 12, 'base_mode': 209, 'custom_mode': 
 
 
 class Wire:
-    """The far end of a line that is none: what is sent is kept, what comes is given."""
+    """Test line that stores sent frames and returns prepared messages."""
 
     damaged = 0
 
@@ -36,7 +36,7 @@ class Wire:
         pass
 
     def commands(self) -> list[tuple[int, float]]:
-        """Return the commands that were sent, with their first parameter."""
+        """Return the sent commands with their first parameter."""
         return [(m['command'], m['param1']) for m in self.sent if m.name == 'COMMAND_LONG']
 
 

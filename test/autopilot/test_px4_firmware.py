@@ -1,4 +1,4 @@
-"""A scripted PX4 that replays what the real firmware said, and receives what it received."""
+"""A scripted PX4 that replays recorded data and checks the data it receives."""
 
 import socket
 from collections.abc import Callable
@@ -28,7 +28,7 @@ def free_port(kind: socket.SocketKind) -> int:
 
 @pytest.fixture
 def staged() -> Stage:
-    """Return a function that starts a scripted PX4 and what it speaks with."""
+    """Return a function that starts a scripted PX4 and its connections."""
     links = []
 
     def start(**faults: int) -> tuple[Px4FirmwareFlight, ScriptedPx4, SimulatorLink]:

@@ -1,4 +1,4 @@
-"""PX4's parameters for a drone, and the program: found, started, ended with who started it."""
+"""PX4's parameters for a drone, and the program's start and end."""
 
 import os
 import signal
@@ -124,7 +124,7 @@ def test_it_ends_with_who_started_it_also_after_kill_9(tmp_path: Path) -> None:
 
 
 def _lives(pid: int) -> bool:
-    """Return whether a process runs; one that ended and was not waited for does not."""
+    """Return whether a process runs, and is not a zombie."""
     try:
         return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
     except FileNotFoundError:

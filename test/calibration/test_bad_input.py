@@ -1,4 +1,4 @@
-"""What is wrong with measurements: each fault is one error that names it."""
+"""Each fault of the measurements yields one error that names the fault."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Columns of tables: which are joints, markers, poses and contacts, and in which unit."""
+"""Columns of tables: detection of joints, markers, poses, contacts and units."""
 
 from pathlib import Path
 

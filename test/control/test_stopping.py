@@ -37,7 +37,7 @@ def test_no_preemption_leads_beyond_a_limit(limits: JointLimits) -> None:
 
 
 def test_a_goal_that_replaces_a_fast_motion_near_a_limit_keeps_to_it(limits: JointLimits) -> None:
-    """A blend of each joint by itself led joint 2 to 3.91 rad here; its limit is 3.664."""
+    """A separate blend of each joint led joint 2 to 3.91 rad; its limit is 3.664."""
     start, end = np.array([0.0, 0.4, 0.0, 0.0]), np.array([0.0, 3.6, 0.0, 0.0])
     follower = make_follower(limits, start, 'quintic')
     follower.follow(JointTrajectory(limits, limits.names, [1.3], [end]), 0.0)

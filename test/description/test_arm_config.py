@@ -1,4 +1,4 @@
-"""Reading the arm's YAML: what is right is kept, what is wrong is named."""
+"""Reading the arm's YAML: valid values are kept, errors are named."""
 
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError, replace
@@ -171,7 +171,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_numbers_may_be_fractions_and_bare_exponents(write: Callable[[Change], Path]) -> None:
-    """YAML 1.1 takes 1e-5 for a text."""
+    """YAML 1.1 reads 1e-5 as text."""
     path = write(lambda d: d['motors']['MN4004'].update(rotor_inertia='1e-5'))
     config = load_arm_config(path)
     assert config.joints[2].motor.rotor_inertia == 1e-5

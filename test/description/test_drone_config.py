@@ -1,4 +1,4 @@
-"""Reading a drone: what is right is kept, what is impossible is named."""
+"""Reading a drone file: valid values are kept, impossible ones are named."""
 
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError

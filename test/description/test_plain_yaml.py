@@ -1,4 +1,4 @@
-"""YAML as a weapon: each text is refused in one line, in no time and memory."""
+"""Malicious YAML: each text is rejected in one line, quickly and with little memory."""
 
 import time
 import tracemalloc

@@ -1,4 +1,4 @@
-"""Serial arms read from URDF: this one, others, and URDFs that can't be used."""
+"""Serial arms from URDFs: this one, others, and invalid URDFs."""
 
 from collections.abc import Callable
 from pathlib import Path

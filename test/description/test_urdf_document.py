@@ -1,4 +1,4 @@
-"""Faults of a URDF are found before the dynamics library sees it."""
+"""Faults of a URDF are detected before the dynamics library reads it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Drafts of arms: what the URDF says is kept, what is guessed is marked, and such an arm runs."""
+"""Drafts of arms keep the URDF's values, mark estimated ones, and run."""
 
 import math
 from collections.abc import Callable
@@ -95,7 +95,7 @@ def test_every_mark_stands_at_a_value_that_the_head_explains(drafts: dict[str, A
 def test_the_drafted_loop_is_damped_in_every_posture(
     name: str, drafts: dict[str, ArmDraft], robots: dict[str, Robot]
 ) -> None:
-    """As (4.5) on the boards is linearised, behind their velocity filter of 100 Hz."""
+    """The board's loop (4.5), linearized, with the velocity filter of 100 Hz."""
     config, robot = drafts[name].config, robots[name]
     drive, n = DriveTrain(config), config.n
     dynamics = Dynamics(robot, drive.reflected_inertia)
@@ -177,7 +177,7 @@ def test_a_trajectory_is_designed_for_the_ur5(robots: dict[str, Robot]) -> None:
 
 
 def test_three_joints_are_identified_from_their_designed_motion(robots: dict[str, Robot]) -> None:
-    """The whole way: configuration as drafted, emulated boards, its motion, a model."""
+    """The whole process: drafted configuration, emulated boards, designed motion, model."""
     config, robot = shipped('three_joints'), robots['three_joints']
     folder = resource('config', 'examples')
     surroundings = load_excitation_config(folder / 'three_joints_excitation.yaml')

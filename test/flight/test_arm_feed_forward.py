@@ -1,4 +1,4 @@
-"""What a drone is told of its arm, taken by the time that it is about."""
+"""The arm's forecast for the drone, evaluated by its stamps."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is believed of odometry and IMU, and what is refused, named."""
+"""Accepted and rejected samples of odometry and IMU, with reasons."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A way through places and headings, continuous, and refused where no drone could take it."""
+"""A continuous path through places and headings, rejected if no drone can follow."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Every fault that can be injected, at rest and in motion: what the bridge does about it."""
+"""Every injected fault, at rest and in motion, and the bridge's reaction."""
 
 import re
 from dataclasses import replace

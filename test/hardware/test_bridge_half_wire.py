@@ -1,4 +1,4 @@
-"""A board that hears and is not heard: it damps its joints until somebody disables it."""
+"""A board that receives but is not received damps its joints until the user disables it."""
 
 import numpy as np
 import pytest
@@ -21,13 +21,13 @@ def push(rig):
 
 
 def sent_since(rig, board, time):
-    """Return what was sent to a board after a true time [s]."""
+    """Return the commands to a board after a true time [s]."""
     late = rig.frames.times(board) > time
     return {name: values[late] for name, values in rig.frames.commands(board).items()}
 
 
 def cut(rig, fault, board):
-    """Break a wire of a board, and return when."""
+    """Break a wire of a board, and return the time."""
     rig.inject(fault, board)
     return rig.now
 
@@ -178,7 +178,7 @@ def test_in_every_mode(config, robot, prepare, fault):
 
 
 def test_a_loose_contact(config, robot):
-    """Half a wire that comes and goes faster than it counts as broken, and then slower."""
+    """A wire fails and recovers, faster than it counts as broken, and then more slowly."""
     rig = AttackRig(config, robot, posture=STRETCHED, seed=12).bring_up()
     faults = rig.boards.boards[0].faults
     for broken, whole in [(9, 1)] * 15 + [(25, 5)] * 5:

@@ -1,4 +1,4 @@
-"""Commands that a board does not receive while its answers arrive: its MOSI wire."""
+"""Commands that a board does not receive (MOSI) while its answers arrive."""
 
 import pytest
 from attack_campaign import SPEED_MAX, run

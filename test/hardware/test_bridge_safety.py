@@ -1,4 +1,4 @@
-"""Limits, stops and switching off, through the whole path."""
+"""Limits, stops and switching off, through the whole chain."""
 
 import numpy as np
 import pytest
@@ -134,7 +134,7 @@ def test_enabling_outside_the_limits_is_refused(make_rig):
 
 
 def let_go(rig, speed):
-    """Let an arm fall that starts at a speed of joint 2 [rad/s], until it is measured."""
+    """Release an arm with a speed of joint 2 [rad/s], until the speed is measured."""
     rig.boards._carried = False
     rig.plant.support = 0.0
     rig.plant.reset(rig.plant.position, [0.0, speed, 0.0, 0.0])

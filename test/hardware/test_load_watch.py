@@ -1,4 +1,4 @@
-"""Held torques against the model: healthy arms are silent, wrong ones are warned of."""
+"""Holding torques compared with the model: only wrong arms cause warnings."""
 
 import numpy as np
 

@@ -67,12 +67,12 @@ def test_what_is_written_is_read_by_the_next_bridge(path, make_rig):
 
 
 def contents(path):
-    """Return what the file holds beside its digest."""
+    """Return the file's content without its digest."""
     return json.loads(json.loads(path.read_text())['kept'])
 
 
 def changed(text, old, new):
-    """Return a file's text with something changed and a digest that fits."""
+    """Return a changed file with a valid digest."""
     return sealed(json.loads(text)['kept'].replace(old, new))
 
 

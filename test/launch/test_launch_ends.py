@@ -1,4 +1,4 @@
-"""How ros2 launch ends: before anything starts, with a controller, on request, killed."""
+"""Ends of ros2 launch: before the start, with a controller, on request, killed."""
 
 import os
 import re

@@ -21,7 +21,7 @@ GIVEN = {
 
 @pytest.fixture
 def without(monkeypatch: pytest.MonkeyPatch):
-    """Return a function that takes modules away."""
+    """Return a function that hides modules."""
 
     def take(*modules: str) -> None:
         found = dict.fromkeys(modules)

@@ -21,14 +21,14 @@ from aerarm_msgs_py import topics
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
-LIMIT = 120.0  # [s] longest wait for anything; on a busy machine the arm has a fraction of it
+LIMIT = 120.0  # [s] longest wait; on a busy machine the arm has a fraction of it
 
 
-_PAUSE = 0.01  # [s]; to hear each of a thousand states a second takes a core
+_PAUSE = 0.01  # [s]; receiving each of a thousand states per second takes a core
 
 
 class ControllerBench:
-    """The emulated arm, enabled, and a node that hears what it says."""
+    """The emulated arm, enabled, and a node that subscribes to its topics."""
 
     def __init__(self, folder: Path, node: Node, **arm: object) -> None:
         self.folder = folder
@@ -89,7 +89,7 @@ class ControllerBench:
         again: Callable | None = None,
         every: float = 4.0,
     ) -> None:
-        """Wait; call `again` at first and every so often [s], as a user would after a hiccup."""
+        """Wait; call `again` at first and every `every` [s], as a user would retry."""
         deadline = time.monotonic() + LIMIT
         repeat = 0.0
         while not condition():

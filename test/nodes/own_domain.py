@@ -1,4 +1,4 @@
-"""A ROS domain that no other process is in."""
+"""A ROS domain without other processes."""
 
 import fcntl
 import random
@@ -9,7 +9,7 @@ from typing import IO
 
 from aerarm_ros.ros.process.node_process import is_domain_free
 
-# Domains above 101 use ports that the system hands out to others.
+# Domains above 101 use ports that the system assigns dynamically.
 _domains = cycle(random.sample(range(1, 102), 101))
 _held: list[IO[str]] = []
 

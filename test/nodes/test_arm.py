@@ -1,4 +1,4 @@
-"""The command line to the bridge, against the real bridge on emulated boards."""
+"""The command line to the bridge, with the real bridge on emulated boards."""
 
 import subprocess
 import sys
@@ -26,7 +26,7 @@ def ask(*arguments: str) -> tuple[int, str]:
 
 
 def words(text: str) -> str:
-    """Return what it says, without what it waits for on a busy machine."""
+    """Return the output, without the waiting messages of a busy machine."""
     return ''.join(x for x in text.splitlines(True) if not x.startswith('arm: waiting for '))
 
 

@@ -1,4 +1,4 @@
-"""The calibrator on tables and on a bag of the emulated arm, from the ride to the bridge."""
+"""The calibrator on tables and on a bag of the emulated arm, up to the bridge's files."""
 
 import csv
 import json
@@ -21,7 +21,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 
 
 def write_table(path: Path, arm: MeasuredArm, q: np.ndarray, scale: float = 1.0) -> Path:
-    """Write postures as a laboratory does: joints, numbered markers, empty cells, notes."""
+    """Write a table of postures: joints, numbered markers, empty cells, notes."""
     source = arm.observe(q).sources[0]
     assert isinstance(source, MarkerSource)
     header = [f'{axis}{k + 1}' for k in range(len(source.names)) for axis in 'xyz']

@@ -39,7 +39,7 @@ def environment(ros_domain: dict[str, str]) -> dict[str, str]:
 
 @contextmanager
 def ideal_arm(tmp_path: Path, environment: dict[str, str], *options: str) -> Iterator[dict]:
-    """Run the arm; what it saw is in the dictionary once the context is left."""
+    """Run the arm; its log is in the dictionary once the context has ended."""
     out = tmp_path / 'arm.npz'
     process = subprocess.Popen(
         [

@@ -158,7 +158,7 @@ def test_other_arms_by_the_defaults(
 
 
 def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
-    """Ctrl-C at any time in the first seconds, libraries still loading."""
+    """Ctrl-C at any time in the first seconds, while libraries are loading."""
     out = tmp_path / 'best.yaml'
     command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation_designer', '--out', str(out)]
     # Told through a pipe that its handlers are set, before the first slow import.

@@ -1,4 +1,4 @@
-"""The installed commands: interrupted while they are still being imported, and their threads."""
+"""Installed commands: interruption during their imports, and their threads."""
 
 import os
 import signal
@@ -134,4 +134,4 @@ print(len(os.listdir('/proc/self/task')) - len(before))
 @pytest.mark.skipif(os.cpu_count() == 1, reason='one core: NumPy has no threads here anyway')
 def test_executables_share_no_matrix_among_threads() -> None:
     assert threads_added_by('numpy') > 0
-    assert threads_added_by('aerarm_ros.nodes.impedance_control') == 0
+    assert threads_added_by('aerarm_ros.nodes.controllers.impedance_control') == 0

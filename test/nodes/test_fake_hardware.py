@@ -1,4 +1,4 @@
-"""The bridge on emulated boards as a process of its own, driven over real DDS."""
+"""The bridge on emulated boards as a separate process, over real DDS."""
 
 import math
 import os

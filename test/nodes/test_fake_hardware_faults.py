@@ -1,4 +1,4 @@
-"""Every fault that can be injected, through a running bridge: by parameter and by service."""
+"""Every injectable fault in a running bridge, by parameter and by service."""
 
 import re
 

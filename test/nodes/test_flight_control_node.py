@@ -1,4 +1,4 @@
-"""flight_control over topics: it answers odometry, and names a sensor that cannot be believed."""
+"""flight_control over topics: answers to odometry, and names of faulty sensors."""
 
 import time
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ PATIENCE = 60.0  # [s] of the host: diagnostics and the log are in its time
 
 
 class DroneSensors:
-    """What a drone in hover says of itself, 4 ms after 4 ms, and hears."""
+    """Sensors of a hovering drone in steps of 4 ms, and received commands."""
 
     def __init__(self, node: Node, process: NodeProcess) -> None:
         self.node, self.process = node, process
@@ -66,7 +66,7 @@ class DroneSensors:
         return message
 
     def step(self, odometry: Odometry | None = None, imu: Imu | None = None) -> None:
-        """Say what is given, 4 ms later, and hear what comes."""
+        """Publish the given samples 4 ms later, and receive commands."""
         for message, publisher in ((imu, self.imu), (odometry, self.odometry)):
             if message is not None:
                 publisher.publish(message)
@@ -78,7 +78,7 @@ class DroneSensors:
             self.step(self.odometry_message(), self.imu_message())
 
     def hover_until(self, problem: str) -> None:
-        """Hover until that is what diagnostics say last."""
+        """Hover until the last diagnostics fulfil a condition."""
         self.problems.clear()
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
@@ -96,9 +96,9 @@ class DroneSensors:
         return self.process.log.read_text()
 
     def refuse(self, reason: str, make, steps: int = 400) -> None:
-        """Send what `make` makes, some steps at a time, until the log names a reason.
+        """Send samples of `make`, some steps at a time, until the log names a reason.
 
-        Rejections are logged once in some seconds of the host's time.
+        Rejections are logged at most once in some seconds of the host's time.
         """
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:

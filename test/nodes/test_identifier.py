@@ -1,4 +1,4 @@
-"""The identifier as a user runs it: one process, bags in, files out."""
+"""The identifier as a user runs it: one process, bags as input, files as output."""
 
 import json
 import shutil
@@ -186,7 +186,7 @@ def test_truth_holdout_and_options(bags: Path, tmp_path: Path, robot: Robot) -> 
 
 
 def test_renamed_and_amperes(bags: Path, tmp_path: Path, robot: Robot) -> None:
-    """Another naming, torque given as current of a motor with 0.5 Nm/A."""
+    """Other joint names, and torque as current of a motor with 0.5 Nm/A."""
     stamp, q, dq, ddq = motion(1)
     names = ('a', 'joint2', 'joint3', 'joint4')
     tau = measured(robot, q, dq, ddq) / [0.5, 1.0, 1.0, 1.0]

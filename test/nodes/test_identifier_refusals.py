@@ -1,4 +1,4 @@
-"""Bad input ends with one line that says what to check, and leaves nothing behind."""
+"""Bad input yields one line with advice, and writes no files."""
 
 import signal
 import subprocess

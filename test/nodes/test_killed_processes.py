@@ -1,4 +1,4 @@
-"""Killed, told to end, or without its device: the arm comes to rest and the boards are off."""
+"""After a kill, a stop or the loss of its device, the arm comes to rest with boards off."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The planner as a process, fed with states and goals by this one."""
+"""The planner as a process, with states and goals from the test."""
 
 import json
 import time
@@ -31,7 +31,7 @@ NAMES = load_arm_config().joint_names
 
 
 class Desk:
-    """Feeds a planner and hears it."""
+    """Publish states and goals for a planner, and receive its results."""
 
     def __init__(self, node: Node, process: NodeProcess) -> None:
         self.node, self.process = node, process
@@ -64,7 +64,7 @@ class Desk:
             assert time.monotonic() < deadline, f'waited for {what}: {self.told}'
 
     def ask(self, topic: topics.Topic, message: object) -> dict:
-        """Return what came of a goal."""
+        """Return the planner's result for a goal."""
         told, sent = len(self.told), len(self.sent)
         self._publishers[topic.name].publish(message)
         self.wait(lambda: len(self.told) > told, 'an answer')

@@ -1,4 +1,4 @@
-"""The recorder as a process of its own, fed over real DDS."""
+"""The recorder as a separate process, over real DDS."""
 
 import json
 import signal
@@ -32,7 +32,7 @@ PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
 class Source:
-    """Publishes what the arm publishes, and listens to the recorder's status."""
+    """Publish the arm's topics, and receive the recorder's status."""
 
     def __init__(self, node: Node, prefix: str = '') -> None:
         self._node = node

@@ -35,7 +35,7 @@ class ClockBench(ControllerBench):
         self.listen(topics.ARM_MODE, lambda m: self.modes.add(m.data))
 
     def move(self, goal: list[float], clock: SetClock) -> bool:
-        """Set the clock on the way to a goal; return whether the arm ends there."""
+        """Set the clock during a motion; return whether the arm reaches the goal."""
         start, steps = np.array(self.q), list(STEPS)
         self.publisher(topics.JOINT_TRAJECTORY).publish(trajectory(goal, SECONDS))
         end = time.monotonic() + 2.0 * SECONDS

@@ -1,4 +1,4 @@
-"""Two arms in one ROS domain, told apart by their prefixes: one tree of frames, and no mix-up."""
+"""Two arms in one ROS domain with different prefixes: one tree of frames, no confusion."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -26,7 +26,7 @@ JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
 
 
 class HeardArm:
-    """What is heard of one arm."""
+    """Received messages of one arm."""
 
     def __init__(self, name: str) -> None:
         self.name = name

@@ -1,4 +1,4 @@
-"""A person's hour at the page in short: enable, record, play, stop, clear, over its own socket."""
+"""A short session at the page: enable, record, play, stop, clear, over its own socket."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def commission(viewer: Viewer, record: Path) -> None:
 
 
 def drive(viewer: Viewer) -> None:
-    """Press the page's buttons as they come."""
+    """Press the page's buttons in order."""
 
     def wait(condition: str) -> None:
         viewer.listen(lambda: mode(viewer) == condition, PATIENCE)

@@ -1,4 +1,4 @@
-"""Contact of the emulated arm in motion and at rest, told from payload and from bad input."""
+"""Contact of the emulated arm in motion and at rest, with payload and with bad input."""
 
 from dataclasses import replace
 

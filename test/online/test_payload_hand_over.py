@@ -10,7 +10,7 @@ FOUND = ball(0.2, [0.1, 0.01, -0.02], 0.05)
 
 
 def lead(hand_over: PayloadHandOver, seconds: float) -> np.ndarray:
-    """Return all that was carried on the way, (M, 10)."""
+    """Return all payloads of the transition, (M, 10)."""
     return np.array([hand_over.update(STEP) for _ in range(round(seconds / STEP))])
 
 

@@ -1,4 +1,4 @@
-"""The node `payload_estimator`, told of a recording state by state."""
+"""The node `payload_estimator`, with a recording as input, state by state."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Recordings of an arm that picks something up, gone through after the fact."""
+"""Recordings of an arm that picks up a payload, evaluated offline."""
 
 from dataclasses import replace
 

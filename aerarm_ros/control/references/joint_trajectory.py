@@ -1,4 +1,4 @@
-"""A trajectory as a planner sends it."""
+"""Checked trajectory of a planner."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 Rows = Sequence[Sequence[float]]
 
-# Nearer to a limit, in rad or as a share of it, samples of a path don't show that it is kept.
+# Closer to a limit, in rad or as a fraction of it, samples of a path do not prove that it is kept.
 _NEAR = 0.05
 
 
@@ -19,7 +19,6 @@ class JointTrajectory:
 
     Parameters
     ----------
-    limits : JointLimits
     names : sequence of str
         Joints of the columns: the arm's, in any order.
     times : sequence of float
@@ -73,16 +72,16 @@ class JointTrajectory:
 
     @property
     def is_single_point(self) -> bool:
-        """Whether it is one point for now: a streamed reference."""
+        """Whether the trajectory is one point without a time: a streamed reference."""
         return len(self.times) == 1 and self.times[0] == 0.0
 
     def posture(self) -> JointReference:
-        """Return the last point, where the arm is to stay.
+        """Return the last point, at which the arm stays.
 
         Raises
         ------
         RejectedInputError
-            If it has a velocity.
+            If the point has a velocity.
         """
         self._check_end()
         return JointReference.at_rest(self.q[-1])
@@ -97,9 +96,8 @@ class JointTrajectory:
     ) -> PolynomialPath:
         """Return the motion along the points.
 
-        A trajectory whose first point lies in the future begins at `start`. Missing
-        velocities and accelerations are the slopes between neighbouring points, zero at the
-        ends.
+        A trajectory whose first point is in the future begins at `start`. Missing velocities and
+        accelerations are the slopes between neighbouring points, zero at the ends.
 
         Parameters
         ----------
@@ -108,14 +106,14 @@ class JointTrajectory:
         interpolation : str
             'cubic' (continuous velocity) or 'quintic' (continuous acceleration).
         elapsed : float
-            Of the time to the first point, what has passed when the motion begins [s].
+            Part of the time to the first point that has passed when the motion begins [s].
         start_dq, start_ddq : (n,) ndarray, optional
             Present velocity [rad/s] and acceleration [rad/s^2]; default: at rest.
 
         Raises
         ------
         RejectedInputError
-            If the motion leaves the limits between points, or doesn't end at rest.
+            If the motion leaves the limits between points, or does not end at rest.
         """
         times, q, dq, ddq = self.times, self.q, self.dq, self.ddq
         zero = np.zeros_like(start)
@@ -188,7 +186,7 @@ def _check_times(times: Sequence[float]) -> Array:
 
 
 def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -> Array | None:
-    """Return (M, n) numbers in the arm's order, None where all rows are empty."""
+    """Return (M, n) numbers in the arm's order, or None if all rows are empty."""
     if rows is None or all(len(row) == 0 for row in rows):
         return None
     if len(rows) != points or any(len(row) != n for row in rows):

@@ -1,4 +1,4 @@
-"""Faults of the emulated boards by name, for a parameter, a service or a test."""
+"""Faults of emulated boards by name, for parameters, services and tests."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from dataclasses import dataclass
 from math import inf, isfinite, pi
 from typing import TYPE_CHECKING, NamedTuple
 
-if TYPE_CHECKING:  # who only lists the faults loads no boards and no physics engine
+if TYPE_CHECKING:  # listing the faults loads neither boards nor physics engine
     from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
     from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 
 class Fault(NamedTuple):
-    """Fault of an emulated board.
+    """Injectable fault of an emulated board.
 
     Attributes
     ----------
     meaning
-        In words, with the unit of its strength.
+        Description, with the unit of the strength.
     apply
-        Makes it go wrong: board, motor, strength.
+        Function that applies the fault to a board and motor with a strength.
     default, least, most
-        Strength if none is given, and its bounds; None for a fault without one.
+        Default strength and its bounds; None for a fault without strength.
     """
 
     meaning: str
@@ -33,7 +33,7 @@ class Fault(NamedTuple):
 
 
 class FaultInjectionError(ValueError):
-    """A fault that does not exist, or a board or motor that the arm does not have."""
+    """Unknown fault, or a board or motor that the arm does not have."""
 
 
 def inject(
@@ -43,23 +43,21 @@ def inject(
     motor: int = 0,
     value: float | None = None,
 ) -> None:
-    """Make something go wrong with an emulated board.
+    """Apply a fault to an emulated board.
 
     Parameters
     ----------
-    transport
-        The emulated boards.
     fault
-        A key of `FAULTS`.
+        Key of `FAULTS`.
     board, motor
-        Which board, and which of its motors (0 or 1) for the faults of an encoder.
+        Board number, and motor number (0 or 1) for encoder faults.
     value
-        Strength of the fault, in the unit that `FAULTS` gives; its default if None.
+        Strength of the fault in the unit given by `FAULTS`; None for the default.
 
     Raises
     ------
     FaultInjectionError
-        The text lists what there is.
+        If the fault, board, motor or strength is invalid; the text lists valid values.
     """
     check(fault, len(transport.boards), board, motor, value)
     strength = FAULTS[fault].default if value is None else value
@@ -69,7 +67,7 @@ def inject(
 def check(
     fault: str, boards: int, board: int = 0, motor: int = 0, value: float | None = None
 ) -> None:
-    """Raise FaultInjectionError unless there can be such a fault, there and so strong."""
+    """Raise FaultInjectionError if fault, board, motor or strength is invalid."""
     if fault not in FAULTS:
         raise FaultInjectionError(f'unknown fault {fault!r}: choose one of {", ".join(FAULTS)}')
     if not 0 <= board < boards or motor not in (0, 1):
@@ -181,7 +179,7 @@ def _high_friction(board: EmulatedBoard, motor: int, value: float) -> None:
 
 _SHARE_OF_FRAMES = (0.05, 0.0, 1.0)
 
-# The last one is the cure.
+# The last entry clears all other faults.
 FAULTS: dict[str, Fault] = {
     'bit_errors': Fault(
         'fraction of frames with flipped bits, in each direction', _bit_errors, *_SHARE_OF_FRAMES
@@ -237,7 +235,7 @@ FAULTS: dict[str, Fault] = {
 }
 
 
-if TYPE_CHECKING:  # as in fault_injection
+if TYPE_CHECKING:  # see fault_injection
     from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
@@ -245,16 +243,16 @@ FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
 
 @dataclass(frozen=True)
 class FaultRequest:
-    """A fault with its place and strength; see `fault_injection.inject`.
+    """Fault with its board, motor and strength; see `fault_injection.inject`.
 
     Attributes
     ----------
     name
-        A key of `fault_injection.FAULTS`.
+        Key of `fault_injection.FAULTS`.
     board, motor
-        Where.
+        Board and motor number.
     value
-        How much; the fault's default if None.
+        Strength; None for the fault's default.
     """
 
     name: str
@@ -264,9 +262,9 @@ class FaultRequest:
 
     @classmethod
     def parse(cls, text: str, boards: int) -> FaultRequest:
-        """Read NAME[:BOARD[:MOTOR[:VALUE]]] for an arm with some boards.
+        """Parse NAME[:BOARD[:MOTOR[:VALUE]]] for an arm with a number of boards.
 
-        Raises FaultInjectionError, which says what there is, if it makes no sense.
+        Raises FaultInjectionError, which lists valid values, for an invalid text.
         """
         name, *places = text.strip().split(':')
         try:
@@ -280,5 +278,5 @@ class FaultRequest:
         return cls(name, board, motor, value)
 
     def apply(self, transport: EmulatedTransport) -> None:
-        """Make it go wrong."""
+        """Apply the fault."""
         inject(transport, self.name, self.board, self.motor, self.value)

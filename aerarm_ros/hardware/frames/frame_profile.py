@@ -1,4 +1,4 @@
-"""The layout of a board's frames, read from YAML."""
+"""Layout of a board's frames, read from YAML."""
 
 import re
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState
 
 _KRPM = 1000.0 * 2.0 * pi / 60.0
 
-# SI value of one of each unit that a profile may name.
+# SI value of one unit, for each unit that a profile may use.
 UNITS: dict[str, float] = {
     '1': 1.0,
     'turn': 2.0 * pi,
@@ -41,19 +41,19 @@ OVERFLOW_POLICIES = ('saturate', 'refuse')
 
 
 class ProfileError(ValueError):
-    """Unusable frame profile; the message names the entry to check."""
+    """Invalid frame profile; the message names the entry to check."""
 
 
 @dataclass(frozen=True)
 class FrameField:
-    """Where one quantity travels in a frame, and in which scale.
+    """Position and scale of one quantity in a frame.
 
     Attributes
     ----------
     name
         Attribute of `BoardCommand` or `BoardState` that the field carries.
     motor
-        1 or 2 for a quantity of one motor, 0 for one of the whole board.
+        1 or 2 for a quantity of one motor, 0 for a quantity of the board.
     word
         First 16-bit word, counted from 0.
     type
@@ -61,11 +61,11 @@ class FrameField:
     lsb
         Value of one count [unit].
     unit
-        A key of `UNITS`; values leave and enter in SI.
+        Key of `UNITS`; values are converted to and from SI units.
     overflow
-        'saturate' holds a value that is too large at the end of the range, 'refuse' raises.
+        'saturate' limits an out-of-range value, 'refuse' raises an error.
     nonzero
-        True if the board takes 0 counts for something dangerous: encoding 0 is refused.
+        True if 0 counts are dangerous for the board; encoding 0 is then rejected.
     """
 
     name: str
@@ -80,7 +80,7 @@ class FrameField:
     nonzero: bool = False
 
     def __post_init__(self) -> None:
-        """Check the entry; raises ProfileError."""
+        """Validate the entry; raises ProfileError."""
         where = f'frame field {self.name!r}'
         if self.type not in TYPES:
             raise ProfileError(
@@ -116,38 +116,38 @@ class FrameField:
 
     @property
     def is_bits(self) -> bool:
-        """True if the field is a part of a word."""
+        """Whether the field occupies only part of a word."""
         return self.type == 'bits'
 
     @property
     def words(self) -> int:
-        """Number of words the field touches."""
+        """Number of words that the field occupies."""
         return 1 if self.is_bits else _WHOLE_WORDS[self.type][0] // 16
 
     @property
     def count_range(self) -> tuple[int, int]:
-        """Smallest and largest count that the field can hold."""
+        """Smallest and largest count that the field can represent."""
         bits, signed = (self.width, False) if self.is_bits else _WHOLE_WORDS[self.type]
         return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
 
     @property
     def is_count(self) -> bool:
-        """True if the value is a plain unsigned integer, such as an index or a flag."""
+        """Whether the value is a plain unsigned integer, such as an index or a flag."""
         return self.unit == '1' and self.lsb == 1.0 and self.count_range[0] == 0
 
     @property
     def is_flag(self) -> bool:
-        """True if the field is a single bit."""
+        """Whether the field is a single bit."""
         return self.is_bits and self.width == 1
 
     @property
     def si_per_count(self) -> float:
-        """SI value of one count."""
+        """SI value of one count of the field."""
         return self.lsb * UNITS[self.unit]
 
     @property
     def label(self) -> str:
-        """The field's name with its motor, for error texts."""
+        """Name of the field with its motor, for error messages."""
         return f'{self.name} of motor {self.motor}' if self.motor else self.name
 
 
@@ -155,20 +155,20 @@ PAYLOAD_WORDS = 15
 FRAME_BYTES = 2 * PAYLOAD_WORDS + 4
 CRC_ORDERS = ('high_first', 'low_first')
 
-_MOST_EXTENDED = 8  # one by the other
+_MOST_EXTENDED = 8  # profiles in a chain of `extends`
 _POWER_OF_TWO = re.compile(r'2\^(-?\d{1,3})')
 _FIELD_KEYS = frozenset(item.name for item in fields(FrameField))
 
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """One direction of the exchange: its fields and the order of the CRC's two words."""
+    """Layout of one transfer direction: its fields and the order of the CRC's two words."""
 
     fields: tuple[FrameField, ...]
     crc_words: str
 
     def __post_init__(self) -> None:
-        """Check that the fields fit and are apart; raises ProfileError."""
+        """Check that the fields fit and do not overlap; raises ProfileError."""
         if self.crc_words not in CRC_ORDERS:
             raise ProfileError(f'crc_words is {self.crc_words!r}: choose one of {CRC_ORDERS}')
         owners: dict[int, FrameField] = {}
@@ -184,35 +184,33 @@ class FrameLayout:
                 owners[bit] = entry
 
     def has(self, name: str) -> bool:
-        """Return whether the frame carries a quantity."""
+        """Return whether the frame contains a quantity."""
         return any(entry.name == name for entry in self.fields)
 
     def largest(self, name: str) -> float:
-        """Return the largest SI value of a quantity that the frame holds, 0 if it has none."""
+        """Return the largest SI value of a quantity in the frame, 0 if the frame lacks it."""
         sizes = [e.count_range[1] * e.si_per_count for e in self.fields if e.name == name]
         return min(sizes, default=0.0)
 
     def count_of(self, name: str) -> float:
-        """Return the SI value of one count of a quantity, 0 if the frame has none of it."""
+        """Return the SI value of one count of a quantity, 0 if the frame lacks it."""
         return max((e.si_per_count for e in self.fields if e.name == name), default=0.0)
 
 
 @dataclass(frozen=True)
 class FrameProfile:
-    """The frames of one kind of board.
+    """Frame layouts of one board type.
 
     Attributes
     ----------
-    name
-        Name of the profile.
     command, sensor
-        Layouts master to board and board to master.
+        Layouts from host to board and from board to host.
     errors
-        Name and advice of each error code.
+        Name and advice for each error code.
     errors_until_power_cycle
-        True if the board keeps an error until its supply is switched off and on.
+        Whether the board keeps an error until its supply is switched off and on.
     encoders
-        'incremental' or 'absolute', where the arm's configuration does not say it of a board.
+        'incremental' or 'absolute', for boards whose configuration does not specify it.
     """
 
     name: str
@@ -223,20 +221,20 @@ class FrameProfile:
     encoders: str = 'incremental'
 
     def __post_init__(self) -> None:
-        """Check the kind of encoders; raises ProfileError."""
+        """Validate the encoder type; raises ProfileError."""
         if self.encoders not in ENCODERS:
             raise ProfileError(f'encoders is {self.encoders!r}: choose one of {ENCODERS}')
 
     def error_text(self, code: int) -> str:
-        """Return what an error code of the board means and what to check."""
+        """Return the meaning of a board's error code and what to check."""
         name, advice = self.errors.get(code, ('unknown', 'see the list of errors of the firmware'))
         text = f'error {code} ({name}): {advice}'
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
 
     def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
-        """Return the profile with another scale for a quantity, in either direction.
+        """Return the profile with another scale for a quantity, in both directions.
 
-        Raises ProfileError if the profile does not carry the quantity.
+        Raises ProfileError if the profile does not contain the quantity.
         """
         if not (self.command.has(name) or self.sensor.has(name)):
             raise ProfileError(f'profile {self.name} has no field {name!r}: check the name')
@@ -254,12 +252,12 @@ class FrameProfile:
 
 
 def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
-    """Read a profile: one of `config/profiles/` by name, or any file by path.
+    """Read a profile, either a name in `config/profiles/` or a file path.
 
     Raises
     ------
     ProfileError
-        If the file is missing or a field of it cannot be used; the text says which.
+        If the file is missing or a field is invalid; the text names the field.
     """
     document = _read(name_or_path)
     try:
@@ -284,7 +282,7 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
 
 
 def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
-    """Return a profile's document with what it extends filled in."""
+    """Return a profile's document after resolving the profiles that it extends."""
     if depth > _MOST_EXTENDED:
         raise ProfileError(
             f"frame profile {name_or_path} extends itself, or the chain of 'extends' is too long"
@@ -315,7 +313,7 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
-    """Return `base` overridden by `document`; its fields replace those on the same bits."""
+    """Return `base` overridden by `document`; its fields replace fields on the same bits."""
     merged = {**base, **document}
     merged['errors'] = {**base.get('errors', {}), **document.get('errors', {})}
     for direction in ('command', 'sensor'):
@@ -362,7 +360,7 @@ def _field(entry: Mapping[str, Any]) -> FrameField:
 
 
 def _bits(entry: FrameField) -> range:
-    """Return the numbers of the bits that a field fills, word by word."""
+    """Return the numbers of the bits that a field occupies, counted over all words."""
     first = 16 * entry.word
     if entry.is_bits:
         return range(first + entry.bit, first + entry.bit + entry.width)

@@ -1,4 +1,4 @@
-"""What has changed between two identified models of one arm."""
+"""Comparison of two identified models of the same arm."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.motion.signals import Array
 
 _CLEAR = 3.0  # standard deviations
-_SHARES = (0.2, 0.6, 1.0)  # of the speed that both motions reach
+_SHARES = (0.2, 0.6, 1.0)  # relative to the speed that both motions reach
 _STILL = 1e-3  # [rad/s]
 _NOT_FRICTION = (TermKind.ROTOR, *COUPLED)
 _FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRICTION)
@@ -22,14 +22,14 @@ _FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRIC
 
 @dataclass(frozen=True)
 class EstimateChange:
-    """One quantity in two results.
+    """Change of one quantity between two results.
 
     Attributes
     ----------
     name : str
-        Such as 'friction of joint2 at 0.5 rad/s', or a base parameter.
-    unit : str
+        Name of the quantity, for example 'friction of joint2 at 0.5 rad/s', or of a base parameter.
     old, new : float
+        Value in the old and the new result.
     std : float
         Standard deviation of their difference.
     """
@@ -42,29 +42,29 @@ class EstimateChange:
 
     @property
     def deviations(self) -> float:
-        """Their difference in standard deviations."""
+        """Difference in standard deviations."""
         return (self.new - self.old) / self.std if self.std > 0.0 else 0.0
 
     @property
     def is_clear(self) -> bool:
-        """Whether it is more than uncertainty explains."""
+        """Whether the difference is larger than the uncertainty explains."""
         return abs(self.deviations) > _CLEAR
 
 
 @dataclass(frozen=True)
 class EstimateComparison:
-    """All that two results can be compared in.
+    """All comparable quantities of two results.
 
     Attributes
     ----------
     friction, inertia : tuple of EstimateChange
-        Friction torque of each joint at some speeds that both motions reach, under the same load:
-        the terms of the two models may differ. Base parameters of links and rotors that both
+        Friction torque of each joint at several speeds that both motions reach, at the same load
+        (the friction terms of the models may differ). Base parameters of links and rotors that both
         motions determine.
     unmatched : int
-        Base parameters that only one of the two has.
+        Number of base parameters that only one result contains.
     drives : tuple of EstimateChange
-        What else the motor bench measures, as backlash.
+        Further quantities measured by the motor bench, such as backlash.
     """
 
     friction: tuple[EstimateChange, ...]
@@ -74,24 +74,24 @@ class EstimateComparison:
 
     @property
     def changes(self) -> tuple[EstimateChange, ...]:
-        """All of them."""
+        """Changes of all quantities."""
         return (*self.friction, *self.inertia, *self.drives)
 
 
 def compare_estimates(old: Path, new: Path) -> EstimateComparison:
-    """Compare two files that the identifier has written.
+    """Compare two estimate files written by the identifier.
 
     Parameters
     ----------
     old, new : Path
-        estimate.yaml.
+        Paths of two files estimate.yaml.
 
     Raises
     ------
     ConfigError
-        If a file can't be read.
+        If a file cannot be read.
     IdentificationError
-        If one is no estimate with standard deviations, or they are of different arms.
+        If a file is not an estimate with standard deviations, or the arms differ.
     """
     first, second = (_parameters(path) for path in (old, new))
     if first['joint_names'] != second['joint_names']:
@@ -124,7 +124,7 @@ def _parameters(path: Path) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _JointFriction:
-    """A joint's friction in one result."""
+    """Friction of one joint in one result."""
 
     terms: Mapping[JointTerm, float]
     speeds: Array
@@ -133,7 +133,7 @@ class _JointFriction:
     load_deviation: float
 
     def at(self, speed: Array, load: float) -> tuple[Array, Array]:
-        """Return friction torque and its standard deviation at some speeds [Nm]."""
+        """Return the friction torque and its standard deviation at given speeds [Nm]."""
         known = np.interp(speed, self.speeds, self.torques)
         elsewhere = self.load_deviation * (load - self.load)
         return friction_torque(self.terms, speed, load), np.hypot(known, elsewhere)
@@ -170,7 +170,7 @@ def _friction(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[Esti
 def _inertia(
     first: Mapping[str, Any], second: Mapping[str, Any]
 ) -> tuple[tuple[EstimateChange, ...], int]:
-    """Return the changes of base parameters in common, and how many are not."""
+    """Return the changes of common base parameters, and the number of unmatched ones."""
     old, new = (_base(each['base_parameters']) for each in (first, second))
     common = [name for name in old if name in new]
     changes = tuple(
@@ -205,19 +205,19 @@ WEAR = {
 
 
 def compare_benches(old: Path, new: Path) -> EstimateComparison:
-    """Compare two files that the motor bench has written, in the joints and numbers of both.
+    """Compare two motor bench files in their common joints and quantities.
 
     Parameters
     ----------
     old, new : Path
-        motor_bench.yaml.
+        Paths of two files motor_bench.yaml.
 
     Raises
     ------
     ConfigError
-        If a file can't be read.
+        If a file cannot be read.
     IdentificationError
-        If one is no motor_bench.yaml, or they have no joint in common.
+        If a file is not a motor_bench.yaml, or no joint is in both files.
     """
     first, second = (_bench_joints(path) for path in (old, new))
     common = [joint for joint in first if joint in second]

@@ -1,4 +1,4 @@
-"""A result folder that is there completely or not at all."""
+"""Result folder that is written completely or not at all."""
 
 import contextlib
 import json
@@ -15,30 +15,30 @@ MARKER = 'summary.json'
 
 
 class ResultDirectory:
-    """Context that collects files in a temporary folder and moves them to the target at its end.
+    """Context manager that collects files in a temporary folder and finally moves them in place.
 
-    Entering it makes sure at once, before anything is computed, that the place can be
-    written. Leaving it by an exception, an interrupt included, removes what was collected.
+    Entering the context checks that the target can be written, before anything is computed. Leaving
+    it by an exception or an interrupt removes the collected files.
 
     Parameters
     ----------
     target : Path
-        May be missing, empty, or an earlier result, which is replaced.
+        Target folder; may be missing, empty, or an earlier result, which is replaced.
     option : str
-        How the user names the folder, for errors.
+        Option by which the user names the folder, for error messages.
     files : collection of str, optional
-        All that an earlier result may hold; anything else in the folder is not replaced. Only
-        the marker counts without it.
+        Names that an earlier result may contain; a folder with other files is not replaced. Without
+        names, only the marker file is required.
 
     Attributes
     ----------
     replaced : bool
-        Whether an earlier result was there; known once the context is entered.
+        Whether an earlier result existed; valid once the context is entered.
 
     Raises
     ------
     IdentificationError
-        On entering, if the place can't be written or holds something else.
+        On entering, if the target cannot be written or contains other files.
     """
 
     def __init__(
@@ -86,18 +86,18 @@ class ResultDirectory:
             )
 
     def path(self, name: str) -> Path:
-        """Return where a part of the result that others write is to be put."""
+        """Return the path for a part of the result that another program writes."""
         if self._collected is None:
             raise RuntimeError("files can only be written inside the 'with' block")
         return self._collected / name
 
     def write(self, name: str, text: str) -> None:
-        """Write one file of the result.
+        """Write one text file into the result folder.
 
         Raises
         ------
         IdentificationError
-            If the disk is full or the place has gone.
+            If the disk is full or the folder was removed.
         """
         path = self.path(name)
         try:
@@ -109,7 +109,7 @@ class ResultDirectory:
             ) from None
 
     def write_json(self, name: str, value: object) -> None:
-        """Write one file as JSON."""
+        """Write a value as a JSON file into the result folder."""
         self.write(name, json.dumps(value, indent=2, allow_nan=False) + '\n')
 
     def __exit__(
@@ -131,15 +131,16 @@ class ResultDirectory:
                 ) from None
 
     def _make_parents(self, parent: Path) -> None:
-        """Make missing folders and remember them, so that a failure leaves none behind."""
+        """Create missing folders and record them, so that a failure leaves none behind."""
         missing = [folder for folder in (parent, *parent.parents) if not folder.exists()]
         for folder in reversed(missing):
-            self._made.append(folder)  # before: an interruption may come between the two
+            # recorded first, because an interrupt may occur between the two calls
+            self._made.append(folder)
             folder.mkdir()
 
     def _move_into_place(self, collected: Path) -> None:
         if self.target.exists():
-            # Two renames: at no moment is there a mixture of the old and the new result.
+            # Two renames, so that old and new results are never mixed.
             old = collected.with_name(collected.name + '.old')
             os.rename(self.target, old)
             os.rename(collected, self.target)
@@ -151,5 +152,6 @@ class ResultDirectory:
         if self._collected is not None:
             shutil.rmtree(self._collected, ignore_errors=True)
         for folder in reversed(self._made):
-            with contextlib.suppress(OSError):  # it was not made, or holds more by now
+            # the folder was not created, or contains more by now
+            with contextlib.suppress(OSError):
                 folder.rmdir()

@@ -1,4 +1,4 @@
-"""Joint states from a table: CSV, or arrays in an .npz file."""
+"""Joint states from a table: a CSV file, or arrays in an .npz file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.motion.signals import Array
 
 TIME = ('time', 'times', 't', 'stamp', 'stamps', 'timestamp', 'time_s', '__time')
-"""Names of the time."""
+"""Accepted names of the time column."""
 
 WORDS = {
     'position': ('position', 'positions', 'pos', 'q', 'angle', 'actual_q'),
@@ -23,10 +23,10 @@ WORDS = {
     'effort': ('effort', 'efforts', 'eff', 'torque', 'torques', 'tau'),
     'current': ('current', 'currents', 'actual_current', 'i'),
 }
-"""Names of what is recorded of joints; currents are efforts where there are no others."""
+"""Accepted names of joint quantities; currents serve as efforts if there are no others."""
 
 _DEGREE = np.pi / 180.0
-# To s, rad or m, rad/s or m/s, Nm or N; of currents to A.
+# Factors to s, rad or m, rad/s or m/s, Nm or N; to A for currents.
 _UNITS = {
     'time': {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9},
     'position': {'rad': 1.0, 'mrad': 1e-3, 'deg': _DEGREE, 'm': 1.0, 'mm': 1e-3},
@@ -37,7 +37,7 @@ _UNITS = {
         'rpm': np.pi / 30.0,
         'm/s': 1.0,
         'mm/s': 1e-3,
-        'rad': 1.0,  # of a velocity only per second can be meant
+        'rad': 1.0,  # for velocities this means per second
         'deg': _DEGREE,
     },
     'effort': {'nm': 1.0, 'mnm': 1e-3, 'n': 1.0, 'a': 1.0, 'ma': 1e-3},
@@ -57,22 +57,22 @@ _NUMBER = re.compile(r'[_.]?(?:(\d+)|[\[(](\d+)[\])])')
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column that belongs to a motion.
+    """Meaning of one table column that belongs to a motion.
 
     Attributes
     ----------
     quantity : str
         'time', or a key of `WORDS`.
     joint : str
-        Empty for the time, and for a number until `named` has been called.
+        Name of the joint; empty for the time, and for a numbered joint before `named` is called.
     number : int or None
-        The joint's number, counted from 0 or 1.
+        Number of the joint, counted from 0 or 1.
     is_index : bool
         Whether the number is in brackets.
     factor : float
         Factor from the stated unit to SI units.
     unit : str
-        As the name states it; empty if it does not.
+        Unit stated in the column name; empty if none.
     """
 
     quantity: str
@@ -83,23 +83,23 @@ class TableColumn:
     unit: str = ''
 
     def named(self, joint: str) -> TableColumn:
-        """Return the column of the joint that its number means."""
+        """Return the column with the name of its numbered joint."""
         return replace(self, joint=joint, number=None)
 
 
 def accepted_names() -> str:
-    """Return the accepted names of columns, in words."""
+    """Return a description of the accepted column names."""
     words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
     return f"time: {'/'.join(TIME)}, {words}; each followed by _JOINT or the joint's number"
 
 
 def first_number(numbers: Iterable[int], joints: int) -> int | None:
-    """Return whether numbered columns count from 0 or 1; None if the numbers do not show it.
+    """Return whether numbered columns count from 0 or 1; None if undetermined.
 
     Parameters
     ----------
     numbers : iterable of int
-        Of all columns of a table.
+        Numbers of all columns of a table.
     joints : int
         Number of joints of the arm.
     """
@@ -112,18 +112,18 @@ def first_number(numbers: Iterable[int], joints: int) -> int | None:
 def table_column(name: str) -> TableColumn | None:
     """Return the meaning of a column, None for an unknown name.
 
-    Known are `q_elbow`, `elbow.position`, `q1`, `q_1` and `q[0]`, each with or without a unit, as
-    in `q1 [deg]`, and each with or without a path, as in `/joint_states/elbow/position`.
+    Recognized names are `q_elbow`, `elbow.position`, `q1`, `q_1` and `q[0]`, each with or without a
+    unit, as in `q1 [deg]`, and with or without a path, as in `/joint_states/elbow/position`.
 
     Parameters
     ----------
     name : str
-        As in the first line.
+        Column name in the first line.
 
     Raises
     ------
     IdentificationError
-        If it states a unit that is not known.
+        If the name states an unknown unit.
     """
     stated = _UNIT.search(name)
     if stated is None or stated[1].strip().isdigit():
@@ -153,7 +153,7 @@ def unit_factor(name: str, quantity: str, unit: str) -> float:
 
 
 def _without_path(name: str) -> Iterator[str]:
-    """Yield what may be meant: of a name that begins as a topic does, its end."""
+    """Yield candidate column names: the whole name, and the end of a topic-like path."""
     parts = name.split('/')
     if name.startswith('/'):
         yield parts[-1]
@@ -163,7 +163,7 @@ def _without_path(name: str) -> Iterator[str]:
 
 
 def _of_joint(name: str) -> TableColumn | None:
-    """Return quantity and joint, by its name or its number."""
+    """Return quantity and joint of a column, with the joint's name or number."""
     for quantity, words in WORDS.items():
         for word in words:
             front, back = name[: len(word)].lower(), name[-len(word) :].lower()
@@ -181,26 +181,26 @@ def _of_joint(name: str) -> TableColumn | None:
 
 
 TABLES = ('.csv', '.npz')
-"""Suffixes of files that are tables."""
+"""File suffixes of tables."""
 
-_LARGEST = 2**30  # bytes of a file, unpacked: 40 min of 7 joints at 1 kHz, thrice
+_LARGEST = 2**30  # bytes of an unpacked file: three times 40 min of 7 joints at 1 kHz
 _NAMES = ('joint_names', 'names', 'joints')
-_ANGLES = ('position', 'velocity')  # of which an array `unit` states the unit
-_SHOWN = 40  # columns of a table that an error lists
+_ANGLES = ('position', 'velocity')  # quantities whose unit an array `unit` states
+_SHOWN = 40  # largest number of columns listed in an error
 
 
 @dataclass(frozen=True)
 class TableOptions:
-    """Properties of a table that its columns do not state.
+    """Properties of a table that its columns do not specify.
 
     Attributes
     ----------
     rate : float or None
-        Of the rows [Hz], for tables without a column of time.
+        Row rate [Hz], for tables without a time column.
     degrees : bool
         Whether positions and velocities are in degrees, where their names state no unit.
     numbered_from : {0, 1} or None
-        Number of the first joint; None to recognize it from the columns.
+        Number of the first joint; None to derive it from the columns.
     """
 
     rate: float | None = None
@@ -208,7 +208,7 @@ class TableOptions:
     numbered_from: int | None = None
 
     def __post_init__(self) -> None:
-        """Check the rate."""
+        """Validate the rate."""
         if self.rate is not None and not (np.isfinite(self.rate) and self.rate > 0.0):
             raise IdentificationError(f'--rate {self.rate:g} must be a positive frequency [Hz]')
 
@@ -219,13 +219,12 @@ class TableStates:
 
     Attributes
     ----------
-    names : tuple of n str
     stamp : (M,) ndarray
-        [s]
+        Time [s].
     position, velocity, effort : (M, n) ndarray
-        [rad], [rad/s], [Nm] or as recorded.
+        Values [rad], [rad/s], [Nm], or efforts as recorded.
     columns : str
-        Which columns of the table each joint has; empty for a bag.
+        Table columns of each joint; empty for a bag.
     """
 
     names: tuple[str, ...]
@@ -236,7 +235,7 @@ class TableStates:
     columns: str = ''
 
     def __repr__(self) -> str:
-        """Return what they are of, without the numbers."""
+        """Return a summary without the values."""
         seconds = float(np.ptp(self.stamp)) if len(self.stamp) else 0.0
         return f'<{len(self.stamp)} states over {seconds:.3g} s of {", ".join(self.names)}>'
 
@@ -244,24 +243,22 @@ class TableStates:
 def read_table(
     path: Path, joint_names: Sequence[str], options: TableOptions | None = None
 ) -> TableStates:
-    """Read positions, velocities and efforts of joints.
+    """Read positions, velocities and efforts of joints from a table.
 
-    The first line of a CSV file names its columns, as `time, q_elbow, dq_elbow, tau_elbow` or
-    `elbow.position [deg]`, see `table_column`. An .npz file has arrays
-    `time` (M,), `q`, `dq` and `tau` (M, n), or `position` and so on, and may have `joint_names`
-    and `unit`, the unit of the angles.
+    The first line of a CSV file contains column names, for example `time, q_elbow, dq_elbow,
+    tau_elbow` or `elbow.position [deg]`; see `table_column`. An .npz file contains arrays `time`
+    (M,), `q`, `dq` and `tau` (M, n), or `position` and so on. It may contain `joint_names` and
+    `unit`, the unit of the angles.
 
     Parameters
     ----------
-    path : Path
     joint_names : sequence of n str
-        The arm's joints, from base to tool: what numbers, and arrays without names, stand for.
-    options : TableOptions, optional
+        Joints of the arm, from base to tool, for numbered columns and arrays without names.
 
     Raises
     ------
     IdentificationError
-        If it can't be read, lacks what identification needs, or is too large.
+        If the file cannot be read, lacks required columns, or is too large.
     """
     options = options or TableOptions()
     try:
@@ -287,9 +284,9 @@ def read_table(
 
 
 _Columns = dict[tuple[str, str], Array]
-"""Quantity and joint to values in SI units; ('time', '') to the time."""
+"""Values in SI units by quantity and joint; the time has the key ('time', '')."""
 _Sources = dict[tuple[str, str], str]
-"""The same keys to what they are called in the file."""
+"""Names in the file by quantity and joint."""
 
 
 def _csv(
@@ -329,7 +326,7 @@ def _csv(
 def _meanings(
     path: Path, names: Sequence[str], joint_names: Sequence[str], options: TableOptions
 ) -> dict[int, TableColumn]:
-    """Return the meanings of the columns that have one, by place; others may hold anything."""
+    """Return the meaning of each recognized column by its index; other columns are ignored."""
     try:
         found = {place: table_column(name) for place, name in enumerate(names)}
     except IdentificationError as error:
@@ -340,7 +337,7 @@ def _meanings(
     numbered = _numbered(path, columns, names, joint_names, options)
     for place, meaning in (columns | numbered).items():
         if meaning.number is not None:
-            continue  # of a joint that the arm does not have
+            continue  # belongs to a joint that the arm lacks
         key = meaning.quantity, meaning.joint
         if key in known:
             raise IdentificationError(
@@ -385,7 +382,7 @@ def _numbered(
 
 
 def _some(names: Sequence[str]) -> str:
-    """Return names of columns, the first ones of many."""
+    """Return column names as text, truncated after the first ones."""
     shown = [name or "''" for name in names[:_SHOWN]]
     more = len(names) - len(shown)
     return ', '.join(shown) + (f' and {more} more' if more else '')
@@ -396,7 +393,7 @@ def _factor(column: TableColumn, options: TableOptions) -> float:
 
 
 def _unstated(quantity: str, options: TableOptions) -> float:
-    """Return what makes SI units of a quantity whose unit nothing states."""
+    """Return the factor to SI units of a quantity without a stated unit."""
     return np.pi / 180.0 if options.degrees and quantity in _ANGLES else 1.0
 
 
@@ -441,7 +438,7 @@ def _npz(
 
 
 def _without_currents(columns: _Columns) -> _Columns:
-    """Return columns with currents as efforts of the joints that have no others."""
+    """Return the columns, using currents as efforts of joints without other efforts."""
     kept = {key: values for key, values in columns.items() if key[0] != 'current'}
     for (quantity, joint), values in columns.items():
         if quantity == 'current':
@@ -459,7 +456,7 @@ def _states(
     needed = ('position', 'effort')
     names = tuple(dict.fromkeys(joint for quantity, joint in columns if quantity != 'time'))
     complete = [name for name in names if all((quantity, name) in columns for quantity in needed)]
-    if complete:  # a column such as q_desired_elbow is of no joint
+    if complete:  # a column such as q_desired_elbow belongs to no joint
         names = tuple(name for name in names if name in complete or name in joint_names)
     for quantity in needed:
         missing = [name for name in names if (quantity, name) not in columns]

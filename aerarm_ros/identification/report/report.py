@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs nothing else to be read."""
+"""Report of an identification as one self-contained HTML file."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -60,13 +60,12 @@ _NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
 
 def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
-    """Return a list of warnings, one entry a kind; the others of it are opened by a click.
+    """Return a list of warnings with one entry per kind; a click expands the others.
 
     Parameters
     ----------
-    warnings : iterable of str
     names : sequence of str
-        Of joints, links and bags: what may differ within a kind.
+        Names of joints, links and bags that may differ within a kind.
     """
     longest_first = sorted((re.escape(name) for name in names if name), key=len, reverse=True)
     name = re.compile('|'.join(longest_first)) if longest_first else None
@@ -81,25 +80,21 @@ def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
     return bullets(items, 'warnings')
 
 
-# Corners of the twelve triangles of a box whose corners are numbered as `corners` does, x slowest.
+# Twelve triangles of a box whose corners are numbered as in `corners`, x slowest.
 _TRIANGLES = np.array(
     [
         *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
         *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
     ]
 )
-_EYE = {'x': 2.9, 'y': 2.9, 'z': 1.0}  # far enough to see all of an upright arm
+_EYE = {'x': 2.9, 'y': 2.9, 'z': 1.0}  # camera position that shows all of an upright arm
 _BEFORE, _AFTER, _ARM = '#d0672b', '#0b62c4', '#1c2430'
 
 
 def inertia_view(result: IdentificationResult) -> Html:
-    """Return the figure: boxes of CAD and of the recommended estimate about the arm's axes.
+    """Return the figure of CAD and estimated inertia boxes along the arm's axes.
 
-    An estimate that no body could have is shown without boxes for the links concerned.
-
-    Parameters
-    ----------
-    result : IdentificationResult
+    Links whose estimate is not physically possible are shown without boxes.
     """
     robot = result.robot
     q = result.identification[0].samples.q.mean(axis=0)
@@ -154,7 +149,7 @@ def _boxes(
 
 
 def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
-    """Return the line from the base through the joints."""
+    """Return the line from the base through all joints."""
     points = np.vstack([np.zeros(3), poses[:, :3, 3]]).round(5)
     x, y, z = points.T.tolist()
     return {
@@ -173,20 +168,19 @@ def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
 
 _ROW = 17  # [px]
 _NAME = 34  # characters of an expression that are shown
-_DEVIATIONS = 2.0  # on either side: 95 %
-_FARTHEST = 6.0  # standard deviations of CAD that are shown
+_DEVIATIONS = 2.0  # standard deviations on both sides: 95 %
+_FARTHEST = 6.0  # largest shown distance in standard deviations of CAD
 
 
 def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return the figure: base parameters of the recommended estimate with their intervals.
+    """Return the figure of base parameters of the recommended estimate with their intervals.
 
-    All on one scale: the distance from CAD, in standard deviations of what CAD leaves open.
+    The common scale is the distance from CAD, in prior standard deviations of the CAD values.
 
     Parameters
     ----------
-    result : IdentificationResult
     truth : Truth or None
-        Of a simulated arm, shown beside.
+        True parameters of a simulated arm, also shown.
     """
     base, prior = result.used_base, result.fit.prior.std
     names = [_short(text) for text in base.expressions()]
@@ -198,7 +192,7 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
     found = base.values(result.recommended.estimate.theta)
     place = (found - cad) / scale
     spread = np.minimum(_DEVIATIONS * result.base_deviations / scale, 1e3)
-    # What the motion says nothing of has bars beyond all others.
+    # Parameters that the motion does not determine have bars longer than all others.
     reach = float(np.clip(1.2 * np.abs(place).max(initial=0.0), 1.0, _FARTHEST))
     traces: list[dict[str, Any]] = [
         {
@@ -245,25 +239,26 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """Additional contents of the report.
+    """Additional contents of the identification report.
 
     Attributes
     ----------
     desired : mapping
-        Name of a bag to its commanded velocities.
+        Commanded velocities by bag name.
     truth : Truth or None
         True parameters of a simulated arm.
     truth_errors : sequence of InertialTorqueError
+        Torque errors relative to the true parameters.
     payload : Payload or None
-        What the arm carried in another recording.
+        Payload identified from another recording.
     facts : mapping
-        Name of a bag to what else is known of it.
+        Further facts by bag name.
     energy : mapping
-        Name of a bag to where its energy went.
+        Energy balance by bag name.
     resistances : mapping
-        Name of a joint to the resistance that this was computed with [ohm], as text.
+        Resistance by joint name [ohm] used for the balance, as text.
     exports : sequence of ExportError
-        How well each written file predicts torque.
+        Torque errors of each exported file.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
@@ -277,12 +272,12 @@ class ReportExtras:
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
-    """Return the whole report as HTML, offline and self-contained.
+    """Return the complete report as self-contained HTML that opens offline.
 
     Raises
     ------
     IdentificationError
-        If the plotting script isn't installed.
+        If the plotting script is not installed.
     """
     robot = result.robot
     body = [paragraph(_headline(result), 'lead')]
@@ -522,23 +517,22 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
 
 
 _ROW = 17  # [px]
-_NAME = 34  # characters that are shown
-_SOME = 60.0  # standard deviations beyond which a bar is cut
+_NAME = 34  # number of shown characters
+_SOME = 60.0  # standard deviations above which a bar is truncated
 
 
 def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
-    """Return a page that opens offline.
+    """Return the comparison of two results as HTML that opens offline.
 
     Parameters
     ----------
-    comparison : EstimateComparison
     old, new : str
         Names of the two results.
 
     Raises
     ------
     IdentificationError
-        If the plotting script isn't installed.
+        If the plotting script is not installed.
     """
     clear = [change.name for change in comparison.changes if change.is_clear]
     lead = (
@@ -574,7 +568,7 @@ def _table(changes: tuple[EstimateChange, ...], old: str, new: str) -> Html:
 
 
 def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
-    """Return bars: differences in standard deviations."""
+    """Return a bar chart of differences in standard deviations."""
     names = [c.name if len(c.name) <= _NAME else c.name[: _NAME - 1] + '…' for c in changes]
     trace: dict[str, Any] = {
         'type': 'bar',

@@ -19,9 +19,9 @@ from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, R
 
 _DEFAULTS = BridgeSettings()
 AUTO = 'auto'
-"""Value of `state_file` that leaves the place to the bridge."""
+"""Value of `state_file` with which the bridge selects the path."""
 
-# Name: (unit, description) of the settings that the bridge cycle takes as they are.
+# Name: (unit, description) of the settings that `BridgeSettings` accepts unchanged.
 _SETTINGS = {
     'command_timeout': ('s', 'age of the last accepted command at which the bridge damps the arm'),
     'stamp_age_max': ('s', 'largest age of the state that a command responds to'),
@@ -126,7 +126,7 @@ BRIDGE_PARAMETERS = (
             element=float,
             group='Gains of the boards',
         )
-        # What a profile's fields hold is less, and is checked when they are set.
+        # The fields of a frame profile have smaller ranges, which are checked when they are set.
         for name, what, unit, maximum in (
             ('board_kp', 'stiffness', 'A/rad', 100.0),
             ('board_kd', 'damping, sufficient to slow a falling arm,', 'A s/rad', 10.0),
@@ -148,14 +148,14 @@ BRIDGE_PARAMETERS = (
 
 
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
-    """Return the cycle's settings out of a node's parameter values."""
+    """Return the settings of the bridge's cycle from the node's parameters."""
     return BridgeSettings(**{name: getattr(values, name) for name in ('period', *_SETTINGS)})
 
 
 def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | None:
-    """Return the file that keeps the zeros of the bridge of a full name, None if there is none.
+    """Return the file that stores the zeros of a bridge, or None if it stores none.
 
-    Raises ValueError if the user has no home directory to put it.
+    Raises ValueError if the user has no home directory for the file.
     """
     if values.state_file != AUTO:
         return Path(values.state_file) if values.state_file else None
@@ -171,7 +171,7 @@ def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | Non
 
 
 def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
-    """Return the boards' frames; raises ProfileError with what to check."""
+    """Return the layout of the boards' frames; raises ProfileError."""
     profile = load_profile(values.profile or config.profile)
     for entry in values.profile_scales:
         name, _, lsb = entry.partition('=')
@@ -189,7 +189,7 @@ def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
 def board_gains(
     values: Mapping[str, Any], config: ArmConfig
 ) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
-    """Return kp, kd and integral gain out of parameter values, empty ones filled in."""
+    """Return kp, kd and integral gain from the parameters, with defaults for empty ones."""
     return (
         values['board_kp'] or config.column('board_kp'),
         values['board_kd'] or config.column('board_kd'),

@@ -1,4 +1,4 @@
-"""Parameters of contact detection, of the node and of its command line."""
+"""Parameters of contact detection, for the node and for its command line."""
 
 from __future__ import annotations
 
@@ -42,21 +42,21 @@ FILE_PARAMETERS = (
 )  # fmt: skip
 
 RESIDUALS = 'residuals.yaml'
-"""Name of the file of learnt thresholds."""
+"""File name of learnt contact thresholds."""
 
 RESIDUALS_SECTION = 'residual_bound'
-"""Its only key."""
+"""Only key of the file of contact thresholds."""
 
 
 def contact_settings(values: Any) -> ContactSettings:
-    """Return the settings that an object with one attribute per parameter describes."""
+    """Return the contact settings from an object with one attribute per parameter."""
     return ContactSettings(
         **{field.name: getattr(values, field.name) for field in fields(ContactSettings)}
     )
 
 
 def read_residuals(path: Path, joint_names: tuple[str, ...]) -> ResidualBound:
-    """Return learnt thresholds; raises ValueError or OSError with what to check."""
+    """Return learnt contact thresholds from a file; raises ValueError or OSError."""
     values = read_yaml(path)
     section = values.get(RESIDUALS_SECTION) if isinstance(values, dict) else None
     if not isinstance(section, dict):

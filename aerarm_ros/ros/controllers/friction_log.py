@@ -1,4 +1,4 @@
-"""Friction that is followed, kept in a file from day to day."""
+"""File with the estimates of friction over days and weeks."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ESTIMATOR_PARAMETERS = (
 
 
 def estimator_settings(values: Any) -> EstimatorSettings:
-    """Return the settings that an object with an attribute a parameter describes."""
+    """Return the payload estimator's settings from an object with one attribute per parameter."""
     return EstimatorSettings(
         **{field.name: getattr(values, field.name) for field in fields(EstimatorSettings)}
     )
@@ -55,32 +55,31 @@ FRICTION_LOG_PARAMETERS = (
               86400.0),
 )  # fmt: skip
 
-_LONGEST = 0.1  # [s] between estimates while something is learnt
-_LEAST = 30.0  # [s] of learning that are worth a record at the end
+_LONGEST = 0.1  # [s] longest interval between two estimates that counts as learning time
+_LEAST = 30.0  # [s] shortest learning time for a record at the end
 
 
 class FrictionLog:
-    """Records the friction estimates periodically, and writes them in a background thread.
+    """Record the friction estimates periodically, and write them in a background thread.
 
     Parameters
     ----------
     path : Path
-        Of the file; it is read first, if it is there.
-    joint_names : sequence of str
+        Path of the file; existing records are read first.
     interval : float
-        Of learning between records [s].
+        Learning time between records [s].
     clock : callable
         Returns the time since 1970 [s].
 
     Attributes
     ----------
     problem : str
-        Why the last record could not be written, '' if it was.
+        Reason why the last record could not be written; empty otherwise.
 
     Raises
     ------
     TrendFileError, OSError
-        If the file is no trend of this arm, or can't be read or written.
+        If the file is not a friction trend of this arm, or cannot be read or written.
     """
 
     def __init__(
@@ -105,7 +104,7 @@ class FrictionLog:
         self._lock = Lock()
 
     def offer(self, estimate: OnlineEstimate) -> None:
-        """Take an estimate; quick."""
+        """Process a friction estimate, without delay."""
         if self._last is not None and 0.0 < estimate.time - self._last.time < _LONGEST:
             self._learnt += estimate.time - self._last.time
         self._last = estimate
@@ -113,7 +112,7 @@ class FrictionLog:
             self._record(estimate)
 
     def write(self) -> None:
-        """Write pending records; from any thread."""
+        """Write pending records; callable from any thread."""
         with self._lock:
             pending, self._pending = self._pending, []
             for record in pending:
@@ -135,7 +134,7 @@ class FrictionLog:
         self.write()
 
     def describe(self) -> dict[str, object]:
-        """Report changes since the first record."""
+        """Return the changes of friction since the first record."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
         told = [

@@ -1,4 +1,4 @@
-"""Parameters of an emulated arm, and what it is made of by them."""
+"""Parameters of an emulated arm, and the simulated arm that they describe."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ EMULATION_PARAMETERS = (
     ),
 )
 
-# The payload is a ball of this radius [m]: its own inertia, small beside that of its place.
+# The payload is a ball of this radius [m], with a small inertia about its centre.
 PAYLOAD_RADIUS = 0.03
 
 
@@ -103,7 +103,7 @@ def plant_parameters(
     backlash_wear: float,
     payload: Sequence[float],
 ) -> PlantParameters:
-    """Return what the simulated arm is made of; raises ValueError for what no arm has."""
+    """Return the physical parameters of the simulated arm; raises ValueError."""
     parameters = PlantParameters.nominal(config, robot)
     if seed is not None:
         parameters = parameters.perturbed(seed)

@@ -1,4 +1,4 @@
-"""Messages for a flight controller: places, ways, and what its arm does."""
+"""Messages for a flight controller: set points, trajectories and the arm's load."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
 
 
 def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, MassProperties]:
-    """Return the arm, the drone, and both as one body with the arm at rest.
+    """Return the arm, the drone, and the mass properties of both with the arm at rest.
 
     Parameters
     ----------
     values
-        Of `ARM_FILES` and `DRONE_FILE`.
+        Values of `ARM_FILES` and `DRONE_FILE`.
 
     Raises
     ------
     ValueError
-        If no drone is named, or a file can't be used.
+        If no drone is named, or a file cannot be used.
     """
     config, robot = load_arm(values)
     drone = load_drone(values, config, robot)
@@ -47,16 +47,16 @@ def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, M
 
 
 class ArmTopics:
-    """Passes the messages of `base_reaction` to the feed-forward.
+    """Pass the messages of `base_reaction` to the feedforward.
 
     Parameters
     ----------
     node
         Owner of the subscriptions.
     arm
-        What is fed.
+        Feedforward that receives the messages.
     act
-        Runs an action in the loop's thread; it may reject its input.
+        Runs an action in the loop's thread; the action may reject its input.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class ArmTopics:
 
 
 def to_target(message: PoseStamped, frame: str) -> FlightTarget:
-    """Return the place of a set point in the odometry's frame; raises RejectedInputError."""
+    """Return the target of a set point in the odometry's frame; raises RejectedInputError."""
     _require_frame('flight_set_point', message.header.frame_id, frame)
     place, turn = _vector(message.pose.position), _quaternion(message.pose.orientation)
     if not np.all(np.isfinite(place)):
@@ -92,7 +92,7 @@ def to_target(message: PoseStamped, frame: str) -> FlightTarget:
 
 
 def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -> FlightPath:
-    """Return the way of a trajectory of one body; raises RejectedInputError."""
+    """Return the path of a trajectory of one body; raises RejectedInputError."""
     what, points = 'flight_trajectory', message.points
     _require_frame(what, message.header.frame_id, frame)
     if not points or any(len(point.transforms) != 1 for point in points):
@@ -112,7 +112,7 @@ def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -
 
 
 def _linear(rows: list[Any]) -> list[Array] | None:
-    """Return the linear parts of twists, one a point; None where no point has any."""
+    """Return the linear parts of twists, one per point; None if no point has a twist."""
     if not any(len(row) for row in rows):
         return None
     return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]

@@ -1,4 +1,4 @@
-"""Parameters of the flight controller, and the parts made from them."""
+"""Parameters of the flight controller, and the objects created from them."""
 
 from __future__ import annotations
 
@@ -139,13 +139,13 @@ FLIGHT_PARAMETERS = (
 
 
 def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProperties) -> FlightLaw:
-    """Return the controller of a drone with its arm, of the values of `FLIGHT_PARAMETERS`.
+    """Return the controller of a drone with its arm, from the values of `FLIGHT_PARAMETERS`.
 
     Raises
     ------
     ValueError
-        If the imitated loops of PX4 are to fly a drone that pushes sideways, which they do not
-        know, or Betaflight one that it has no mixer for; or if a port is taken.
+        If PX4's loops cannot fly the drone (tilted rotors), Betaflight has no mixer for it, or a
+        port is in use.
     """
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
     if values.loops in (PX4, PX4_SITL):
@@ -195,5 +195,5 @@ def _px4_firmware(
 def arm_feed_forward(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> ArmFeedForward:
-    """Return what is fed forward of the arm, of the values of `FLIGHT_PARAMETERS`."""
+    """Return the arm's feedforward from the values of `FLIGHT_PARAMETERS`."""
     return ArmFeedForward(drone, body, values.feed_posture, values.feed_motion, values.feed_lead)

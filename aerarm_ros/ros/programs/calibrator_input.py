@@ -35,7 +35,7 @@ from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.motion.signals import Array
 
 _OWN = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
-_MOVING = 0.2  # [s] between rows, below which a table is a recording in motion
+_MOVING = 0.2  # [s] between rows; a table with a shorter interval is a recording in motion
 _MANY = 200  # rows of a recording in motion
 _MOST_STATES = 4_000_000
 
@@ -46,10 +46,10 @@ class JointRecording:
 
     Attributes
     ----------
-    names : tuple of n str
     time : (T,) ndarray
         [s]
     position : (T, n) ndarray
+        [rad]
     """
 
     names: tuple[str, ...]
@@ -57,7 +57,7 @@ class JointRecording:
     position: Array
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return the positions (T, k) of some joints."""
+        """Return the positions (T, k) of k joints."""
         return self.position[:, [self.names.index(name) for name in names]]
 
 
@@ -67,14 +67,10 @@ class CalibratorInput:
 
     Attributes
     ----------
-    path : Path
     joints : tuple of str
-        That it has positions of.
-    table : PostureTable or None
-    recording : JointRecording or None
-    tracks : list of Track
+        Joints with positions.
     mapping, messages : list of str
-        What its parts were taken as; what to know.
+        Interpretation of the columns or topics; notes for the user.
     """
 
     path: Path
@@ -92,7 +88,7 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
     Raises
     ------
     BagError, CalibrationError, DescriptionError
-        If it cannot be read, or lacks joints or measurements.
+        If the input cannot be read, or lacks joints or measurements.
     """
     if path.suffix.lower() in TABLES and path.is_file():
         return _read_table(path, urdf, options)
@@ -111,12 +107,12 @@ def find_chain(
 def to_observations(
     given: CalibratorInput, chain: Chain, options: argparse.Namespace
 ) -> Observations:
-    """Return the postures of an input at rest.
+    """Return the postures of an input in which the arm rests.
 
     Raises
     ------
     CalibrationError
-        If the arm does not rest, or nothing was measured.
+        If the arm does not rest, or there are no measurements.
     """
     names = chain.robot.joint_names
     if given.table is not None and not _is_moving(given.table):
@@ -191,15 +187,12 @@ def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
 
 @dataclass(eq=False)
 class FlightRecording:
-    """What `--mount` needs of a bag.
+    """Data of a bag for `--mount`.
 
     Attributes
     ----------
-    joints : JointRecording
     drone : Track
-        Pose of the body.
-    imu : PoseSeries or None
-    markers : list of Track
+        Pose of the drone's body.
     """
 
     joints: JointRecording
@@ -214,7 +207,7 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     Raises
     ------
     BagError, CalibrationError
-        If it cannot be read, or lacks the drone's pose.
+        If the bag cannot be read, or lacks the drone's pose.
     """
     contents = read_contents(path, options.topic, most=_MOST_STATES)
     states = contents.joint_states['/' + options.topic.lstrip('/')]
@@ -249,9 +242,9 @@ def _is_sensor(name: str, series: PoseSeries, options: argparse.Namespace) -> bo
 
 
 def _track(name: str, series: PoseSeries, stamp: float, log_time: float) -> Track:
-    """Return a series by the clock of the joint states."""
+    """Return a series of poses on the clock of the joint states."""
     time = series.stamp
-    # Stamps of another clock than the recorder's, such as of a motion capture computer: by arrival.
+    # Stamps of a foreign clock, such as a motion capture computer's: use the time of arrival.
     if abs((time[0] - stamp) - (series.log_time[0] - log_time)) > 60.0:
         time = series.log_time - log_time + stamp
     rotation = None
@@ -272,7 +265,7 @@ def _matrices(quaternion: Array) -> Array:
 
 
 def _is_moving(table: PostureTable) -> bool:
-    """Return whether rows follow each other so fast that the arm cannot rest in each."""
+    """Return whether the interval between rows is too short for the arm to rest in each."""
     return (
         table.time is not None
         and len(table) > _MANY
@@ -321,12 +314,12 @@ def _of_table(
 
 
 def joined(parts: Sequence[Observations]) -> Observations:
-    """Return the postures of several inputs of the same setup as one.
+    """Combine the postures of several inputs with the same setup.
 
     Raises
     ------
     CalibrationError
-        If they do not have the same sources.
+        If the inputs do not have the same sources.
     """
     first = parts[0]
     if len(parts) == 1:

@@ -1,4 +1,4 @@
-"""The calibrator's run for the mount: a bag of a moving drone in, a drone file out."""
+"""The calibrator's run for the mount: from a bag of a moving drone to a drone file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_fligh
 
 DRONE, REPORT = 'drone.yaml', 'report.html'
 MOUNT_FILES = (DRONE, REPORT, MARKER)
-"""All that a result may hold."""
+"""Files that a result may contain."""
 _NOTE = (
     "Pose of the arm's base frame and of the IMU in the frame of the drone's body. Standard "
     'deviations are those of the fit. "Moved" is the rotation from the pose in the file to the '
@@ -39,7 +39,7 @@ _NOTE = (
 
 
 class MountRun:
-    """What `calibrator --mount` asks for.
+    """Run of `calibrator --mount`.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class MountRun:
             imu = self._imu(flight)
             text = drone_yaml(self._source, mount.pose, imu.pose if imu else None)
             directory.write(DRONE, text)
-            load_drone_config(directory.path(DRONE))  # what no node could read is not kept
+            load_drone_config(directory.path(DRONE))  # a file that no node can read is not kept
             rows = self._rows(mount, imu)
             directory.write_json(MARKER, _summary(mount, imu))
             directory.write(REPORT, _html(rows))
@@ -84,7 +84,7 @@ class MountRun:
         return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
 
     def _imu(self, flight: FlightRecording) -> ImuResult | None:
-        """Return where the IMU is; None, with a message, if the bag does not show it."""
+        """Return the IMU's pose; None, with a message, if the bag does not determine it."""
         values, stays = flight.imu, f'the pose of the IMU keeps its values of {self._source.name}'
         if values is None:
             _tell(f'no IMU on {self._options.imu}: {stays}')

@@ -1,4 +1,4 @@
-"""The command line of the calibrator; imports nothing slow, so that --help is quick."""
+"""The calibrator's command line; it imports no slow library, so that --help is quick."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
 
 
 def calibrator_parser(name: str, description: str) -> OneLineParser:
-    """Return the parser of a program of that name; its options have the time, as `started`."""
+    """Return the parser of a program; its options contain the start time as `started`."""
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     for option, details, text in _OPTIONS:
         more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}

@@ -20,14 +20,14 @@ _ANSWERS = '[y: done, n: skip this step, Ctrl-C: stop, motors off]'
 
 
 class CommissioningRun:
-    """Prompts a person, and prints what is found.
+    """Prompt a person, and print the findings.
 
     Parameters
     ----------
     node
-        That no executor holds.
+        Node without executor.
     options
-        Of the command line of `arm commission`.
+        Options of `arm commission`.
     """
 
     def __init__(self, node: Node, options: argparse.Namespace) -> None:
@@ -39,12 +39,12 @@ class CommissioningRun:
         self._printed = 0
 
     def run(self) -> None:
-        """Lead through the procedure; the motors are off afterwards, whatever ended it.
+        """Run the procedure; the motors are off afterwards in every case.
 
         Raises
         ------
         ArmClientError
-            If there is no bridge, it stops answering, or a joint does not pass.
+            If no bridge runs, the bridge stops answering, or a joint does not pass.
         """
         client, options = self._client, self._options
         try:
@@ -109,7 +109,7 @@ class CommissioningRun:
             print(f'  {prompt.text} {_ANSWERS}', flush=True)
 
     def _read_answer(self) -> None:
-        """Take a line that was typed; the end of the input is an end."""
+        """Read a typed line; the end of the input ends the procedure."""
         guided = self._client.guided
         if guided is None or self._client.prompt is None:
             return
@@ -123,7 +123,7 @@ class CommissioningRun:
         line, newline, rest = self._typed.partition('\n')
         if not newline:
             return
-        # A line per prompt: what was typed ahead answers the next one.
+        # One line per prompt: a line typed in advance answers the next prompt.
         self._typed = rest
         answer = line.strip().lower()
         if answer in ('y', 'yes', 'n', 'no'):

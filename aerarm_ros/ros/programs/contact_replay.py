@@ -1,4 +1,4 @@
-"""Contact in recordings: what `contact_estimator --bag` does."""
+"""Search for contact in recordings, for `contact_estimator --bag`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _COLOUR = {Cause.CONTACT: '#d62728', Cause.PAYLOAD: '#2ca02c', Cause.MODEL: '#7f
 
 
 def contact_replay(name: str, arguments: Sequence[str]) -> int:
-    """Do what a command line asks for; return 0, 2 if there is something to check, or 130."""
+    """Run the search; return 0, 2 if the user must check an input, or 130 after a stop."""
     stops: list[bool] = []
     try:
         given = RosArguments(arguments)
@@ -73,7 +73,7 @@ def contact_replay(name: str, arguments: Sequence[str]) -> int:
 
 
 def replay_parser(name: str) -> OneLineParser:
-    """Return what reads the command line."""
+    """Return the parser of the command line."""
     parser = OneLineParser(prog=name, description='Find contact in recordings.')
     parser.add_argument(
         '--bag', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
@@ -108,14 +108,12 @@ def replay_parser(name: str) -> OneLineParser:
 
 @dataclass(frozen=True, eq=False)
 class SearchedBag:
-    """What was found in one recording.
+    """Contact events in one recording.
 
     Attributes
     ----------
-    recording : Recording
-    events : list of ContactEvent
     places : list of ContactPlace or None
-        Of each event.
+        Place of each event.
     torque, threshold : (M, n) ndarray
         External torque and its threshold [Nm].
     """
@@ -128,15 +126,14 @@ class SearchedBag:
 
 
 class ContactReplay:
-    """What the command line asks for.
+    """Run of the search with its command-line options.
 
     Parameters
     ----------
     name : str
-        Of the program, for messages.
+        Program name, for messages.
     options : argparse.Namespace
-        Of `replay_parser`.
-    is_stopped : callable
+        Options of `replay_parser`.
 
     Raises
     ------
@@ -168,12 +165,12 @@ class ContactReplay:
         self._arm, _ = known_arm(self._recorded, options)
 
     def execute(self) -> str:
-        """Learn thresholds, search the recordings and return what was found.
+        """Learn thresholds, search the recordings and return the events as text.
 
         Raises
         ------
         IdentificationError, BagError
-            If a bag can't be used, or the result can't be written.
+            If a bag cannot be used, or the result cannot be written.
         """
         if self._options.out is None:
             return self._text(self._search(self._bound()))
@@ -248,12 +245,12 @@ def search(
     locator: ContactLocator,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> SearchedBag:
-    """Return the events of a recording of an arm on a still base.
+    """Return the contact events of a recording of an arm on a fixed base.
 
     Raises
     ------
     IdentificationError
-        If it has no velocities.
+        If the recording has no velocities.
     """
     if recording.dq is None:
         raise IdentificationError(

@@ -38,12 +38,12 @@ from aerarm_ros.ros.progress_line import ProgressLine
 
 
 def whole_periods(duration: float, fundamental: float) -> int:
-    """Return how many periods of 1 / fundamental [Hz] the duration [s] holds.
+    """Return the number of periods of 1 / fundamental [Hz] in the duration [s].
 
     Raises
     ------
     ExcitationError
-        If it is not a whole number of them.
+        If it is not a whole number.
     """
     for name, value in (('fundamental', fundamental), ('duration', duration)):
         if not (math.isfinite(value) and value > 0.0):
@@ -66,7 +66,7 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
     Raises
     ------
     ExcitationError
-        If there are neither 1 nor `joints` values, or one is not positive.
+        If the number of values is neither 1 nor `joints`, or a value is not positive.
     """
     if options.torque_noise is None:
         return None
@@ -77,12 +77,12 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
 
 
 def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
-    """Return the packaged arm, or another one from its URDF with or without a drive train.
+    """Return the setup of the packaged arm, or of another URDF with or without drive train.
 
     Raises
     ------
     ValueError
-        If a file cannot be used, or an option does not go with the others.
+        If a file cannot be used, or the options contradict each other.
     """
     other = options.urdf is not None
     if options.excitation_config or not other:
@@ -109,17 +109,17 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
 
 
 NAME = 'excitation_designer'
-# Other frequencies for validation: a model that holds only at one speed is found out.
+# Validation at other frequencies reveals a model that is valid at one speed only.
 VALIDATION = {'slow': 0.5, 'fast': 2.0}
 
 
 class DesignRun:
-    """One run of the program: keeps the best trajectory so far in the file asked for.
+    """One run of the designer, which keeps the best trajectory so far in the output file.
 
     Parameters
     ----------
     options : the command line.
-    interrupted : whether the user has had enough.
+    interrupted : whether the user has stopped the search.
 
     Raises
     ------
@@ -154,7 +154,7 @@ class DesignRun:
         self._designer = TrajectoryDesigner(self._specification)
 
     def run(self) -> None:
-        """Design until all starts are done, the time is up or the user has had enough."""
+        """Design until all starts are done, the time is up, or the user stops the search."""
         try:
             random = self._designer.initial(0, self._is_over)
             validation = self._validation() if self._options.validation else {}
@@ -164,7 +164,7 @@ class DesignRun:
                 'files were written'
             ) from None
         self._print(f'{NAME}: random    {_figures(random)}, reference for the deviations')
-        # Only now anything is written: whatever could be refused has been accepted.
+        # Write files only now, after all inputs have been checked.
         self._save(random, self._options.out, self._specification)
         for path, (specification, result) in validation.items():
             self._save(result, path, specification)
@@ -203,7 +203,7 @@ class DesignRun:
             self._print(f'{self._options.preview}: preview')
 
     def _warnings(self, best: DesignResult, random: DesignResult) -> list[str]:
-        """Return what the user should know before playing the trajectory."""
+        """Return warnings for the user about playing the trajectory."""
         warnings = []
         if best is random:
             more = ': give more time with --time-limit' if self._out_of_time else ''
@@ -236,12 +236,12 @@ class DesignRun:
         return warnings
 
     def _validation(self) -> dict[Path, tuple[DesignSpecification, DesignResult]]:
-        """Return a slower and a faster random trajectory with coefficients of their own."""
+        """Return a slower and a faster random trajectory with different coefficients."""
         results = {}
         highest = self._specification.setup.config.highest_frequency
         for name, path in self._validation_paths().items():
             fundamental = VALIDATION[name] * self._options.fundamental
-            # As many harmonics as the arm's elasticity allows at this speed.
+            # Use as many harmonics as the arm's elasticity permits at this speed.
             harmonics = min(self._options.harmonics, int(highest / fundamental + 1e-9))
             try:
                 specification = replace(
@@ -263,7 +263,7 @@ class DesignRun:
         }
 
     def _require_writable(self) -> None:
-        """Try every file that is to be written, before hours are spent on what goes into it."""
+        """Try to write every output file before a search of hours."""
         paths = [self._options.out]
         if self._options.preview:
             paths.append(self._options.preview)
@@ -294,7 +294,7 @@ class DesignRun:
                 ) from None
 
     def _save(self, result: DesignResult, path: Path, specification: DesignSpecification) -> None:
-        # As long as asked for, and at least one period.
+        # The requested duration, and at least one period.
         ratio = specification.fundamental / self._options.fundamental
         designed_file(specification, result, max(1, round(self._periods * ratio))).save(path)
 
@@ -320,7 +320,7 @@ class DesignRun:
         print(text, flush=True)
 
     def _watch(self) -> bool:
-        """Show on a terminal that the search is alive, and return whether it is over."""
+        """Show the search's progress on a terminal, and return whether the search is over."""
         if sys.stdout.isatty() and self._progress.due(time.monotonic_ns()):
             self._progress.show(
                 f'{self._seconds():4.1f} of {self._options.time_limit:g} s, '

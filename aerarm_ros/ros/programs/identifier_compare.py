@@ -1,4 +1,4 @@
-"""Two results of the identifier, or of the motor bench, compared."""
+"""Comparison of two results of the identifier or of the motor bench."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FILE, _BENCH, _PAGE = 'estimate.yaml', 'motor_bench.yaml', 'comparison.html'
 
 
 class CompareRun:
-    """What `--compare OLD NEW` asks for: a table, and with `--out` a page and numbers.
+    """Run of `--compare OLD NEW`: a table and, with `--out`, a page and numbers.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ class CompareRun:
         self._out: Path | None = options.out
 
     def execute(self) -> str:
-        """Compare, write what was asked for, and return a table for the terminal.
+        """Compare, write the output files, and return a table for the terminal.
 
         Raises
         ------
         IdentificationError, ConfigError
-            If a result can't be read, or nothing can be written.
+            If a result cannot be read, or the output cannot be written.
         """
         benches = [path.name == _BENCH for path in self._paths]
         if any(benches) and not all(benches):
@@ -79,7 +79,7 @@ def _estimate(path: Path) -> Path:
 
 
 def _lines(comparison: EstimateComparison) -> list[str]:
-    """Return what differs clearly, one a line, and how much does not."""
+    """Return the significant differences, one per line, and the number of the others."""
     clear = [change for change in comparison.changes if change.is_clear]
     lines = [
         f'{change.name}: {change.old:.4g} -> {change.new:.4g} {change.unit}'.rstrip()

@@ -1,4 +1,4 @@
-"""What the identifier can be asked for; imports nothing slow, so that --help is quick."""
+"""Options of the identifier; this module imports no slow library, so that --help is quick."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
 
 def _optional_path(text: str) -> Path | None:
-    """Return a path, None for the empty text of an unset launch argument."""
+    """Convert text to a path; return None for the empty text of an unset launch argument."""
     return Path(text) if text else None
 
 
-# Option, what argparse needs to know, and help.
+# Option, arguments for argparse, and help.
 _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
@@ -238,7 +238,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
 )
 
 
-# Those that tell of the arm and of what its bags are like.
+# Options about the arm and its bags.
 _OF_ARM = (
     *(
         '--urdf',
@@ -263,9 +263,9 @@ _OF_ARM = (
 
 
 def identifier_parser(name: str, description: str) -> OneLineParser:
-    """Return what reads the command line of a program of that name.
+    """Return the command-line parser of a program.
 
-    The options it returns also say when they were read, as `started`.
+    The parsed options contain the start time as `started`.
     """
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     _add_options(parser, [option for option, *_ in _OPTIONS])
@@ -274,13 +274,14 @@ def identifier_parser(name: str, description: str) -> OneLineParser:
 
 
 def add_arm_options(parser: OneLineParser) -> None:
-    """Let a program take what the identifier takes to describe the arm and its bags."""
+    """Add the identifier's options about the arm and its bags to a parser."""
     _add_options(parser, _OF_ARM)
 
 
 def _add_options(parser: OneLineParser, wanted: Collection[str]) -> None:
     for option, details, text in _OPTIONS:
         if option in wanted:
-            # A list given twice adds up: the second one is no slip of which nobody would hear.
+            # A list option that is given twice adds up instead of replacing the first list
+            # silently.
             more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
             parser.add_argument(option, help=text, **more, **details)

@@ -1,4 +1,4 @@
-"""One run of `arm init`: from a URDF to the files that everything else asks for."""
+"""One run of `arm init`: from a URDF to an arm's configuration files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from aerarm_ros.excitation.settings import load_excitation_config
 
 
 class InitRun:
-    """Reads a URDF, and writes an arm's configuration and that of its excitations.
+    """Read a URDF, and write the configurations of an arm and of its excitations.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class InitRun:
     Raises
     ------
     ValueError, OSError
-        If the URDF cannot be used, or a file exists already; nothing is written then.
+        If the URDF cannot be used, or a file exists already; no file is written then.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -49,7 +49,7 @@ class InitRun:
                 )
 
     def run(self) -> None:
-        """Write the files, read them as everybody does, and say how to go on."""
+        """Write the files, read them as a check, and print the next steps."""
         draft = self._draft
         self._arm_file.parent.mkdir(parents=True, exist_ok=True)
         text = arm_text(draft, self._urdf.name)

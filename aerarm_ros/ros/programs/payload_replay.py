@@ -1,4 +1,4 @@
-"""The estimator of payload and friction over bags: what `payload_estimator --bag` does."""
+"""The estimator of payload and friction on bags, for `payload_estimator --bag`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from aerarm_ros.ros.programs.identifier_run import (
 
 
 def show_trend(name: str, arguments: Sequence[str]) -> int:
-    """Print what a command line asks for; return 0, or 2 if there is something to check."""
+    """Print the friction trend; return 0, or 2 if the user must check an input."""
     parser = OneLineParser(prog=name, description='Print how friction has changed.')
     parser.add_argument(
         '--trend',
@@ -56,7 +56,7 @@ def show_trend(name: str, arguments: Sequence[str]) -> int:
 
 
 def trend_table(trend: FrictionTrend) -> str:
-    """Return a line for each coefficient, those that have clearly changed marked."""
+    """Return one line per coefficient, and mark significant changes."""
     records, changes = trend.records, trend.changes()
     if not changes:
         return f'{len(records)} records: a trend needs at least two'
@@ -83,7 +83,7 @@ _FILES = ('payload.yaml', _GAINS, MARKER)
 
 
 def replay(name: str, arguments: Sequence[str]) -> int:
-    """Do what a command line asks for; return 0, 2 if there is something to check, or 130."""
+    """Run the estimator on bags; return 0, 2 for an invalid input, or 130 after a stop."""
     stops: list[bool] = []
     try:
         given = RosArguments(arguments)
@@ -105,7 +105,7 @@ def replay(name: str, arguments: Sequence[str]) -> int:
 
 
 def replay_parser(name: str) -> OneLineParser:
-    """Return what reads the command line of a replay."""
+    """Return the parser of the command line."""
     parser = OneLineParser(
         prog=f'{name} --bag', description='Estimate the payload from bags instead of topics.'
     )
@@ -143,7 +143,7 @@ def replay_parser(name: str) -> OneLineParser:
 def known_arm(
     recorded: RecordedArm, options: argparse.Namespace
 ) -> tuple[KnownArm, Estimate | None]:
-    """Return the arm of `--model`, or of the URDF, with the estimate it comes from."""
+    """Return the arm of `--model` with its estimate, or the arm of the URDF."""
     robot, config = recorded.robot, recorded.config
     if options.model is None:
         rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
@@ -156,14 +156,14 @@ def known_arm(
 
 
 class PayloadReplay:
-    """What the command line of a replay asks for.
+    """Run of the estimator on bags with its command-line options.
 
     Parameters
     ----------
     options : argparse.Namespace
-        Of `replay_parser`.
+        Options of `replay_parser`.
     is_stopped : callable
-        Asked now and then.
+        Called from time to time.
 
     Raises
     ------
@@ -192,12 +192,12 @@ class PayloadReplay:
         self._arm, self._estimate = known_arm(self._recorded, options)
 
     def execute(self) -> str:
-        """Go through the bags, write what was asked for, and return what was found.
+        """Process the bags, write the output files, and return the results as text.
 
         Raises
         ------
         IdentificationError, BagError
-            If a bag can't be used, or the result can't be written.
+            If a bag cannot be used, or the result cannot be written.
         """
         if self._options.known_mass is not None:
             return self._calibrate()
@@ -234,7 +234,7 @@ class PayloadReplay:
         return '\n'.join([*lines, *_payload_lines(last), *self._friction_lines(last)]), last
 
     def _calibrate(self) -> str:
-        """Return the effort gains by the known mass, written if there is a folder."""
+        """Return the effort gains from the known mass, and write them if `--out` is given."""
         assert self._estimate is not None
         recordings = [self._recorded.recording(path) for path in self._options.bag]
         found = calibrate_gains(
@@ -271,7 +271,7 @@ class PayloadReplay:
         return '\n'.join([*lines, str(directory.target / _GAINS)])
 
     def _friction_lines(self, last: OnlineEstimate) -> list[str]:
-        """Return a table of friction as it was known, and as it is at the end."""
+        """Return a table of the initial and the final friction."""
         lines = ['Friction: model -> end of ' + ', '.join(self._arm.robot.joint_names)]
         rows = zip(self._arm.friction, last.friction, last.friction_std, strict=True)
         for name, row in zip(FRICTION_NAMES, rows, strict=True):

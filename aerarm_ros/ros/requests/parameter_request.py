@@ -1,4 +1,4 @@
-"""Setting a live parameter of another node, as typed on a command line."""
+"""Set a live parameter of another node from command-line text."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     Parameters
     ----------
     node
-        Asks; no executor may hold it.
+        Client node; no executor may contain it.
     target, name
-        Node, relative or absolute, and parameter.
+        Relative or absolute node name, and parameter name.
     text
-        Value in YAML; of a string parameter the string itself.
+        Value in YAML; for a string parameter the string itself.
     timeout
         Longest time to find the node, and again for each answer [s].
 
     Raises
     ------
     ArmClientError
-        If there is no such node or parameter, or the node does not answer, or refuses.
+        If node or parameter does not exist, or the node does not answer, or refuses.
     """
     client = AsyncParameterClient(node, target)
     if not spin_until(node, client.services_are_ready, timeout):
@@ -48,7 +48,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
         )
 
     def result(ask: Callable[[], Future]) -> Any:
-        # An answer to a client that the node has not discovered yet is lost.
+        # An answer is lost if the node has not yet discovered the client.
         futures: list[Future] = []
         deadline = time.monotonic() + timeout
         while not any(future.done() for future in futures):
@@ -80,7 +80,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
 
 
 def _value(descriptor: ParameterDescriptor, text: str) -> Any:
-    """Return what the text means for a parameter of that type."""
+    """Convert text to a value of the parameter's type."""
     if descriptor.type == _Type.STRING.value:
         return text
     try:
@@ -102,7 +102,7 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """Return a floating-point number where YAML reads another: 2, and 1e-3, a text to it."""
+    """Convert a YAML value to a floating-point number, such as 2 or 1e-3 (a text in YAML)."""
     if isinstance(value, bool):
         return value
     try:

@@ -1,4 +1,4 @@
-"""metadata.yaml as anybody may have written it."""
+"""Valid and invalid metadata.yaml files."""
 
 import os
 import time

@@ -112,7 +112,7 @@ def test_a_killed_writer_leaves_a_bag_that_opens(tmp_path: Path) -> None:
 
 
 def _wait_until_stored(directory: Path, count: int) -> None:
-    """Wait for the writer's thread, whose metadata says what it has stored."""
+    """Wait for the writer's thread, whose metadata lists the stored messages."""
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
         metadata = directory / 'metadata.yaml'

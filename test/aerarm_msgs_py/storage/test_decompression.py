@@ -1,4 +1,4 @@
-"""Decompression that believes no claim and stops at its bound."""
+"""Decompression that ignores declared sizes and stops at its limit."""
 
 import tracemalloc
 

@@ -38,7 +38,7 @@ def chunks(content: bytes) -> list[mcap_surgery.Part]:
 
 
 def sequences(path: Path) -> list[int]:
-    """Return which messages are read; nobody is told of anything twice."""
+    """Return the sequence numbers of the messages read, each once."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
         found = read_joint_states(path).sequence.tolist()
@@ -89,7 +89,7 @@ def test_chunks_in_another_order_are_read_in_that_of_time(file: Path) -> None:
 
 @pytest.mark.parametrize('channel', [2, 77])
 def test_a_lying_index_hides_nothing(file: Path, channel: int) -> None:
-    """It says that a chunk holds no joint states, so that the chunk isn't read."""
+    """The index omits the joint states of a chunk, so that the chunk is skipped."""
     content = bytearray(file.read_bytes())
     indexes = [part for part in mcap_surgery.parts(content) if part.opcode == 7]
     struct.pack_into('<H', content, indexes[0].start + 9, channel)

@@ -1,4 +1,4 @@
-"""Files by other writers than this suite's."""
+"""Files from other writers."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_blocks_hold_a_bounded_part_of_a_file_without_chunks(tmp_path: Path, rec
 
 
 def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
-    """The first chunk holds no message of the second topic, so its damage is not met."""
+    """The first chunk contains no message of the second topic, so its damage has no effect."""
     first, second = ([m for m in recording.messages(400) if m.topic == topic] for topic in (0, 1))
     path = write(tmp_path / 'a.mcap', [*first, *second], chunk_size=20_000)
     content = bytearray(path.read_bytes())

@@ -1,4 +1,4 @@
-"""Bags of ROS 1, written by another program, sound and damaged."""
+"""Valid and damaged bags of ROS 1, written by another program."""
 
 import bz2
 from pathlib import Path
@@ -99,7 +99,7 @@ def test_it_says_what_it_is_not(tmp_path: Path) -> None:
 
 
 def test_a_bomb_ends_in_one_error(tmp_path: Path) -> None:
-    """Four hundred megabytes of nothing in a few hundred bytes."""
+    """A few hundred bytes decompress to four hundred megabytes."""
     bag = write(tmp_path / 'a.bag', 'bz2')
     data = bag.read_bytes()
     first = data.index(b'BZh9')

@@ -1,4 +1,4 @@
-"""Bags of rosbag2's other storages, sound and damaged."""
+"""Valid and damaged bags of rosbag2's other storage formats."""
 
 import sqlite3
 from pathlib import Path
@@ -82,7 +82,7 @@ def test_only_tables_are_read(database: Path, table: str) -> None:
 
 @pytest.mark.parametrize('computed', ['data AS (zeroblob(60000000))', 'data AS (zeroblob(9000))'])
 def test_tables_that_compute_end_in_one_error(database: Path, computed: str) -> None:
-    """Of a few bytes a row they make as many as they like."""
+    """A computed table generates any number of rows from a few bytes."""
     with sqlite3.connect(database) as connection:
         connection.execute('DROP TABLE messages')
         connection.execute(

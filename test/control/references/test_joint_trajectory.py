@@ -1,4 +1,4 @@
-"""What a trajectory may not be, and the motion made of one."""
+"""Rejected trajectories, and the motion of an accepted one."""
 
 import numpy as np
 import pytest

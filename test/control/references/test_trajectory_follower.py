@@ -1,4 +1,4 @@
-"""References never step, whatever comes; wrong ones change nothing."""
+"""References never step, for any input; rejected inputs change nothing."""
 
 import numpy as np
 import pytest

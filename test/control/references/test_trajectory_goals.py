@@ -1,4 +1,4 @@
-"""Goals on a follower whose arm lags as told; time is what the test says."""
+"""Goals of a follower whose arm lags by a given error, in the test's own time."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Distances against geometry done by hand, and the certificate against a dense sweep."""
+"""Distances compared with geometry by hand, and the certificate with a dense sweep."""
 
 from collections.abc import Callable
 from pathlib import Path

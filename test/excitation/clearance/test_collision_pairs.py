@@ -1,4 +1,4 @@
-"""What has to keep apart: nothing that could be hit is left out, nothing in silence."""
+"""Pairs that must keep apart: none is left out, and each omission is reported."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -182,7 +182,7 @@ def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) 
 def test_what_is_gained_in_one_must_not_cost_the_other(
     designer: TrajectoryDesigner, designed: DesignResult
 ) -> None:
-    """The objective alone would take a lower condition number for larger deviations."""
+    """The objective alone would trade a lower condition number for larger deviations."""
     specification, start = designer.specification, Quality(1.0, 50.0, 20.0, -1.0)
     assert specification.betters(Quality(0.5, 30.0, 10.0, -1.1), start)
     assert specification.betters(Quality(0.5, 30.0, 10.0, -1.0), start)
@@ -201,7 +201,7 @@ def test_what_is_gained_in_one_must_not_cost_the_other(
 def test_an_optimum_that_no_amplitude_repairs_still_helps(
     designer: TrajectoryDesigner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its bias is outside of the limits, so that smaller amplitudes about it do not help."""
+    """The optimum's bias is outside of the limits, so smaller amplitudes do not help."""
     start = designer.initial(0)
     begin = designer._basis.coefficients(start.trajectory)
     optimum = begin.copy()

@@ -1,4 +1,4 @@
-"""Every limit is seen, reported with its margin, and named when it binds."""
+"""Every limit is checked, reported with its margin, and named when it binds."""
 
 from dataclasses import replace
 

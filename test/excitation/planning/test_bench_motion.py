@@ -1,4 +1,4 @@
-"""What the motor bench commands, and which parts of it are measured."""
+"""Commands of the motor bench, and their measured parts."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Seeded draws inside the limits, and clear errors when there is none."""
+"""Seeded draws inside the limits, and clear errors if none is feasible."""
 
 from dataclasses import replace
 

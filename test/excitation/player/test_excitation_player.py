@@ -1,4 +1,4 @@
-"""Playing against an ideal, a drifting, a blocked and a silent arm."""
+"""Playing to an ideal, a drifting, a blocked and a silent arm."""
 
 import numpy as np
 import pytest

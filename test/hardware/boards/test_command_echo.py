@@ -8,7 +8,7 @@ SETTINGS = BridgeSettings(lost_commands_max=4, lost_commands_warning=0.05)
 
 
 class Wires:
-    """A board behind two wires, and a host that sends it a command in each exchange."""
+    """A board behind two wires, and a host that sends a command in each exchange."""
 
     def __init__(self, echoes=True, start=0):
         self.echo = CommandEcho('board0', SETTINGS, echoes)
@@ -16,7 +16,7 @@ class Wires:
         self.echo.answered(start, start)
 
     def exchange(self, out=True, back=True):
-        """Exchange frames over wires that are whole or not."""
+        """Exchange frames over intact or broken wires."""
         answered = self.used  # the board answers before it reads
         if back:
             self.echo.answered(answered, self.sent)

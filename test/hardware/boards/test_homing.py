@@ -1,4 +1,4 @@
-"""The encoders' zeros are found by their index pulses, wherever the count began."""
+"""Index pulses give the encoders' zeros for any initial count."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def switched_on_at(config, q):
 
 
 def until_homed(rig):
-    """Run until homing ends; return the largest joint speed seen [rad/s]."""
+    """Run until homing ends; return the largest joint speed [rad/s]."""
     fastest = 0.0
     for _ in range(5000):
         rig.cycle()

@@ -1,4 +1,4 @@
-"""Which zeros survive a restart of the bridge, beside boards that went on or did not."""
+"""Zeros that survive a restart of the bridge, with boards that stayed on or were restarted."""
 
 import json
 
@@ -21,13 +21,13 @@ LEANING = [0.3, 1.1, -0.4, 0.5]
 
 
 def kept_by(rig):
-    """Return what the bridge keeps, through its text."""
+    """Return the bridge's stored zeros, through their text."""
     text = rig.bridge.recall.keep(arm_identity(rig.config), HOST).text()
     return KeptZeros.parse(text).check(arm_identity(rig.config), HOST, rig.now)
 
 
 def homed_elsewhere(make_rig, **options):
-    """Return an arm whose boards were switched on at rest, and whose bridge knows that."""
+    """Return an arm whose boards were switched on at rest, with a bridge that has its zeros."""
     config = make_rig().config
     ratios = config.column('sign') * config.column('gear.ratio')
     at = (np.array(config.rest_position) - config.column('offset')) / ratios
@@ -45,7 +45,7 @@ def homed_elsewhere(make_rig, **options):
 
 
 def away(rig, seconds):
-    """Let boards and arm go on without a bridge."""
+    """Advance boards and arm without a bridge."""
     for _ in range(round(seconds / 0.01)):
         rig.now += 0.01
         rig.boards.advance(rig.now)
@@ -93,7 +93,7 @@ def test_a_board_that_was_switched_off_and_on_has_lost_its_zeros_alone(make_rig,
 
 
 def coincident(rig, board):
-    """Cycle a board's supply so that its clock seems to have gone on, as one time in thousands."""
+    """Cycle a board's supply so that its clock appears uninterrupted, a rare coincidence."""
     board = rig.boards.boards[board]
     clock = board._clock
     board.power_cycle()

@@ -27,7 +27,7 @@ def drive(config):
 
 
 def make_barriers(config, q, highest=(99.0,) * 4, lowest=(-99.0,) * 4):
-    """Return barriers of joints at rest that let torques between two bounds pass."""
+    """Return barriers of joints at rest that accept torques between two bounds."""
     barriers = []
     for i, joint in enumerate(config.joints):
         barrier = JointBarrier(joint, BridgeSettings(), 10.0, 0.1)

@@ -6,7 +6,7 @@ from aerarm_ros.hardware.transports.spidev_transport import self_test
 
 
 class ClockedBus:
-    """Emulated boards behind wires that work in one SPI mode: in others bits are shifted."""
+    """Emulated boards behind wires that work in one SPI mode only; otherwise bits are shifted."""
 
     def __init__(self, boards, working_mode, share=1.0, problem=''):
         self.boards = boards

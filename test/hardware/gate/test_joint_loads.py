@@ -19,7 +19,7 @@ def loads(config, robot):
 
 
 def test_the_deceleration_is_there_in_the_worst_postures(loads, config, robot):
-    """Checked by the physics engine, with the whole rated payload, one joint at a time."""
+    """Checked by the physics engine, with the full rated payload, one joint at a time."""
     mass, *centre = config.rated_payload
     truth = PlantParameters.nominal(config, robot).carrying(mass, centre, 0.001)
     effort_max = config.column('effort_max')
@@ -74,7 +74,7 @@ def test_another_arm_is_refused(config):
 
 
 def test_the_least_damping_slows_a_falling_arm(loads, config, robot):
-    """Let go stretched out, with the rated payload, by the physics engine."""
+    """Released while stretched out, with the rated payload, in the physics engine."""
     mass, *centre = config.rated_payload
     truth = PlantParameters.nominal(config, robot).carrying(mass, centre, 0.001)
     plant = ArmPlant(robot, truth, [0.0, 1.0, 0.0, 0.0])

@@ -21,7 +21,7 @@ def gate(config, robot):
 
 
 def limit(gate, command, q, dt, now):
-    """Return what is left of a command within the limits."""
+    """Return the part of a command within the limits."""
     motors = MotorReferences(load_arm_config(), load_profile(), reach_max=0.5).motors
     gate.follow(command, q, dt, now, motors, [False] * 4)
     out = CommandBuffer(4)

@@ -111,7 +111,7 @@ def test_a_motor_without_data_counts_a_third_of_its_current(config):
 
 @pytest.mark.parametrize('period', [0.5, 4.0, 20.0])
 def test_full_torque_again_and_again_never_brings_a_made_motor_to_its_boards_error(config, period):
-    """All motors, half of the time under all the torque that they are left, as made by seeds."""
+    """All motors at their thermal torque limit half of the time, as manufactured, by seeds."""
     step = 0.05
     for joint in config.joints[:3]:
         for seed in range(4):

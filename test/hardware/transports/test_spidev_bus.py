@@ -31,9 +31,9 @@ def use(
     config: str = '',
     at_end: Callable[[], None] | None = None,
 ) -> dict:
-    """Let a process exchange frames, do something, let it exchange as many; return its report.
+    """Let a process exchange frames, act, and exchange as many again; return its report.
 
-    With something to do at the end, it goes on until every board answers.
+    With an action at the end, the process continues until every board answers.
     """
     command = [sys.executable, spi_boards.HERE / 'spi_client.py', config, str(COUNT)]
     if at_end:

@@ -1,4 +1,4 @@
-"""How often a device that is gone is looked for; the transfers themselves: test_spidev_bus.py."""
+"""Search for a missing device; for the transfers see test_spidev_bus.py."""
 
 import errno
 import sys
@@ -11,7 +11,7 @@ FRAME = bytes(34)
 
 
 class Driver:
-    """Stands in for the module spidev, which opens what the kernel has: here what a test says."""
+    """Replacement of the module spidev, with devices set by the test."""
 
     def __init__(self) -> None:
         self.error = 0  # of every transfer
@@ -62,7 +62,7 @@ def device(config, driver):
 
 
 def run(device, driver, seconds):
-    """Transfer a frame each millisecond; return how many came back."""
+    """Transfer one frame per millisecond; return the number of answers."""
     good = 0
     for _ in range(round(seconds * 1000)):
         driver.now += 1e-3

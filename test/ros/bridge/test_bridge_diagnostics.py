@@ -1,4 +1,4 @@
-"""When the bridge reports: from the cycle's slack, once a second and at every new mode."""
+"""Times of the bridge's reports: in the cycle's slack, once per second and at every new mode."""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Who may command a running bridge."""
+"""Publishers that may command a running bridge."""
 
 from collections.abc import Iterator
 from pathlib import Path

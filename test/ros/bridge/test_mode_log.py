@@ -1,4 +1,4 @@
-"""What a person reads on the bridge's console."""
+"""Messages on the bridge's console."""
 
 import re
 

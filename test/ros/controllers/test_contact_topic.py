@@ -1,4 +1,4 @@
-"""base_reaction tells what touches the drone, by odometry and rotor commands, or why not."""
+"""base_reaction publishes contact on the drone, or the reason why it does not."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -31,7 +31,7 @@ STEP_NS = 4_000_000
 
 
 class HoveringDrone:
-    """What drone and arm at rest say, in the process of the node that hears it."""
+    """Topics of a drone and an arm at rest, in the process of the receiving node."""
 
     def __init__(self, node: BaseReactionNode) -> None:
         self.told_to = node

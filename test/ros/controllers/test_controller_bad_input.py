@@ -1,4 +1,4 @@
-"""What a controller must not follow: refused with a reason, while the arm stays as it was."""
+"""Invalid inputs of a controller: rejected with a reason, while the arm does not move."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,7 +29,7 @@ def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
 def refuse(
     bench: ControllerBench, process: NodeProcess, send: Callable[[], None], reason: str
 ) -> None:
-    """Require that what is sent is refused on diagnostics and in the log, and moves nothing."""
+    """Require that an input is rejected on diagnostics and in the log, and moves nothing."""
     bench.problems.clear()
 
     def is_told() -> bool:

@@ -115,7 +115,7 @@ def test_the_tool_reaches_a_target(bench: ControllerBench, name: str) -> None:
 
 @contextmanager
 def repeated(bench: ControllerBench, publisher: Publisher, sample: Imu) -> Iterator[None]:
-    """Publish IMU samples at the rate of one, whatever the test does meanwhile."""
+    """Publish IMU samples at a constant rate during the test."""
     over = threading.Event()
 
     def publish() -> None:

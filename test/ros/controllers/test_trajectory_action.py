@@ -1,6 +1,6 @@
-"""FollowJointTrajectory by a client of rclpy, on the emulated arm; skipped without control_msgs.
+"""FollowJointTrajectory with a client of rclpy, on the emulated arm; skipped without control_msgs.
 
-What a goal means is tested in test_trajectory_goals.py, without ROS.
+test_trajectory_goals.py tests the goals without ROS.
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What a JointTrajectory message means to a follower."""
+"""JointTrajectory messages for a follower."""
 
 import re
 

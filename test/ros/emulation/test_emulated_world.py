@@ -1,4 +1,4 @@
-"""The emulated arm's own time: what a pause of the host, or of a controller, does to it."""
+"""Simulation time of the emulated arm during pauses of the host or of a controller."""
 
 import os
 import signal
@@ -241,10 +241,10 @@ def test_in_lockstep_a_second_controller_is_waited_for_as_the_first(
 
 
 def stop_until_the_world_stands(client: BridgeClient, recorder: NodeProcess) -> int:
-    """Stop a recorder until the world waits for it; return the last stamp [ns] before that.
+    """Stop a recorder until the simulation waits for it; return the last stamp [ns] before.
 
-    A process that is stopped just while it takes a message holds a lock of the middleware, and so
-    whoever writes to it, for seconds: then it is let go and stopped again.
+    A process that is stopped while it receives a message holds a lock of the middleware and delays
+    the publisher for seconds; then it is continued and stopped again.
     """
     client.wait_for(lambda: bool(client.states))
     deadline = time.monotonic() + 120.0

@@ -1,4 +1,4 @@
-"""The emulated drone over real topics: it flies, is held, falls, and refuses what is wrong."""
+"""The emulated drone over real topics: it flies, is held, falls, and rejects bad commands."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -62,7 +62,7 @@ class DroneBench(ControllerBench):
         return self.controller('flight_control', drone_file=DRONE, **parameters)
 
     def feels(self, force: np.ndarray) -> bool:
-        """Return whether the last twenty words on contact were that force, within a tenth."""
+        """Return whether the last twenty contact messages were that force, within a tenth."""
         if len(self.pushes) < 20:
             return False
         errors = np.linalg.norm(np.array(self.pushes[-20:]) - force, axis=-1)

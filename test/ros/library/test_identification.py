@@ -1,4 +1,4 @@
-"""The interface for programs: arrays or bags in, an arm that says what it is worth out."""
+"""The interface for programs: arrays or bags as input, an identified arm with errors as output."""
 
 import inspect
 import json
@@ -94,7 +94,7 @@ def test_it_is_saved_as_the_identifier_does(arm: IdentifiedArm, tmp_path: Path) 
 
 
 def test_noise_is_taken_for_no_delay(arrays: tuple[np.ndarray, ...]) -> None:
-    """With one effort dead, noise looks like a delay of -1 ms of another, by chance."""
+    """One constant effort lets noise look like a delay of -1 ms in another joint."""
     stamp, q, dq, tau = arrays
     bag = aerarm_ros.from_arrays(stamp, q, np.where(np.arange(4) == 2, 1.0, tau), dq)
     found = aerarm_ros.identify(bag, options=OPTIONS)

@@ -1,4 +1,4 @@
-"""A node that the page starts; that it ends as it should is seen in test_view_actions.py."""
+"""A node that the page starts; test_view_actions.py checks its end."""
 
 import threading
 from pathlib import Path

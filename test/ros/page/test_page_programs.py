@@ -1,4 +1,4 @@
-"""What the page may start; that it does so is seen in test/nodes/test_view_actions.py."""
+"""Programs that the page may start; test/nodes/test_view_actions.py starts them."""
 
 from collections.abc import Iterator
 from pathlib import Path

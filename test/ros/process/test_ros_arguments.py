@@ -1,4 +1,4 @@
-"""What a command line gives to which node."""
+"""Parameters and remappings of a command line, by node."""
 
 import re
 from pathlib import Path

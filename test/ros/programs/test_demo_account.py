@@ -1,4 +1,4 @@
-"""What the demo says at its end, read from its nodes' logs."""
+"""The demo's final summary, read from its nodes' logs."""
 
 from pathlib import Path
 

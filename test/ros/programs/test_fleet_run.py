@@ -1,4 +1,4 @@
-"""`identifier --each`: a row per bag, kept as soon as it is there, the same however it is run."""
+"""`identifier --each`: one row per bag, stored at once, and equal for any kind of run."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Bags that are incomplete are told from bags whose recorder was killed."""
+"""Incomplete bags are distinguished from bags whose recorder was killed."""
 
 from pathlib import Path
 
@@ -184,7 +184,7 @@ MODES = ((0, 'ready'), (100, 'running'), (150, 'damping'), (200, 'running'), (35
 def test_only_the_running_arm_is_used(
     tmp_path: Path, modes: tuple[tuple[int, str], ...], rows: tuple[int, int], reason: str
 ) -> None:
-    """Messages of the other modes hold nonsense, which does not matter."""
+    """Messages in other modes contain invalid data, which must have no effect."""
     codec = JointStateCdr(JOINTS)
     topics = [
         *(RecordedTopic(f'/arm/{name}', KIND) for name in ('joint_states', 'joint_command')),

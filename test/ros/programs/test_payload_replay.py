@@ -1,4 +1,4 @@
-"""What the command line of `payload_estimator --bag` is told that cannot be done."""
+"""Command lines that `payload_estimator --bag` rejects."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A request that cannot be sent is an answer too: who asks several goes on to the others."""
+"""A request that cannot be sent counts as an answer, so clients continue with other bridges."""
 
 import time
 

@@ -1,7 +1,8 @@
-"""Holds the tool in the world, or leads it there, while the drone sways.
+"""Hold the tool in the world frame, or move it along a path, while the drone sways.
 
-Targets: tool_trajectory, and timed paths on tool_motion, in the odometry's frame; without one the
-tool stays where control finds it. Takes odometry, imu, rotor_command and joint_states.
+Targets arrive on tool_trajectory, timed paths on tool_motion, both in the odometry's frame.
+Without a target the tool stays where it is when control starts. The node subscribes to odometry,
+imu, rotor_command and joint_states.
 """
 
 import sys
@@ -39,14 +40,14 @@ from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
 NAME = 'world_control'
 
 _GAINS = WorldGains()
-_SOON = 3.0  # [s] before the end of the reach, for a warning
+_SOON = 3.0  # [s] before the tool leaves the arm's reach, for a warning
 _NEAR = 0.02  # [m]
 _RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
-    # By measured velocity: below one, so that the arm stays passive.
+    # Friction compensation by measured velocity stays below one, so that the arm is passive.
     Parameter('friction_fraction', 0.9, 'fraction of friction that is compensated', '', 0.0, 0.95),
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
@@ -103,7 +104,7 @@ PARAMETERS = controller_parameters(
 
 
 class WorldControlNode(ControllerNode):
-    """Targets in the world for `WorldLaw`."""
+    """Controller of tool targets in the world frame with `WorldLaw`."""
 
     takes_odometry = True
 
@@ -111,7 +112,7 @@ class WorldControlNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law with its control loop."""
+        """Create the control law and its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
@@ -153,24 +154,24 @@ class WorldControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Take targets, tell the plan, and publish tool and reach."""
+        """Subscribe to targets, and advertise the plan, the tool and the remaining reach."""
         self.topics = WorldTopics(self, self.reference, self.values)
         self.attend(self.topics)
         self.tell_plan(self._ahead)
         self.take_payload()
 
     def take_imu(self, sample: ImuSample, now: float) -> None:
-        """Give an IMU sample to both estimators of the base."""
+        """Pass an IMU sample to both estimators of the base."""
         super().take_imu(sample, now)
         self.pose.offer_imu(sample, now)
 
     def take_odometry(self, message: Odometry, now: float) -> None:
-        """Give an odometry to the estimator of the base's pose."""
+        """Pass an odometry message to the estimator of the base's pose."""
         self.topics.frame = message.header.frame_id
         self.pose.offer_odometry(to_odometry_sample(message), now)
 
     def _ahead(self, times: NDArray[np.float64]) -> JointReference | None:
-        """Return the planned motion of the joints at times (M,) [s]; none of it is reaction."""
+        """Return the planned joint motion at times (M,) [s], without the reaction to the drone."""
         if self.state is None:
             return None
         now, q = 1e-9 * self.stamp_ns, self.state.q
@@ -179,11 +180,11 @@ class WorldControlNode(ControllerNode):
         return planned_joints(self._planning, self._inverse, q, pose, planned, times)
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change gains."""
+        """Change the control gains."""
         self.law.gains = self.law.gains._replace(**{name: float(value)})
 
     def warning(self) -> str:
-        """Name why the tool is not held in the world, or that its reach ends soon."""
+        """Return why the tool is not held in the world, or that its reach ends soon."""
         if problem := super().warning():
             return problem
         if self.reference.reason:
@@ -200,7 +201,7 @@ class WorldControlNode(ControllerNode):
         return ''
 
     def describe(self) -> dict[str, object]:
-        """Report tool error, odometry age and remaining reach."""
+        """Return tool error, odometry age and remaining reach for diagnostics."""
         pose, margin = self.pose, self.topics.margin
         values: dict[str, object] = {
             **super().describe(),

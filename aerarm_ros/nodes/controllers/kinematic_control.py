@@ -1,4 +1,4 @@
-"""Moves the tool along tool_trajectory by joint velocities, thesis 2.5.2 and 2.5.3."""
+"""Move the tool along tool_trajectory by joint velocities, thesis 2.5.2 and 2.5.3."""
 
 import sys
 from collections.abc import Sequence
@@ -45,13 +45,13 @@ PARAMETERS = controller_parameters(
 
 
 class KinematicControlNode(ControllerNode):
-    """Tool targets for `CartesianMotionControl` or `JointMotionControl`."""
+    """Controller of tool targets with `CartesianMotionControl` or `JointMotionControl`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and its reference."""
+        """Create the control law and its reference."""
         values, arm = self.values, self.arm
         self.follower = make_target_follower(values, arm)
         self.resolution = VelocityResolution(
@@ -69,11 +69,11 @@ class KinematicControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, scheme(self.resolution, values.gain))
 
     def subscribe(self) -> None:
-        """Listen to tool targets."""
+        """Subscribe to tool targets."""
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Report the distance to singularities and limits."""
+        """Return the distances to singularities and joint limits for diagnostics."""
         return {
             **super().describe(),
             'smallest singular value [m/rad]': round(self.resolution.least_singular_value, 4),
