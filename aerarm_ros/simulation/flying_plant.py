@@ -29,12 +29,12 @@ class Rotors:
     substep : float
         Time between two calls of `step` [s].
     timeout : float
-        Silence after which the rotors are stopped [s].
+        Time without commands after which the rotors are stopped [s].
 
     Attributes
     ----------
     thrust : (n,) ndarray
-        Present thrusts [N].
+        Present thrusts of the rotors [N].
     """
 
     def __init__(self, drone: DroneConfig, substep: float, timeout: float) -> None:
@@ -283,9 +283,9 @@ _HELD = 1e6
 class FlyingPlant(FreeBasePlant):
     """An `ArmPlant` under a drone: one mechanism on a free joint, driven by rotors and gusts.
 
-    There is no ground. At first, the drone is held still and level. The drone is released once the
-    motors hold the arm and the rotors have been commanded for 0.3 s. Without commands it then
-    falls.
+    The simulation has no ground. At first, the simulation holds the drone still and level. The
+    drone is released once the motors hold the arm and the rotors have been commanded for 0.3 s.
+    Without commands it then falls.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ class FlyingPlant(FreeBasePlant):
     drone
         True parameters of the drone.
     rotor_timeout
-        Silence of rotor commands after which the rotors stop [s].
+        Time without rotor commands after which the rotors stop [s].
     gust
         Force of the wind on the drone's centre of mass in the world [N], updated once per
         millisecond; none by default.
@@ -353,7 +353,7 @@ class FlyingPlant(FreeBasePlant):
         self._hold(False)
 
     def push(self, twist: ArrayLike) -> None:
-        """Set the velocity (6,) of a released drone: in the world [m/s], in the body [rad/s]."""
+        """Set a released drone's velocity (6,): linear in the world [m/s], angular in body axes."""
         self._twist[:] = twist
 
     def touch(self, force: ArrayLike, link: str = '') -> None:
@@ -373,7 +373,7 @@ class FlyingPlant(FreeBasePlant):
         self._touched = (body, place, force) if force.any() else None
 
     def place_on(self, link: str) -> tuple[int, Array]:
-        """Return the engine's body of a link, and the link frame's place in that body [m].
+        """Return the engine's body of a link, and the link frame's position in that body [m].
 
         Raises
         ------

@@ -62,7 +62,7 @@ class DelayedSensor(Generic[Reading]):
         self._under_way: deque[tuple[int, int, Reading]] = deque()
 
     def restart(self) -> None:
-        """Read in the next cycle, and drop readings in transit."""
+        """Take a reading in the next cycle, and drop readings that have not arrived."""
         self._count = 0
         self._under_way.clear()
 
@@ -96,7 +96,7 @@ class RandomDrift:
     deviation : float
         Standard deviation of each axis, in any unit.
     correlation_time, period : float
-        [s]; the period is that of `update`.
+        Correlation time, and the time between two calls of `update` [s].
     random : numpy.random.Generator
     """
 
@@ -134,7 +134,7 @@ class BandLimitedNoise:
     cutoff : float
         [Hz]
     period : float
-        Period of `update` [s].
+        Time between two calls of `update` [s].
     random : numpy.random.Generator
     """
 
@@ -180,7 +180,7 @@ _ATTITUDE_TIME = 10.0  # [s] correlation time of an attitude filter's error
 
 @dataclass(frozen=True)
 class ImuErrors:
-    """Errors of an IMU, each the standard deviation per axis.
+    """Errors of an IMU; each value is a standard deviation per axis.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ OdometryReading = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """White noise of an odometry's readings, each the standard deviation per axis.
+    """White noise of an odometry's readings; each value is a standard deviation per axis.
 
     Attributes
     ----------
