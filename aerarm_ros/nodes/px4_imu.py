@@ -1,7 +1,8 @@
 """Convert PX4's own topics to sensor_msgs/Imu, if px4_msgs is installed.
 
-PX4's uXRCE-DDS bridge publishes forward-right-down, north-east-down; `imu` is forward-left-up,
-east-north-up. MAVROS does not need this node: remap its topic imu/data.
+PX4's uXRCE-DDS bridge uses a forward-right-down body and a north-east-down world. The topic `imu`
+uses a forward-left-up body and an east-north-up world. MAVROS does not need this node: remap its
+topic imu/data.
 """
 
 import sys

@@ -49,7 +49,7 @@ class FrictionChange:
     deviations : float
         Slope of that line, in standard deviations.
     rate, rate_std : float
-        Slope and its standard deviation [per week].
+        Slope of that line, and its standard deviation [per week].
     """
 
     name: str

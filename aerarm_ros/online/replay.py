@@ -103,7 +103,7 @@ class Replay:
     Attributes
     ----------
     estimate : OnlineEstimate or None
-        The last one.
+        The last estimate.
     """
 
     def __init__(

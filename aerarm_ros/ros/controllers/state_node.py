@@ -129,7 +129,7 @@ class StateNode:
     name
         Node name.
     parameters
-        Its parameters, made by `state_node_parameters`.
+        Parameters of the node, made by `state_node_parameters`.
 
     Attributes
     ----------
@@ -363,7 +363,7 @@ class StateNode:
 
 
 def _arrival(before_ns: int, stamp_ns: int, lead_ns: int) -> int:
-    """Return the arrival of an IMU sample in the time of the states [ns].
+    """Return the arrival time of an IMU sample by the clock of the joint states [ns].
 
     The arrival is the stamp of the state before the sample, because the clocks of drone, arm and
     host may differ. After a gap, such as a pause of this process, many samples follow one state.

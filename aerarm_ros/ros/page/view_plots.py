@@ -201,10 +201,10 @@ _ACROSS = viser.uplot.Axis(size=64, ticks=_TICKS)  # [pixels] for a minus and th
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity of a plot: rows of `ROWS`, or of `BASE_ROWS` if there is no value.
+    """Quantity of a plot: rows of `ROWS`, or of `BASE_ROWS` if the field `value` is empty.
 
-    Values below `small` do not fill the plot, because they would be noise, and labels have three
-    decimals.
+    The scale of a plot covers at least plus and minus `small`, so that noise does not fill the
+    plot. Labels have three decimals.
     """
 
     title: str

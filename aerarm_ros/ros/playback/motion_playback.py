@@ -41,7 +41,7 @@ class DampingAccount:
         self._begin = self._end = 0
 
     def note(self, mode: str, now_ns: int) -> None:
-        """Store a mode and its reception time on this host [ns]; callable from any thread."""
+        """Store a mode of the bridge and its reception time [ns]; callable from any thread."""
         self._modes.append((now_ns, mode))
 
     def begin(self, now_ns: int) -> None:

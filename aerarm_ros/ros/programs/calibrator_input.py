@@ -70,7 +70,7 @@ class CalibratorInput:
     joints : tuple of str
         Joints with positions.
     mapping, messages : list of str
-        Interpretation of the columns or topics; notes for the user.
+        `mapping`: interpretation of the columns or topics. `messages`: notes for the user.
     """
 
     path: Path
@@ -319,7 +319,7 @@ def joined(parts: Sequence[Observations]) -> Observations:
     Raises
     ------
     CalibrationError
-        If the inputs do not have the same sources.
+        If the inputs do not have the same sensors.
     """
     first = parts[0]
     if len(parts) == 1:

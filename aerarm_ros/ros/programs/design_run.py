@@ -43,7 +43,7 @@ def whole_periods(duration: float, fundamental: float) -> int:
     Raises
     ------
     ExcitationError
-        If it is not a whole number.
+        If the duration is not a whole number of periods.
     """
     for name, value in (('fundamental', fundamental), ('duration', duration)):
         if not (math.isfinite(value) and value > 0.0):
