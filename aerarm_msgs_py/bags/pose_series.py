@@ -81,16 +81,16 @@ def read_poses(
     path
         rosbag2 directory, .mcap or .db3 file.
     topics
-        Topics of these types; empty for all topics in the bag.
+        Names of topics of these types; empty for all such topics in the bag.
     frames
-        Child frames of TFMessages; all if empty.
+        Child frames that are read from TFMessages; all if empty.
     limits
         Limits of memory and time for reading.
 
     Returns
     -------
     dict of str to PoseSeries
-        By topic, for TFMessages by child frame; in the order of their stamps.
+        Series by topic, for TFMessages by child frame, each in the order of its stamps.
 
     Raises
     ------

@@ -37,7 +37,7 @@ class RecordFields:
         return int.from_bytes(self.take(size), 'little')
 
     def text(self) -> str:
-        """Read a length of 4 bytes and so many bytes of UTF-8."""
+        """Read a text: its length as a number of 4 bytes, then its UTF-8 bytes."""
         return self.take(self.number(4)).decode()
 
     def take(self, size: int) -> bytes:

@@ -148,7 +148,7 @@ class ReadBudget:
     path
         Path of the bag, for messages.
     size
-        Size of its files [bytes].
+        Size of the bag's files [bytes].
 
     Attributes
     ----------

@@ -98,7 +98,7 @@ class SilencePatience:
 
 
 class PublisherCheck:
-    """Find publishers whose messages cannot reach a subscription, such as another type."""
+    """Find publishers that cannot reach a subscription, such as those of another type."""
 
     def __init__(self, node: Node, topics: Sequence[Topic]) -> None:
         self._node = node

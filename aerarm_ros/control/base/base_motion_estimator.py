@@ -130,7 +130,8 @@ class BaseMotionEstimator:
     to the configured gravity. When samples return, the result fades back.
 
     On a light drone, 'full' can excite oscillations. If the estimator detects them, it fades to
-    'attitude' permanently, because the open loop does not show whether they would return.
+    'attitude' permanently, because in mode 'attitude' the estimator cannot see whether the
+    oscillations would return.
 
     Parameters
     ----------

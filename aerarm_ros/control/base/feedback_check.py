@@ -30,7 +30,7 @@ def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
     Parameters
     ----------
     whole : WholeBodyDynamics
-        Model of drone, arm and payload; a payload far out counts more than its mass.
+        Model of drone, arm and payload; a payload far from the base counts more than its mass.
 
     Raises
     ------
@@ -104,7 +104,7 @@ class OscillationWatch:
     Attributes
     ----------
     found : str
-        Description of the detected oscillation, or ''. It stays.
+        Description of the detected oscillation, or ''. The text stays after the oscillation ends.
     """
 
     def __init__(self, effort_max: npt.ArrayLike) -> None:
@@ -128,7 +128,7 @@ class OscillationWatch:
             self._count += 1
 
     def add_sample(self, sample: ImuSample) -> None:
-        """Process the IMU sample after these torques."""
+        """Process the IMU sample that follows the torques added so far."""
         if self.found or self._count == 0:
             return
         n, step = self._n, sample.stamp - self._stamp

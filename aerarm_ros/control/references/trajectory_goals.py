@@ -45,7 +45,7 @@ def resolve_tolerances(
     Raises
     ------
     RejectedInputError
-        If a joint is not the arm's, or a value is neither positive nor 0 nor -1.
+        If a joint does not belong to the arm, or a value is neither positive nor 0 nor -1.
     """
     time = _resolve('goal_time_tolerance', own.goal_time, goal_time)
     return replace(
@@ -153,7 +153,7 @@ class TrajectoryGoals:
         goal : Hashable
             Identifier of the goal.
         trajectory, now, start, tolerances
-            As of `TrajectoryFollower.follow`.
+            Arguments of `TrajectoryFollower.follow`.
 
         Raises
         ------

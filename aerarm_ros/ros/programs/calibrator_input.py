@@ -319,7 +319,7 @@ def joined(parts: Sequence[Observations]) -> Observations:
     Raises
     ------
     CalibrationError
-        If the inputs do not have the same sensors.
+        If the inputs do not have the same markers and poses.
     """
     first = parts[0]
     if len(parts) == 1:
