@@ -35,7 +35,8 @@ class JointStateSeries:
     log_time
         (M,) receipt time at the recorder [s].
     position, velocity, effort
-        (M, n) [rad], [rad/s], [Nm]; NaN where a message lacks the joint or the field.
+        (M, n) values of the joints [rad], [rad/s], [Nm]; NaN where a message lacks the joint or the
+        field.
     sequence
         (M,) publication sequence numbers, 0 if unknown.
     """

@@ -61,7 +61,7 @@ class McapChunk:
     compression
         'zstd', 'lz4' or '' for none.
     size
-        Declared size of its records [bytes].
+        Declared size of the uncompressed records [bytes].
     crc
         Checksum of the records; 0 for none.
     data

@@ -281,7 +281,7 @@ class McapRecord(NamedTuple):
     start
         Offset of the record [bytes].
     length
-        Size of its content [bytes].
+        Size of the record's content [bytes].
     whole
         False for a truncated last record.
     """

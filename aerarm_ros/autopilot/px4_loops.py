@@ -33,7 +33,7 @@ class Px4SetPoint(NamedTuple):
     Attributes
     ----------
     position : (3,) ndarray
-        [m]
+        Desired position [m].
     yaw : float
         Heading, clockwise from north [rad]; NaN for no heading control.
     velocity, acceleration : (3,) ndarray
@@ -52,7 +52,7 @@ class Px4State(NamedTuple):
     Attributes
     ----------
     position, velocity : (3,) ndarray
-        [m], [m/s]
+        Position [m] and velocity [m/s] of the vehicle.
     rotation : (3, 3) ndarray
         Body to world.
     rate : (3,) ndarray

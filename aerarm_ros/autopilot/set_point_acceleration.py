@@ -33,11 +33,11 @@ class SetPointAcceleration:
     Parameters
     ----------
     attitude_gain : float
-        p [1/s]; 0 if unknown.
+        Gain p of the autopilot's attitude loop [1/s]; 0 if unknown.
     rate_gain : float
-        k [Nm s/rad]; 0 if unknown.
+        Gain k of the autopilot's angular-velocity loop [Nm s/rad]; 0 if unknown.
     integral_rate : float
-        Integral gain over k [1/s].
+        Integral gain of the angular-velocity loop, divided by k [1/s].
     yaw_gain : float
         Moment about the vertical per error of the heading [Nm/rad], only for `turn`.
 

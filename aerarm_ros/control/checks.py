@@ -81,11 +81,11 @@ class JointLimits:
     Attributes
     ----------
     position_min, position_max : (n,) ndarray
-        [rad]
+        Limits of the positions [rad].
     velocity_max, acceleration_max : (n,) ndarray
-        [rad/s], [rad/s^2]
+        Limits of the velocities [rad/s] and accelerations [rad/s^2].
     effort_max : (n,) ndarray
-        [Nm]
+        Limits of the torques [Nm].
     """
 
     names: tuple[str, ...]

@@ -88,15 +88,15 @@ class FrictionCompensation:
     Parameters
     ----------
     viscous : (n,) array_like
-        f_v [Nms/rad]
+        Viscous friction f_v [Nms/rad].
     coulomb : (n,) array_like
-        f_s [Nm]
+        Coulomb friction f_s [Nm].
     width : float
         Velocity [rad/s] at which three quarters of the Coulomb friction are compensated.
     fraction : float
         Compensated fraction of the friction, 0 to 1.
     load_share : float or (n,) array_like
-        f_l, dry friction per transmitted torque [-].
+        Load-dependent friction f_l: dry friction per transmitted torque [-].
 
     Raises
     ------
@@ -169,7 +169,7 @@ class MomentumObserver:
     Parameters
     ----------
     gain : (n,) array_like
-        K [1/s]
+        Gain K of the observer [1/s].
     friction : FrictionCompensation, optional
         Model of the friction tau_f, by measured velocity; without it r contains friction.
 

@@ -23,7 +23,7 @@ class MassProperties:
     Attributes
     ----------
     mass : float
-        [kg]
+        Total mass [kg].
     centre : (3,) ndarray
         Centre of mass in the body frame [m].
     inertia : (3, 3) ndarray
@@ -43,7 +43,7 @@ class MassProperties:
         Parameters
         ----------
         arm_mass : float
-            [kg]
+            Mass of the arm [kg].
         arm_centre : (3,) ndarray
             Centre of mass in the arm's base frame [m].
         arm_inertia : (3, 3) ndarray
@@ -96,11 +96,11 @@ class ArmLoad(NamedTuple):
     Attributes
     ----------
     mass : float
-        [kg]
+        Total mass [kg].
     com : (3,) ndarray
-        [m]
+        Centre of mass of the arm [m].
     inertia : (3, 3) ndarray
-        About the centre of mass [kg m^2].
+        Inertia of the arm about its centre of mass [kg m^2].
     weight : (6,) ndarray
         Wrench of the arm's weight on a hovering drone, along the thrust at any tilt. A drone with
         rotors in one plane accelerates along its thrust, so the arm's specific force has that

@@ -148,7 +148,7 @@ class ContactZero:
         Parameters
         ----------
         wrench : (6,) ndarray
-            [N], [Nm]
+            Low-passed wrench of the contact [N], [Nm].
         rotation : (3, 3) ndarray
             Base to world.
         dt : float

@@ -45,7 +45,7 @@ class DisturbanceObserver:
     Parameters
     ----------
     frequency : float
-        K [rad/s].
+        Gain K, which is the observer's bandwidth [rad/s].
     """
 
     def __init__(self, frequency: float) -> None:

@@ -106,9 +106,9 @@ class FlightGains:
     position_damping, attitude_damping : float
         Damping ratio [-].
     position_integral, attitude_integral : float
-        Integral rate as a fraction of the frequency [-].
+        Rate of the loop's integral as a fraction of the loop's frequency [-].
     speed_max : float
-        Speed toward a distant set point [m/s].
+        Largest speed toward a distant set point [m/s].
     tilt_max : float
         Largest commanded tilt [rad].
 

@@ -78,7 +78,7 @@ class OdometrySample:
     Attributes
     ----------
     stamp : float
-        [s]
+        Time of the sample [s].
     position : (3,) ndarray
         Of the body frame's origin in the world [m].
     attitude : (4,) ndarray
@@ -189,7 +189,7 @@ class FlightPath:
     positions : (M, 3) array_like
         Positions of the body frame's origin in the world [m].
     yaws : (M,) array_like
-        [rad]
+        Headings of the body at the points [rad].
     velocities, accelerations : (M, 3) array_like, optional
         Velocities [m/s] and accelerations [m/s^2] at the points; by default slopes between the
         neighbouring points, and zero at both ends.

@@ -66,7 +66,7 @@ class Message:
     priority
         `URGENT`, `PROMPT` or `BULK`.
     expires
-        End of its lifetime [s, monotonic].
+        Time at which the message expires [s, monotonic].
     is_confirmed, is_expired
         Whether it was acknowledged, or its lifetime ended first.
     """

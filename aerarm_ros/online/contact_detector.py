@@ -435,7 +435,7 @@ class LoadTest:
     found : bool
         Whether the last `update` detected a payload.
     mass, mass_std : float
-        [kg]
+        Mass of the detected payload and its standard deviation [kg].
     """
 
     def __init__(self, external: ExternalTorque, settings: ContactSettings) -> None:

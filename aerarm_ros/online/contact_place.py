@@ -61,7 +61,7 @@ class ContactLocator:
         Parameters
         ----------
         q : (n,) ndarray
-            [rad]
+            Posture of the arm [rad].
         torque, threshold : (n,) ndarray
             External torque, and the part that may be a model error [Nm].
         """

@@ -26,7 +26,7 @@ class FrictionRecord(NamedTuple):
     Attributes
     ----------
     time : float
-        Since 1970 [s].
+        Time of the identification, since 1970 [s].
     friction, std : (3, n) ndarray
         As in `OnlineEstimate`.
     """

@@ -297,7 +297,7 @@ class PayloadEstimator:
         Parameters
         ----------
         now : float
-            [s]
+            Time of the state [s].
         base : BaseMotion, optional
             Default: at rest, under the arm's own gravity.
         """

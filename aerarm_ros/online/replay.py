@@ -26,7 +26,7 @@ class KnownArm:
     Attributes
     ----------
     rotor_inertia : (n,) ndarray
-        At the joints [kg m^2].
+        Rotor inertia reflected to the joints [kg m^2].
     friction : (3, n) ndarray
         Viscous [Nms/rad], Coulomb [Nm] and load-dependent friction [-].
     others : tuple of (int, JointTerm, float)

@@ -61,13 +61,13 @@ class PlantParameters:
     rotor_inertia
         (n,) rotor inertia reflected to the joints, J_m / k_g^2 [kg m^2].
     viscous, coulomb
-        (n,) [Nms/rad], [Nm].
+        (n,) viscous [Nms/rad] and Coulomb friction [Nm] of the joints.
     load_friction
         (n,) Coulomb friction per transmitted torque [-].
     motor_torque_constant
-        (n,) K_i [Nm/A].
+        (n,) true torque constants K_i of the motors [Nm/A].
     motor_torque_constant_nominal
-        (n,) K_i of the configuration [Nm/A].
+        (n,) torque constants K_i in the configuration [Nm/A].
     seed
         Seed of the deviations, None for an arm as drawn.
     backlash

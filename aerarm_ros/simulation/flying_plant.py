@@ -94,9 +94,9 @@ class BaseBody:
     Attributes
     ----------
     mass : float
-        [kg]
+        Mass of the body [kg].
     inertia : (3, 3) ndarray
-        About the centre of mass, in body axes [kg m^2].
+        Inertia about the centre of mass, in body axes [kg m^2].
     centre : (3,) ndarray
         Centre of mass in the body frame [m].
     mount, mount_rotation : (3,) and (3, 3) ndarray

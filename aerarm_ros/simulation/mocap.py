@@ -148,7 +148,7 @@ class CameraSettings:
     Attributes
     ----------
     focal_length : float
-        [px]
+        Focal length of the camera [px].
     pixel_noise : float
         Standard deviation of a corner's coordinates [px].
     side : float

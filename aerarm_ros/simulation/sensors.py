@@ -132,7 +132,7 @@ class BandLimitedNoise:
     deviation : float
         Standard deviation of each axis, in any unit.
     cutoff : float
-        [Hz]
+        Cut-off frequency of the filter [Hz].
     period : float
         Time between two calls of `update` [s].
     random : numpy.random.Generator
@@ -185,9 +185,9 @@ class ImuErrors:
     Attributes
     ----------
     force_noise, rate_noise : float
-        White noise of a sample [m/s^2], [rad/s].
+        White noise of specific force [m/s^2] and angular velocity [rad/s] in a sample.
     force_bias, rate_bias : float
-        Constant error [m/s^2], [rad/s].
+        Constant error of specific force [m/s^2] and angular velocity [rad/s].
     attitude : float
         Slowly changing error of the attitude [rad].
     """
@@ -239,7 +239,7 @@ class OdometryErrors:
     Attributes
     ----------
     position, velocity, attitude, rate : float
-        [m], [m/s], [rad], [rad/s]
+        Standard deviations [m], [m/s], [rad], [rad/s].
     """
 
     position: float = 0.0

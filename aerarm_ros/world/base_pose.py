@@ -78,7 +78,7 @@ class OdometryFrames:
     Attributes
     ----------
     base_position, imu_position : (3,) ndarray
-        [m]
+        Positions of the base frame and of the IMU in that frame [m].
     base_rotation, imu_rotation : (3, 3) ndarray
         Rotation from the base frame, or from the IMU's frame, to that frame.
     """

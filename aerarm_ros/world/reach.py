@@ -117,17 +117,17 @@ class DroneRequest:
 
     The requested position depends on the tool's target and on the heading at the start of the
     request. The request does not depend on the drone's position or the arm's posture, so it closes
-    no feedback loop. Within `deadband` of its goal the request stays constant; beyond it, the
-    request moves at `speed`.
+    no feedback loop. Once its goal is further away than `deadband`, the request moves to the goal
+    at `speed`; until then the request stays constant.
 
     Parameters
     ----------
     middle : (n,) array_like
         Posture in which the arm is in the middle of its reach [rad].
     speed : float
-        [m/s]
+        Speed at which the request moves [m/s].
     deadband : float
-        [m]
+        Distance of the request from its goal beyond which the request begins to move [m].
     """
 
     def __init__(

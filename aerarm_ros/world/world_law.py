@@ -320,7 +320,7 @@ def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> fl
     kinematics : Kinematics
         Kinematics of the tool frame that is held.
     q : (n,) ndarray
-        [rad]
+        Posture of the arm [rad].
     """
     matrix = np.array(whole.inertia_matrix(q))
     _, com, inertia = whole.composite_inertia(q)

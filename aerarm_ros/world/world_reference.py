@@ -138,7 +138,7 @@ class WorldToolReference:
     stops : int
         Number of stops in the base frame.
     error : float
-        Error of the tool [m].
+        Distance of the tool from its reference [m].
     reference : WorldReference or None
         The last computed reference, None while the arm is stopped.
     """
@@ -348,7 +348,7 @@ def planned_joints(
     planned : list of TaskReference or None
         Tool motion in the world at `times`; None for an arm that stays where it is.
     times : (M,) ndarray
-        [s]
+        Times of the planned points [s].
     """
     still = np.zeros(len(q))
     if planned is None or pose is None:

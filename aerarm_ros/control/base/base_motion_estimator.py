@@ -140,7 +140,7 @@ class BaseMotionEstimator:
     hold_time : float
         Age [s] up to which the last sample is extrapolated.
     fade_time : float
-        [s]
+        Duration [s] of fading between two sources of the motion.
     cutoff : float
         Cut-off frequency of the angular acceleration's low-pass [Hz].
     latency : float

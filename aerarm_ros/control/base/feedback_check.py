@@ -58,7 +58,8 @@ def largest_delay(gain: float, kp: float, kd: float) -> float:
     gain : float
         `WholeBodyDynamics.feedback_gain`; 0 for a fixed base.
     kp, kd : float
-        [1/s^2], [1/s]; if both are zero, there is no feedback and the result is infinite.
+        Gains of position [1/s^2] and velocity [1/s]; if both are zero, there is no feedback and the
+        result is infinite.
     """
     stiffness, damping = (1.0 + gain) * kp, (1.0 + gain) * kd
     half = 0.5 * damping**2
@@ -99,7 +100,7 @@ class OscillationWatch:
     Parameters
     ----------
     effort_max : (n,) array_like
-        [Nm]
+        Torque limits of the drives [Nm].
 
     Attributes
     ----------

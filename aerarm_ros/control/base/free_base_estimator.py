@@ -84,7 +84,7 @@ class AnswerCorrection:
     Attributes
     ----------
     cutoff : float
-        [Hz]
+        Cut-off frequency of the filter [Hz].
     sustained_cutoff : float
         Cut-off frequency of the mean over 5 s [Hz].
     slow : (6,) ndarray
@@ -322,7 +322,7 @@ class FreeBaseEstimator:
     hold_time : float
         Age [s] up to which the last IMU sample is used.
     fade_time : float
-        [s]
+        Duration [s] of fading when an input is lost or returns.
     latency : float
         Age [s] of a sample at reception.
 

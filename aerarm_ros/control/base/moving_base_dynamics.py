@@ -88,7 +88,7 @@ class MovingBaseDynamics:
         Parameters
         ----------
         q, dq, ddq : (n,) ndarray
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
         base : BaseMotion, optional
             Default: `still`.
         planned : (n,) ndarray, optional
@@ -230,7 +230,7 @@ class BaseReaction:
         Parameters
         ----------
         q, dq, ddq : (n,) ndarray
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
         base : BaseMotion, optional
             Default: still under the robot's own gravity.
         """

@@ -70,9 +70,9 @@ class ComputedTorque(InverseDynamicsLaw):
     Parameters
     ----------
     kp : (n,) array_like
-        [1/s^2]
+        Gains Kp of the position error [1/s^2].
     kd : (n,) array_like
-        [1/s]; `2 sqrt(kp)` damps critically.
+        Gains Kd of the velocity error [1/s]; `2 sqrt(kp)` damps critically.
     integral : ErrorIntegral, optional
         Its gain is in [1/s^3], its limit in [rad/s^2].
     delay : float

@@ -23,15 +23,15 @@ class GravityCompensation:
     Parameters
     ----------
     kp : (n,) array_like
-        [Nm/rad]
+        Gains Kp of the position error [Nm/rad].
     kd : (n,) array_like
-        [Nms/rad]
+        Gains Kd of the velocity error [Nms/rad].
     friction : FrictionCompensation, optional
         Compensation by the reference velocity: at rest it is zero and cannot chatter.
     hand_friction : FrictionCompensation, optional
         Compensation by the measured velocity during hand guiding; its fraction must be below one.
     fade_time : float
-        [s]
+        Time in which the gains fade from one mode to the other [s].
 
     Attributes
     ----------

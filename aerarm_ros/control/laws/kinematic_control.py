@@ -34,8 +34,8 @@ class DampedInverse:
     threshold : float
         Singular value [m/rad] below which a direction is damped.
     damping : float
-        [m/rad]. Up to `threshold / sqrt(2)` the inverse is at most `1 / (sqrt(2) damping)`, for
-        larger values at most `1 / threshold`.
+        Largest damping [m/rad]. Up to `threshold / sqrt(2)` the inverse is at most `1 / (sqrt(2)
+        damping)`, for larger values at most `1 / threshold`.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class VelocityResolution:
     rest : (n,) array_like
         Home configuration [rad].
     rest_gain : float
-        [1/s]
+        Gain of the motion toward the home configuration [1/s].
     limit_gain : float
         Largest speed of a joint toward a limit, divided by the distance to the limit [1/s].
     margin : float
@@ -136,7 +136,7 @@ class VelocityResolution:
         Parameters
         ----------
         q : (n,) ndarray
-            [rad]
+            Present posture [rad].
         velocity : (3,) ndarray
             Desired velocity of the frame's origin, in base axes [m/s].
         """
@@ -253,7 +253,7 @@ class JointMotionControl:
     gain : (n,) array_like
         K [1/s]: the joint error decays as exp(-K t).
     drift_gain : float
-        [1/s]
+        Gain that corrects the errors of integration and damping [1/s].
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ class JointTrajectory:
     times : sequence of float
         Time of each point from the start [s], strictly increasing, not negative.
     positions : (M, n) sequence
-        [rad]
+        Joint positions at the points [rad].
     velocities, accelerations : (M, n) sequences, optional
         Velocities [rad/s] and accelerations [rad/s^2]; `path` fills in missing ones and empty rows.
 

@@ -29,7 +29,7 @@ class TargetFollower:
     frequency : float
         Natural frequency [rad/s].
     velocity_max, acceleration_max : float
-        [m/s], [m/s^2]
+        Limits of the tool's velocity [m/s] and acceleration [m/s^2].
     reach : float
         Largest distance [m] of a target from the base.
 

@@ -178,7 +178,7 @@ class TrajectoryFollower:
         Parameters
         ----------
         now : float
-            [s]
+            Present time [s].
         start : float, optional
             Time zero of the trajectory [s], by default `now`. The part before `now` is skipped.
         tolerances : FollowerTolerances, optional

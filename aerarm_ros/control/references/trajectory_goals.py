@@ -40,7 +40,7 @@ def resolve_tolerances(
     path, goal
         Joints and their tolerances [rad], if they differ from the follower's.
     goal_time
-        [s]
+        Time [s] after the end of the motion within which the goal must be reached.
 
     Raises
     ------

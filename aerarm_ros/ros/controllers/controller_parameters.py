@@ -57,7 +57,7 @@ def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) 
     header : Header
         Header with the frame of centre and axes.
     mass : float
-        [kg]
+        Mass of the body [kg].
     centre : (3,) ndarray
         Centre of mass [m].
     inertia : (3, 3) ndarray

@@ -76,7 +76,7 @@ class PlannedExcitation:
         Returns
         -------
         (M,) ndarray
-            Time [s].
+            Time of each sample [s].
         JointReference
             `q`, `dq` and `ddq`, each (M, n).
 

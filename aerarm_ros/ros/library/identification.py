@@ -74,12 +74,12 @@ class IdentifiedModel:
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
 
         Returns
         -------
         (n,) or (M, n) ndarray
-            [Nm]
+            Torque of each joint [Nm].
 
         Raises
         ------
@@ -129,7 +129,7 @@ class IdentifiedArm:
     result : IdentificationResult
         Complete result, with more details than this class offers.
     seconds : dict of str to float
-        Duration of each stage [s].
+        Duration of each stage of the identification [s].
     """
 
     def __init__(self, result: IdentificationResult, seconds: dict[str, float]) -> None:
@@ -158,12 +158,12 @@ class IdentifiedArm:
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
 
         Returns
         -------
         (n,) or (M, n) ndarray
-            [Nm]
+            Torque of each joint [Nm].
 
         Raises
         ------
@@ -286,7 +286,7 @@ def from_arrays(
     Parameters
     ----------
     time : (M,) array_like
-        [s]
+        Time of each sample [s].
     q, tau : (M, n) array_like
         Positions [rad] and torques [Nm].
     dq : (M, n) array_like, optional

@@ -47,9 +47,9 @@ class JointRecording:
     Attributes
     ----------
     time : (T,) ndarray
-        [s]
+        Time of each sample [s].
     position : (T, n) ndarray
-        [rad]
+        Positions of the n joints [rad].
     """
 
     names: tuple[str, ...]

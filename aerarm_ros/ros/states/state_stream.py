@@ -42,7 +42,7 @@ class RotorThrusts(NamedTuple):
     names
         Names of the n rotors.
     thrust
-        (n,) commanded thrusts [N]
+        Commanded thrusts (n,) [N].
     stamp
         Stamp of the command [s].
     lead_ns
