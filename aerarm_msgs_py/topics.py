@@ -50,10 +50,10 @@ class Topic:
     def offered(self) -> QoSProfile:
         """Profile of the suite's publishers: that of its subscriptions, but always reliable.
 
-        A reliable publisher matches reliable and best-effort subscriptions, a best-effort
-        publisher only best-effort ones. With a keep-last history a reliable publisher never waits
-        for a slow subscriber, whose old messages are replaced. Best-effort subscriptions work as
-        before, at no extra cost.
+        A reliable publisher matches reliable and best-effort subscriptions, a best-effort publisher
+        only best-effort ones. With a keep-last history a reliable publisher never waits for a slow
+        subscriber, whose old messages are replaced. Best-effort subscriptions work as with a
+        best-effort publisher, at no extra cost.
         """
         return QoSProfile(
             history=self.qos.history,

@@ -166,7 +166,7 @@ class ReadBudget:
         self.part_bytes = int(min(limits.part_bytes, max(_FREE, self._left / _PART_SHARE)))
 
     def spend(self, size: int) -> None:
-        """Charge bytes that the bag is about to occupy.
+        """Subtract bytes that the bag is about to occupy from the remaining limits.
 
         Raises
         ------

@@ -165,7 +165,7 @@ class MavlinkAutopilot:
 
     @property
     def mode(self) -> str:
-        """Mode of the autopilot, by name for PX4."""
+        """Flight mode of the autopilot: PX4's name of the mode, else the custom mode's number."""
         main, sub = self._custom_mode >> 16 & 0xFF, self._custom_mode >> 24 & 0xFF
         if self._make != _PX4:
             return f'custom mode {self._custom_mode}'

@@ -1,9 +1,9 @@
 """Connections to a PX4 program on this host (SITL).
 
-In the TCP connection this side is PX4's simulator: it sends sensors and receives thrust fractions.
-PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In the UDP
-connection this side is a companion computer: it sends set points and commands, and receives
-states.
+In the TCP connection this package acts as PX4's simulator: it sends sensor data and receives thrust
+fractions. PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In
+the UDP connection this package acts as a companion computer: it sends set points and commands, and
+receives states.
 """
 
 import select
@@ -159,7 +159,7 @@ class CompanionLink:
     Parameters
     ----------
     port, px4_port : int
-        UDP ports of this side and of PX4.
+        UDP ports of this program and of PX4.
 
     Raises
     ------

@@ -39,8 +39,8 @@ PARAMETERS = ParameterTable(
 class Px4Imu:
     """Publish `imu` for every SensorCombined, with the newest attitude.
 
-    Without an attitude for 0.2 s the samples are marked as having none. /diagnostics shows the
-    number of PX4's messages.
+    Without an attitude for 0.2 s the samples are marked as samples without attitude. /diagnostics
+    shows the number of PX4's messages.
 
     Raises
     ------

@@ -102,7 +102,7 @@ class SteadyClock:
     Attributes
     ----------
     may_step
-        Whether a large difference may be corrected at once.
+        Whether a large difference to the system time may be corrected at once.
     behind
         System time minus this clock's time at the last call [s].
     """

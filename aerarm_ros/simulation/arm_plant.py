@@ -419,11 +419,11 @@ class ArmPlant:
         return _fixed_base_model(robot, self.parameters)
 
     def _last_link(self) -> int:
-        """Return the engine's number of the last link."""
+        """Return the number of the last link in the physics engine."""
         return int(self._model.jnt_bodyid[-1])
 
     def _body_name(self, link: str) -> str:
-        """Return the engine's name of a link."""
+        """Return the name of a link in the physics engine."""
         return link
 
     def _set_gravity(self) -> None:

@@ -136,7 +136,7 @@ class FreeBasePlant(ArmPlant):
 
     @property
     def base(self) -> BaseState:
-        """State of the body."""
+        """Pose and motion of the body that carries the arm."""
         data = self._data
         return BaseState(
             np.array(data.qpos[:3]),
@@ -353,7 +353,7 @@ class FlyingPlant(FreeBasePlant):
         self._hold(False)
 
     def push(self, twist: ArrayLike) -> None:
-        """Set a released drone's velocity (6,): linear in the world [m/s], angular in body axes."""
+        """Set a released drone's velocity (6,): linear in the world, angular in body axes."""
         self._twist[:] = twist
 
     def touch(self, force: ArrayLike, link: str = '') -> None:

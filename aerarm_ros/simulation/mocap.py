@@ -41,7 +41,7 @@ class Carried(Protocol):
 
     @property
     def base(self) -> BaseState:
-        """State of the body."""
+        """Pose and motion of the body that carries the arm."""
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class RotorGovernor:
     gravity_in_base : (3,) array_like
         Gravity of a level drone [m/s^2].
     share : float
-        Used fraction of the rotors' range [-].
+        Used fraction of the rotors' thrust range [-].
 
     Attributes
     ----------

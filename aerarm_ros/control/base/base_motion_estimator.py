@@ -144,7 +144,7 @@ class BaseMotionEstimator:
     cutoff : float
         Cut-off frequency of the angular acceleration's low-pass [Hz].
     latency : float
-        Age [s] of a sample at reception, set by the user.
+        Age [s] of an IMU sample at reception, set by the user.
     watch : OscillationWatch, optional
         Detector of oscillations in mode 'full'.
 

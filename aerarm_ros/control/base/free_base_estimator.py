@@ -324,7 +324,7 @@ class FreeBaseEstimator:
     fade_time : float
         Duration [s] of fading when an input is lost or returns.
     latency : float
-        Age [s] of a sample at reception.
+        Age [s] of an IMU sample at reception.
 
     Attributes
     ----------

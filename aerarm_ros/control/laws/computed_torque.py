@@ -74,7 +74,7 @@ class ComputedTorque(InverseDynamicsLaw):
     kd : (n,) array_like
         Gains Kd of the velocity error [1/s]; `2 sqrt(kp)` damps critically.
     integral : ErrorIntegral, optional
-        Its gain is in [1/s^3], its limit in [rad/s^2].
+        Integral of the error, with gain in [1/s^3] and limit in [rad/s^2].
     delay : float
         Time from a state to the middle of the interval in which its command acts [s].
     velocity_lag : float

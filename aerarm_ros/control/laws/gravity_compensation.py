@@ -16,9 +16,9 @@ class GravityCompensation:
     """Thesis (2.14): `u = g(q) + Kp (qd - q) + Kd (dqd - dq)` plus friction.
 
     With `hand_guiding` the gains fade to nearly zero. Gravity and part of the friction are still
-    compensated, so that a person can move the arm. Gains fade over `fade_time` both ways, so the
-    torque never jumps. A caller that ends hand guiding must let the reference start at the present
-    posture.
+    compensated, so that a person can move the arm. Gains fade over `fade_time` in both directions,
+    so the torque never jumps. A caller that ends hand guiding must let the reference start at the
+    present posture.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class MotionEnd(Enum):
 
 @dataclass(frozen=True, eq=False)
 class FollowerTolerances:
-    """Tolerances of n joints, and times.
+    """Position tolerances of n joints, and time limits of a motion.
 
     Attributes
     ----------

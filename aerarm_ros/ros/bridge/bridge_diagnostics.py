@@ -180,7 +180,7 @@ class BridgeDiagnostics:
         self._output.arm = name
 
     def watch(self, watched: Watched) -> None:
-        """Report on a cycle from now on; the cycle calls `step`."""
+        """Publish the diagnostics of a cycle from now on; the cycle calls `step`."""
         self._timer.cancel()
         self._pieces = None
         self._watched = watched

@@ -79,12 +79,12 @@ class CycleRequests:
                 answer.set_exception(error)
 
     def open(self) -> None:
-        """Accept requests: a cycle runs from now on."""
+        """Accept requests from now on, because a cycle runs."""
         self._waiting.clear()
         self._closed.clear()
 
     def close(self) -> None:
-        """Accept no more requests: the last cycle has run."""
+        """Reject requests from now on, because the last cycle has run."""
         self._closed.set()
 
     def wait_closed(self, timeout: float) -> bool:

@@ -1,4 +1,4 @@
-"""One run of the designer: checks first, then the search, then the files."""
+"""One run of the designer, which checks the inputs, searches a trajectory and writes the files."""
 
 from __future__ import annotations
 

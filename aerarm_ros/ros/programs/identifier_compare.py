@@ -41,7 +41,7 @@ class CompareRun:
         self._out: Path | None = options.out
 
     def execute(self) -> str:
-        """Compare, write the output files, and return a table for the terminal.
+        """Compare the two results, write the output files, and return a table for the terminal.
 
         Raises
         ------
