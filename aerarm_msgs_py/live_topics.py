@@ -325,9 +325,9 @@ class RawReader:
         Source of the messages; by default a wait set, or an executor if rclpy lacks the functions
         for the wait set.
     identify
-        Whether to read the publisher of each message. Reading it is slower, but counts lost
-        messages of several publishers exactly. The info then has `publisher`, an identifier of 16
-        bytes, if this ROS version supports it.
+        Whether to read the publisher of each message. Reading the publisher is slower, but counts
+        lost messages of several publishers exactly. The info then has `publisher`, an identifier of
+        16 bytes, if this ROS version supports it.
 
     Raises
     ------

@@ -44,7 +44,7 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
         Attitude (w, x, y, z), body to world.
     """
     x, y, z = rate.tolist()
-    nowhere = [0.0] * 6  # place, for its GPS only
+    nowhere = [0.0] * 6  # position, for the firmware's GPS only
     w, qx, qy, qz = rotation_wxyz.tolist()
     attitude = w, qx, -qy, -qz
     return _STATE.pack(time, x, -y, -z, *(-force).tolist(), *attitude, *nowhere, _PRESSURE)

@@ -190,9 +190,10 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 class FlightControl:
     """Hold a drone with its arm at a position, or move the drone along a path.
 
-    The controlled point is the common centre of mass. Its target is its position while the level
-    body is at the body's target. So a tilted body is displaced from the body's target. f_a and m_a
-    are the force and moment of the joints' motion, e is the position error, and a_d the target's
+    The controlled point is the common centre of mass. The target of the centre of mass is its
+    position while the level body is at the body's target. So a tilted body is displaced from the
+    body's target. f_a and m_a are the force and moment of the joints' motion, e is the position
+    error, and a_d the target's
     acceleration::
 
         F = m (g + a_d + Kp e + Kd de + Ki int e) - f_a - d

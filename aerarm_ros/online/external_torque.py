@@ -364,7 +364,7 @@ def _tightest(size: Array, features: Array) -> Array:
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
     least[1], least[5] = _STATIC, _ASYNCHRONOUS
     scaled = features / scale
-    # A bound that the least shares already satisfy is no constraint.
+    # A bound that the smallest coefficients already satisfy is not a constraint.
     kept = size > features @ least
     if not kept.any():
         return least

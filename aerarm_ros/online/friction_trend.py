@@ -43,7 +43,7 @@ class FrictionChange:
     Attributes
     ----------
     name : str
-        Such as 'Coulomb [Nm] of joint2'.
+        Name of the coefficient, such as 'Coulomb [Nm] of joint2'.
     old, new : float
         Values of the best-fit line at the first and at the last record.
     deviations : float

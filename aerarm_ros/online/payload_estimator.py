@@ -226,10 +226,10 @@ class PayloadEstimator:
     does not enter the payload.
 
     A pick-up or put-down appears in the innovations. The filter sums up their squares over their
-    variance (`ChangeTest`). After a detection, the filter restores its state from just before. The
-    payload then either starts from its wide prior (the fast phase), or ends. The published payload
-    is the physical body nearest to the payload block (`nearest_body`). So its 4x4 pseudo-inertia
-    is positive definite in every step.
+    variance (`ChangeTest`). After a detection, the filter restores its state from just before the
+    change. The payload then either starts from its wide prior (the fast phase), or ends. The
+    published payload is the physical body nearest to the payload block (`nearest_body`). So its 4x4
+    pseudo-inertia is positive definite in every step.
 
     Parameters
     ----------

@@ -398,7 +398,7 @@ class BasePoseEstimator:
         matrix = self._variance[:2, :2] + np.diag(self.noise**2)
         gain = self._variance[:, :2] @ np.linalg.inv(matrix)
         left = np.array([off @ off, faster @ faster]) / 3.0 - np.diag(self._variance)[:2]
-        # The remainder after a jump is not noise.
+        # The difference from the prediction after a jump is not noise.
         left = np.minimum(np.maximum(left, 0.0), _OUTLIER * np.maximum(self.noise, _NOISE) ** 2)
         variance = (1.0 - share) * self.noise**2 + share * left
         self.noise = np.sqrt(np.maximum(variance, _NOISE_MIN**2))
@@ -430,7 +430,8 @@ class BasePoseEstimator:
 
     def _has_jumped(self, off: Array, turn: Array, now: float) -> bool:
         """Process a jump; return whether it has persisted and can be accepted."""
-        # A doubtful sample also ends a silence, because a jump must not count as growing error.
+        # A doubtful sample also ends a time without samples, because a jump must not count as
+        # growing error.
         silent = min(max(self._interval, 0.0), _FORGOTTEN)
         spread = np.sqrt(self._variance[0, 0] + self.noise[0] ** 2)
         allowed = min(_JUMP + _DEVIATIONS * float(spread) + _GROWTH * silent, self._jump_max)

@@ -65,7 +65,7 @@ class RotorGovernor:
     Attributes
     ----------
     last_stretch : float
-        Duration of the last motion over its original duration.
+        Duration of the last motion, divided by its original duration.
     """
 
     def __init__(

@@ -78,7 +78,7 @@ _TORQUE = 0.25  # RMS over effort_max; the noise of a cheap IMU causes less
 _EXPLAINED = 0.6  # explained fraction of the base's motion; about 0 for noise
 _LASTING = 0.1  # [s]
 _LONGEST_STEP = 0.1  # [s]
-# Motion of the base that counts as none, per axis [m/s^2], [rad/s].
+# Motion of the base below which it counts as still, per axis [m/s^2], [rad/s].
 _STILL = np.repeat([0.1, 0.01], 3)
 _RIDGE = 1e-3  # regularization: at half the IMU's rate two consecutive torques are collinear
 

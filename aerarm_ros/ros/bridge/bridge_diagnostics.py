@@ -193,7 +193,7 @@ class BridgeDiagnostics:
         self._publish_inactive()
 
     def publish_soon(self) -> None:
-        """Publish a report with the next steps, because a value has changed."""
+        """Begin a report with the next call of `step`, because a value has changed."""
         self._due = -inf
 
     def step(self, now: float) -> None:

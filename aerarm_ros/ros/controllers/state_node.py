@@ -247,7 +247,7 @@ class StateNode:
         self.node.create_subscription(topic.type, topic.name, store, topic.qos)
 
     def act(self, action: Callable[[float], None]) -> None:
-        """Run an action in the loop's thread before the next answer; it may reject its input."""
+        """Run an action, which may reject its input, in the loop's thread before the next answer."""
         self._requests.append(action)
 
     def advertise(self, topic: Topic) -> Any:

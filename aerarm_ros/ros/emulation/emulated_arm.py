@@ -310,7 +310,7 @@ class EmulatedArm(World):
     def _enable(self, cycle: BridgeCycle) -> Answer:
         boards = self.boards
         if self._time is not None and self._time.is_waiting:
-            cycle.intake.forget()  # Its publisher is silent: the bridge may hold the arm.
+            cycle.intake.forget()  # The publisher is silent, so the bridge may hold the arm.
         if boards is None or cycle.mode != 'idle':
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):

@@ -167,7 +167,8 @@ def plan_excitation(
         File with motors and gears; not needed for this package's arm.
     room : path, optional
         Surroundings and used fractions of the limits, in the form of `config/excitation.yaml`. The
-        default is that file for this package's arm, and no surroundings for other arms.
+        default is `config/excitation.yaml` for this package's arm, and no surroundings for other
+        arms.
     bias : (n,) sequence, optional
         Centre of the motion [rad].
     lock : sequence of str

@@ -284,7 +284,7 @@ class ViewPlots:
                 plot.data = self._columns(quantity, time, values)
 
     def show_base(self, time: Array, values: Array) -> None:
-        """Draw the quantities of the base: time (k,) [s], and (k, 6), columns as `BASE_ROWS`."""
+        """Draw the base's `values` (k, 6), with columns as `BASE_ROWS`, over `time` (k,) [s]."""
         if len(time) < 2:
             return
         for quantity, columns in zip(_BASE, (values[:, :3], values[:, 3:]), strict=True):

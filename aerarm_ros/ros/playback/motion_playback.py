@@ -309,8 +309,8 @@ class MotionPlayback:
         player
             Player of the motion.
         silence
-            Longest time without a joint state [s]. For an emulated arm it is longer, because its
-            time pauses when the host is busy.
+            Longest time without a joint state [s]. For an emulated arm the limit is longer, because
+            the arm's time pauses when the host is busy.
         listener
             Called with stamp [ns], state and the serialized command that answers the state.
 

@@ -50,7 +50,7 @@ class ArmClient:
         Possible node names of the bridge, by default `BRIDGES`. Without this argument a stop
         request also goes to bridges with other names.
     actions
-        Actions that will be called.
+        Names of the actions that will be called.
     on_wait
         Called with a description if no bridge is found within a second.
     everywhere

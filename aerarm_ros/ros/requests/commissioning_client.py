@@ -48,7 +48,7 @@ class CommissioningClient:
     Attributes
     ----------
     guided
-        The procedure, None before `begin`.
+        The commissioning procedure, None before `begin`.
     report
         Newest report of the bridge, None before the first.
     """

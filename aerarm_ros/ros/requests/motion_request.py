@@ -47,8 +47,8 @@ class RejectionWatch:
         Parameters
         ----------
         timeout
-            Longest time for a new controller to receive the arm's mode [s]. Before that, it
-            rejects every input.
+            Longest time for a new controller to receive the arm's mode [s]. Before that, the
+            controller rejects every input.
         """
         if spin_until(self._node, lambda: self._modes, _REPORT):
             spin_until(self._node, lambda: any(self._modes.values()), timeout)
