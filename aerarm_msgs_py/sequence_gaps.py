@@ -73,9 +73,9 @@ class SequenceGaps:
 class PublisherGaps:
     """Count the gaps in each publisher's sequence numbers.
 
-    With known publishers the count is exact: every number that is missing after the first message
-    of its publisher, although a later one arrived, is a lost message. Without the publisher in the
-    middleware's message info, `SequenceGaps` estimates it.
+    With known publishers the count is exact: every number that is missing between two received
+    messages of one publisher is a lost message. Without the publisher in the middleware's message
+    info, `SequenceGaps` estimates it.
     """
 
     def __init__(self) -> None:

@@ -89,8 +89,8 @@ class TopicSummary:
     messages
         Number of messages in the bag.
     lost
-        Number of messages that were published between the first and the last one but are not in
-        the bag; None if the recorder stored no publication sequence numbers.
+        Number of messages that are missing between the first and the last one in the bag. None if
+        the recorder stored no publication sequence numbers.
     """
 
     type: str

@@ -26,8 +26,8 @@ class SetPointAcceleration:
         delta = (w + (J dw/dt + M) / k) / p
 
     with the angular velocity w of the fed-forward force's direction, the inertia J, and the moment
-    M by which the rotors balance the arm's weight and motion. p is the angular velocity per
-    attitude error, and k the moment per error of the angular velocity. The integral of the
+    M by which the rotors balance the arm's weight and motion. The gain p is the angular velocity
+    per attitude error, and k the moment per error of the angular velocity. The integral of the
     autopilot's loops compensates a constant M.
 
     Parameters

@@ -65,12 +65,12 @@ class FeedForward(NamedTuple):
     body : MassProperties
         Mass properties at the time when a rotor command sent now acts.
     wrench, wrench_now : (6,) ndarray
-        Force [N] and moment [Nm] of the joints' motion on the drone: `wrench` at the time when a
-        rotor command sent now acts, `wrench_now` at present.
+        Force [N] and moment [Nm] of the joints' motion on the drone. `wrench` is that at the time
+        when a rotor command sent now acts, `wrench_now` that at present.
     force_rate, force_curvature : (3,) ndarray
-        First derivative of the force at present [N/s], and its second derivative at the time when a
-        rotor command sent now acts [N/s^2]. These derivatives determine how fast the drone must
-        tilt.
+        `force_rate` is the derivative of the force at present [N/s]. `force_curvature` is the
+        second derivative when a rotor command sent now acts [N/s^2]. These derivatives determine
+        how fast the drone must tilt.
     """
 
     body: MassProperties
@@ -118,8 +118,9 @@ class ArmLoad(NamedTuple):
     def acceleration(self, drone: DroneConfig) -> Array:
         """Return the acceleration (6,) that the rotors must give to compensate the arm's motion.
 
-        First the acceleration of the arm's base origin [m/s^2], then the angular one [rad/s^2], in
-        base axes: minus `motion` divided by the inertia of drone and arm in this posture.
+        The result is the acceleration of the arm's base origin [m/s^2], then the angular
+        acceleration [rad/s^2], in base axes. Its value is minus `motion`, divided by the inertia of
+        drone and arm in this posture.
         """
         body = MassProperties.of(drone, self.mass, self.com, self.inertia)
         rotation, mount = drone.mount.rotation, np.array(drone.mount.position)

@@ -28,9 +28,8 @@ class ContactObserver:
 
     f and M are force and moment of the rotors, f_c and M_c those of the contact, and m g is the
     weight. The joints' torques are internal and do not appear, so any motion of the arm is
-    possible, and no acceleration is needed. The remainder passes a first-order low-pass, which
-    gives the observer `d = K (p - int(f + m g + d) dt)` (De Luca et al., IROS 2006, for a free
-    body).
+    possible, and no acceleration is needed. The remainder passes a first-order low-pass. This gives
+    the observer `d = K (p - int(f + m g + d) dt)` of De Luca et al. (IROS 2006) for a free body.
 
     Parameters
     ----------

@@ -328,8 +328,9 @@ class FlyingPlant(FreeBasePlant):
     def odometry(self) -> tuple[Array, Array, Array, Array]:
         """Pose and motion of the body.
 
-        Position (3,) in the world [m]; attitude (x, y, z, w), body to world; velocity (3,) of the
-        body frame's origin [m/s] and angular velocity (3,) [rad/s], both in body axes.
+        The position (3,) [m] is in the world, the attitude (x, y, z, w) rotates from body to world.
+        The velocity (3,) of the body frame's origin [m/s] and the angular velocity (3,) [rad/s] are
+        in body axes.
         """
         base = self.base
         velocity = rotation_of(base.quaternion).T @ base.velocity

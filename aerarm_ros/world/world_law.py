@@ -38,8 +38,8 @@ class WorldReference(NamedTuple):
     rotation : (3, 3) ndarray or None
         Desired orientation, tool to world; None for any orientation.
     base : BasePose or None
-        Pose of the base; None if the tool cannot be held in the world, so that the arm stops in
-        the base frame.
+        Pose of the base. None if the tool cannot be held in the world; then the arm stops in the
+        base frame.
     """
 
     p: Array

@@ -126,8 +126,8 @@ class WorldToolReference:
     followers : tuple of TargetFollower
         Filters that compute the fast offset and the slow offset.
     reach : callable
-        Returns the largest distance [m] by which points (M, 3) in the base frame are out of reach
-        from a posture (n,); 0 if all are reachable.
+        Returns the largest distance [m] by which points (M, 3) in the base frame are out of reach,
+        0 if none. The search starts at a posture (n,).
     error_max : float
         Largest error of the tool [m] before the arm stops.
 

@@ -207,9 +207,9 @@ class BaseReaction:
     class ArmReaction(NamedTuple):
         """Wrench and mass properties in the base frame's axes, moments about its origin.
 
-        `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone; `static` is the part
-        due to gravity with all bodies at rest, `dynamic` the remainder. `mass` [kg], `com` (3,)
-        [m] and `inertia` (3, 3) about the centre of mass [kg m^2] describe the arm.
+        `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone. Its part `static` is due
+        to gravity with all bodies at rest; `dynamic` is the remainder. `mass` [kg], `com` (3,) [m]
+        and `inertia` (3, 3) about the centre of mass [kg m^2] describe the arm.
         """
 
         wrench: Array

@@ -247,7 +247,7 @@ class StateNode:
         self.node.create_subscription(topic.type, topic.name, store, topic.qos)
 
     def act(self, action: Callable[[float], None]) -> None:
-        """Run an action, which may reject its input, in the loop's thread before the next answer."""
+        """Run an action (it may reject its input) in the loop's thread before the next answer."""
         self._requests.append(action)
 
     def advertise(self, topic: Topic) -> Any:
