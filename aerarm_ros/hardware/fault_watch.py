@@ -55,6 +55,9 @@ class StoppedArm:
     hot: str = ''
 
 
+_BY_HAND = 'move the arm by hand to its home configuration'
+
+
 def way_out(arm: StoppedArm, emulated: bool) -> str:
     """Return the recovery hint, with steps separated by commas and commands in quotes.
 
@@ -65,7 +68,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
     steps.
     """
     if not arm.latched:
-        return "'arm home'" if emulated else "bring the arm to its home configuration, 'arm home'"
+        return "'arm home'" if emulated else f"{_BY_HAND}, 'arm home'"
     steps = []
     through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown or bool(arm.hot)
     restarts = bool(arm.boards) and (emulated or arm.until_power_cycle)
@@ -79,7 +82,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
     if not emulated and homes:  # an emulated arm is moved there by home and enable
-        steps.append('bring the arm to its home configuration')
+        steps.append(_BY_HAND)
     elif not emulated and arm.violation:
         steps.append('move the arm inside its limits by hand')
     if arm.hot:

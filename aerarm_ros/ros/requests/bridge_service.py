@@ -421,7 +421,7 @@ class StopService:
         self._timeout = timeout
 
     def look(self) -> None:
-        """Create clients of the running bridges now, so that a later call is quick."""
+        """Find the running bridges and create their clients, so that a later call is quick."""
         self._finder.find()
 
     def call(self) -> tuple[bool, str]:
