@@ -24,13 +24,14 @@ from aerarm_ros.motion.signals import Array
 _HEADER = """\
 # Calibrated geometry. SI units; each estimate is [value, standard deviation].
 # offsets: added to the recorded joint positions. geometry: displacement x, y, z and rotation
-# vector rx, ry, rz of a joint's frame, in that frame as drawn. compliance: deflection per torque of
-# gravity.
-# All other values stay nominal: insignificant, or not distinguishable from the estimates.
+# vector rx, ry, rz of a joint's frame, along the axes of the frame in the original URDF.
+# compliance: deflection of a joint per gravity torque.
+# All other errors are zero: they are insignificant, or the measurements cannot separate them from
+# the errors listed above.
 """
 _CONFIG_HEADER = (
     "# The arm's configuration with calibrated offsets. Use it with calibrated.urdf of this\n"
-    '# folder, which has no offsets. The original file has the comments.\n'
+    '# folder, which has no offsets. The comments are only in the original configuration.\n'
 )
 
 

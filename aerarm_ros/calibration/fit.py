@@ -96,7 +96,11 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
     def _weighted(self) -> tuple[Array, Array, Array]:
-        """Return weighted rows, residuals in standard deviations, and the posture of each row."""
+        """Return the weighted Jacobian rows, the weighted residuals and the posture of each row.
+
+        Residuals are in standard deviations, and postures are indices of `observations`. Missing
+        readings are left out.
+        """
         rows, residuals, clusters = [], [], []
         jacobians = self.jacobian()
         sources = self.observations.sources

@@ -379,8 +379,8 @@ def _cross(vectors: Array) -> Array:
 
 
 _HEADER = """\
-# The drone with calibrated poses of the arm's base (mount) and of the IMU, which replace the
-# nominal ones. The original file has the comments.
+# Drone configuration with the calibrated pose of the arm's base (mount) or of the IMU, or both,
+# in place of the nominal pose. The comments are only in the original configuration.
 """
 
 

@@ -200,8 +200,8 @@ class DriveStep(CommissioningStep):
         super().__init__(config, robot, joint)
         self.prompt = Prompt(
             f'The motor of {self._name} aligns now, then turns the joint by {REACH:g} rad to '
-            'both sides. Support the arm and keep your hands off the joint. THE ARM MOVES. Drive '
-            'the motor?'
+            'both sides. Let a second person hold the weight of the arm. Keep all hands away from '
+            f'{self._name}: THE ARM MOVES. Drive the motor?'
         )
 
     def answer(self, yes: bool) -> None:

@@ -63,9 +63,8 @@ def error_warnings(
         )
     if sdp > max(_LARGE, _FAR_ABOVE * ols):
         warnings.append(
-            f'a physically consistent model leaves {sdp:.1f} % of the torque unexplained, '
-            f'unconstrained least squares {ols:.1f} %, so no real arm of this URDF moves like '
-            f'this: {_CHECK}'
+            f'a physically consistent model leaves {sdp:.1f} % of the torque unexplained, but '
+            f'unconstrained least squares only {ols:.1f} %, so an input must be wrong: {_CHECK}'
         )
     return warnings
 
@@ -183,8 +182,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     if too_much.any():
         at_bound = np.array(fit.model.columns[start:])[too_much]
         warnings.append(
-            f'{", ".join(at_bound)} at the bound 1, as if the gear lost all torque: look for '
-            'another load-dependent torque at these joints'
+            f'{", ".join(at_bound)} at the bound 1, as if the gear lost all transmitted torque: '
+            'look for another load-dependent torque at these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
     asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)

@@ -93,26 +93,31 @@ def _both_ways(term: JointTerm, speed: Array, load: float) -> Array:
 
 _HEADER = """\
 # Dynamic parameters identified from recorded motion. SI units, joint side.
-# inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its
-# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, with load
-# (identified.urdf has the part without load, and the load-dependent friction). Complete model:
-# viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
-# tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2) + forward
-# max(a(dq), 0) + backward min(a(dq), 0), with s(dq) = tanh(dq / coulomb_width), sgn(dq) for
-# width 0, and a(dq) = tanh(dq / asymmetry_width).
-# coupled_joints, where given: for each column its joint, the joint that drives it, cv (torque per
-# velocity of the driver) or ca (per acceleration), and its coefficient.
-# from_data: 1 if the value comes from data, 0 if from CAD. Parameters of a sum below are
-# divided by CAD, even if the data determine the sum.
-# friction_deviations: standard deviations of friction torques without offsets, per joint at
-# increasing speeds, at the usual torque on its links (loads).
-# base_parameters: the sums that the torque depends on, which the data determine, with their
-# standard deviations by the data alone.
+# inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the
+# frame of the link's joint. viscous and coulomb: the friction (2.6) of the thesis that is nearest
+# to the complete friction model in `friction`, including load-dependent friction.
+# (identified.urdf lists load-dependent friction separately.) Complete friction torque of a joint
+# at the velocity dq:
+# viscous dq + coulomb s(dq) + load |torque on the links| s(dq) + creep tanh(dq / creep_width)
+# + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2)
+# + forward max(a(dq), 0) + backward min(a(dq), 0)
+# with s(dq) = tanh(dq / coulomb_width), or sgn(dq) if coulomb_width is 0, and
+# a(dq) = tanh(dq / asymmetry_width). creep: viscous friction that saturates at high velocity.
+# coupled_joints, only if joints are coupled: for each coupling the joint, the joint that drives
+# it, cv (torque per velocity of the driver) or ca (torque per acceleration of the driver), and
+# the coefficient.
+# from_data: 1 if the recordings determine the parameter, 0 if it keeps its CAD value. Where the
+# recordings determine only a sum of parameters (base_parameters), CAD divides that sum.
+# friction_deviations: standard deviations of each joint's friction torque without offset, at
+# increasing speeds, for the RMS torque on the joint's links (loads).
+# base_parameters: the sums of parameters on which the torque depends and which the recordings
+# determine, with standard deviations from the recordings alone.
 """
 
 _PAYLOAD_HEADER = """\
 # Payload of the last link, identified from recorded motion. SI units, in the frame of that
-# link's joint. inertial_parameters: of the whole arm with the payload, as in estimate.yaml.
+# link's joint. inertial_parameters: parameters of all links of the arm, with the payload as part
+# of the last link, in the order of estimate.yaml.
 """
 
 # Friction terms to which each width parameter belongs.

@@ -22,15 +22,17 @@ from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 
 _HEADER = """\
 # Drives measured on the motor bench, thesis section 4.4. SI units, each number with its standard
-# deviation. b_eq [Nms/rad] and rotor_inertia [kg m^2]: motor side; coulomb [Nm] and viscous
-# [Nms/rad], backlash [rad]: joint side. resistance [ohm]: of a phase, by the voltages that the
-# board reports, or as the board states it (resistance_from). gravity: a, b of g(q) =
-# a sin q + b cos q [Nm], as measured with the stated torque constant, at `posture` of the others.
+# deviation. b_eq [Nms/rad] and rotor_inertia [kg m^2]: at the motor. coulomb [Nm], viscous
+# [Nms/rad] and backlash [rad]: at the joint. resistance [ohm]: resistance of one phase;
+# resistance_from is 'voltage' if it was measured with the voltages that the board reports, 'board'
+# if the board reports the resistance. gravity: a and b of the joint's gravity torque
+# g(q) = a sin q + b cos q [Nm], measured with the configured torque constant while all other
+# joints were at `posture`.
 """
 
 _CONFIG_HEADER = """\
-# The arm's configuration with the values that the motor bench has measured.
-# The original file has the comments; all other values are copied from there.
+# The arm's configuration with the values that the motor bench has measured. All other values
+# are copied from the original configuration, which also has the comments.
 """
 
 # Effort limits are rounded down to multiples of this, to stay below the motor's torque [Nm].
@@ -199,20 +201,21 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
     """
     how = (
         'The drives were mounted in the arm. The fit includes gravity, g(q) = a sin q + b cos q '
-        'for a single joint, and the load-dependent gear friction. The plotted points are '
-        'without both.'
+        'for each joint, and the load-dependent gear friction. Both are subtracted from the '
+        'plotted torques.'
         if mounted
-        else 'The motors were bare: no gravity.'
+        else 'The motors were bare, so gravity caused no torque.'
     )
     parts = [
         paragraph('Friction (4.12)-(4.14) of each drive, with standard deviations.', 'lead'),
         bullets(warnings, 'warnings') if warnings else '',
         section('Parameters', table(_HEADINGS, map(_page_row, results))),
         paragraph(
-            'b_eq and J_m: motor side; f: joint side. J_m in brackets cannot be separated from '
-            'the load. K_i in brackets is the configured value. R per phase follows from the '
-            'voltages of the boards; in brackets it is the configured value. Backlash at the '
-            'joint follows from sine waves; in brackets it is not significant.',
+            'b_eq and J_m are motor-side values, f is a joint-side value. J_m in brackets '
+            'cannot be separated from the inertia of the load. K_i and R in brackets are '
+            'configured values. R is the resistance of one phase, from the voltages that the '
+            'board reports. The backlash at the joint follows from oscillations; a backlash in '
+            'brackets is not significant.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),
