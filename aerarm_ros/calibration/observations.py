@@ -463,7 +463,7 @@ def _moved_base(state: Array, step: Array) -> Array:
 
 
 def _best_start(linear: object) -> Array:
-    """Return the state with the smallest residual among random base rotations, and near the best."""
+    """Return the state with the smallest residual among random base rotations, then refine it."""
     assert callable(linear)
     generator = np.random.default_rng(0)
     starts = Rotation.random(_STARTS, rng=generator)

@@ -343,9 +343,7 @@ class Commissioning:
         self._go_on(now)
 
     def end(self) -> None:
-        """End the procedure early, ask the bridge to stop, and record nothing for the present
-        joint.
-        """
+        """End the procedure, ask the bridge to stop, and record nothing for this joint."""
         self._is_ended = True
 
     @property

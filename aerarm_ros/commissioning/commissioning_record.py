@@ -94,7 +94,7 @@ class CommissioningRecord:
     joints: Mapping[str, JointRecord] = field(default_factory=dict)
 
     def problem(self, config: ArmConfig, emulated: bool = False) -> str:
-        """Return why an arm counts as not commissioned, and what to do; '' if it is commissioned."""
+        """Return why an arm counts as not commissioned, and what to do; '' if commissioned."""
         if self.arm != config.name:
             return (
                 f'the commissioning record belongs to arm {self.arm}, not to {config.name}: '

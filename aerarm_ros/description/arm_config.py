@@ -211,7 +211,7 @@ class ArmConfig:
         return np.array([value(joint) for joint in self.joints], dtype=float)
 
     def absolute_encoders(self, default: str) -> tuple[bool, ...]:
-        """Return whether each encoder is absolute; `default` is the frame profile's encoder type."""
+        """Return whether each encoder is absolute; `default` is the type of the frame profile."""
         return tuple(
             (self.boards[joint.board].encoders or default) == 'absolute' for joint in self.joints
         )

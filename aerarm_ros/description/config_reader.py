@@ -240,9 +240,7 @@ def load(
 
 
 def section(document: dict[str, Any], key: str, kind: type) -> Any:
-    """Return `document[key]`; raise ConfigError unless it is a non-empty list or mapping
-    (`kind`).
-    """
+    """Return the non-empty list or mapping `document[key]` of type `kind`, or raise ConfigError."""
     value = document[key]
     if not isinstance(value, kind) or not value:
         name = 'mapping' if kind is dict else 'list'

@@ -237,9 +237,7 @@ class DroneConfig:
 
     @property
     def allocation(self) -> Array:
-        """Allocation matrix (6, n): force [-] and moment [m] on the body, per thrust of each
-        rotor.
-        """
+        """Allocation matrix (6, n): force [-] and moment [m] on the body per rotor thrust."""
         return np.column_stack([rotor.wrench_per_thrust for rotor in self.rotors])
 
     @property
@@ -260,9 +258,7 @@ class DroneConfig:
         return np.array([getattr(rotor, field) for rotor in self.rotors], dtype=float)
 
     def with_errors(self, mass: float = 1.0, inertia: float = 1.0) -> 'DroneConfig':
-        """Return the drone with mass and inertia scaled by factors, to simulate a wrong drone
-        file.
-        """
+        """Return the drone with scaled mass and inertia, to simulate a wrong drone file."""
         tensor = tuple(inertia * value for value in self.inertia)
         return replace(self, mass=mass * self.mass, inertia=tensor)
 
@@ -308,9 +304,7 @@ class DroneConfig:
         return float(np.linalg.norm(np.vstack([corner, hubs]), axis=1).max())
 
     def _liftable_share(self, mass: float, centre: Array) -> float:
-        """Return the largest moment-free vertical force, divided by the weight (1 means
-        hovering).
-        """
+        """Return the largest vertical force without moment, divided by the weight [-]."""
         from scipy.optimize import linprog  # slow import, needed only for checks of files
 
         weight = np.array([0.0, 0.0, mass * GRAVITY])

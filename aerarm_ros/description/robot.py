@@ -240,8 +240,7 @@ def load_robot(
 
 
 def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
-    """Return text and path of a URDF: a file, a URDF text (path None), or None for the packaged
-    one.
+    """Return text and path of a URDF; None means the packaged URDF, and a text has no path.
 
     Raises
     ------

@@ -69,9 +69,7 @@ class UrdfJoint:
 
     @property
     def is_driven(self) -> bool:
-        """Whether the joint is revolute, continuous or prismatic, and thus has one degree of
-        freedom.
-        """
+        """Whether the joint is revolute, continuous or prismatic."""
         return self.kind in _DRIVEN_TYPES
 
 
