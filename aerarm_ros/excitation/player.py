@@ -245,7 +245,8 @@ class ExcitationPlayer:
 
     def _check_tracking(self, error: Array) -> None:
         distance = np.abs(error)
-        worst = int(distance.argmax())  # the first joint with NaN, or joint 0 without any
+        # the first joint with NaN; otherwise the joint farthest away
+        worst = int(distance.argmax())
         if np.isnan(distance[worst]):
             raise ExcitationError('a joint state contains NaN: check the encoders and the bridge')
         np.maximum(self.largest_error, distance, out=self.largest_error)

@@ -166,8 +166,9 @@ class DesignSpecification:
     def betters(self, found: Quality, other: Quality) -> bool:
         """Return whether the trajectory `found` is better than `other`.
 
-        For the objective `both`, a better trajectory must have no larger standard deviations, and
-        a larger condition number only if that stays below its limit.
+        A better trajectory has a smaller objective. For the objective `both`, it must also have
+        no larger standard deviations, and a larger condition number only if that stays below its
+        limit.
         """
         if not found.objective < other.objective:
             return False
