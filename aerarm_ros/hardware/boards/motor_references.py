@@ -168,7 +168,7 @@ class MotorReference:
         return self._limited(self._law(sent[-1 - min(unconfirmed, len(sent) - 1)], q, dq))
 
     def wind_up(self, q: float, duration: float) -> None:
-        """Update the board's estimated integral term over a time [s] at mean joint angle q [rad]."""
+        """Update the estimated integral term over a time [s] at mean joint angle q [rad]."""
         if self.integral_gain:
             most = abs(self._current_per_effort) * self._effort_max
             wound = self.integral + self.integral_gain * self._error(q) * duration
@@ -257,9 +257,7 @@ class MotorReference:
         return True
 
     def _gap_kd(self, barrier: JointBarrier, torque: float, law: float) -> float:
-        """Return the board's damping gain [A s/rad] for a torque [Nm] in case the host is
-        delayed.
-        """
+        """Return the damping gain [A s/rad] of a torque [Nm] in case the host is delayed."""
         per_gain = self._per_gain
         damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
         return min(damping / per_gain, self._kd_max)
