@@ -18,7 +18,7 @@ from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
-_SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # relative to a joint's top speed
+_SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
 NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 """Joint terms that are not friction."""
 
@@ -32,9 +32,9 @@ class FrictionDeviations:
     speeds : (n, K) ndarray
         Speeds in ascending order up to the top speed of the motion [rad/s].
     loads : (n,) ndarray
-        RMS torque on the links [Nm], for load-dependent friction.
+        RMS torque on the links of each joint [Nm], at which load-dependent friction is evaluated.
     torques : (n, K) ndarray
-        Standard deviations [Nm].
+        Standard deviations of the friction torques [Nm].
     """
 
     speeds: Array
@@ -62,7 +62,7 @@ def friction_torque(terms: Mapping[JointTerm, float], speed: Array, load: float)
 
 
 def friction_deviations(result: IdentificationResult) -> FrictionDeviations:
-    """Return the uncertainty of the recommended estimate's friction, from data and prior."""
+    """Return the standard deviations of the recommended estimate's friction torques."""
     model, inertial = result.fit.model, result.recommended.estimate.inertial.ravel()
     covariance = result.fit.covariance[10 * model.n :, 10 * model.n :]
     loads = [np.abs(bag.links_torque(inertial)) for bag in result.identification]
@@ -152,7 +152,8 @@ def estimate_yaml(
     estimate : Estimate
         Estimate to write.
     viscous, coulomb : (n,) ndarray
-        Friction (2.6) nearest to that of the estimate [Nms/rad], [Nm].
+        Viscous [Nms/rad] and Coulomb [Nm] friction of thesis (2.6) nearest to that of the
+        estimate.
     """
     model = estimate.model
     parameters: dict[str, Any] = {
@@ -215,7 +216,7 @@ def _coupled(estimate: Estimate) -> dict[str, list[Any]]:
 
 
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
-    """Return values of all parameters in the structure of the parameters."""
+    """Return a value per parameter, grouped by kind of parameter as in the file."""
     spread = Estimate(estimate.solver, estimate.model, values)
     kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in NAMES.items()}
     return {'inertial_parameters': _floats(spread.inertial), **kinds}
@@ -226,7 +227,7 @@ def _floats(values: npt.ArrayLike) -> list[float]:
 
 
 def payload_yaml(estimate: Estimate, payload: Payload) -> str:
-    """Return the text of payload.yaml with the payload and the arm that carries it.
+    """Return the text of payload.yaml: the payload, and the parameters of the arm with payload.
 
     Parameters
     ----------
@@ -405,7 +406,7 @@ def _column(
 def _read_coupled(
     entries: Mapping[str, Any] | None, names: tuple[str, ...]
 ) -> dict[tuple[int, JointTerm], float]:
-    """Return the coefficients of all coupled joints' columns."""
+    """Return the coefficients of the terms of all coupled joints."""
     if entries is None:
         return {}
     columns = [entries[key] for key in ('joints', 'drivers', 'kinds', 'values')]
@@ -416,7 +417,7 @@ def _read_coupled(
 
 
 def _numbers(values: Any, n: int) -> Array:
-    """Return (n,) numbers; zeros for entries missing in older files."""
+    """Return (n,) numbers of a file entry; zeros if an older file lacks the entry."""
     return np.zeros(n) if values is None else np.array(values, dtype=float).reshape(n)
 
 

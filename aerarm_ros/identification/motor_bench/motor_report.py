@@ -1,4 +1,4 @@
-"""Motor bench results as YAML, configuration, table 4.3 and figure 4.4 of the thesis."""
+"""Motor bench results as YAML, as configuration, and as table 4.3 and figure 4.4 of the thesis."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -107,7 +107,7 @@ def load_earlier(path: Path) -> Earlier:
 
 
 def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult]) -> str:
-    """Return the configuration with measured friction, rotors, torque constants and resistances.
+    """Return the configuration with measured friction, rotor inertia, K_i and phase resistance.
 
     Joints share motor types, but individual motors differ (thesis, chapter 4). So each measured
     motor gets a separate entry.
@@ -133,8 +133,8 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
         measured = _measured(result)
         if measured:
             joint['motor'] = f'{result.motor}_{result.joint}'
-            # A separate copy, because YAML would write a shared part as an anchor, which is not
-            # readable.
+            # Each joint gets its own copy, because YAML writes shared objects as anchors, which
+            # the configuration reader rejects.
             motors[joint['motor']] = deepcopy(motors[result.motor]) | measured
             constant = measured.get('torque_constant_measured', result.torque_constant_stated)
             joint['effort_max'] = _effort_max(joint, config, result, constant)
@@ -145,7 +145,7 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
 
 
 def _measured(result: MotorResult) -> dict[str, float]:
-    """Return the motor parameters that are accurate enough to be used."""
+    """Return the measured motor parameters that are accurate enough for a configuration."""
     measured = {}
     if result.rotor_inertia is not None and result.rotor_inertia_known:
         measured['rotor_inertia'] = result.rotor_inertia[0]
@@ -178,7 +178,7 @@ _HEADINGS = (
     'backlash [mrad]',
 )
 _ROW_HEIGHT = 300  # [px] height of one drive's figure
-_GAP = 0.25  # distance of two figures relative to a row
+_GAP = 0.25  # distance between two figures, as a fraction of a row
 
 
 def bench_table(results: Sequence[MotorResult]) -> str:
@@ -248,7 +248,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
 
 
 def _page_row(result: MotorResult) -> list[str]:
-    """Return table cells in which numbers do not wrap."""
+    """Return the table cells of one drive for the page, in which numbers do not wrap."""
     joint, motor, *numbers = _cells(result)
     return [joint, motor, *map(Html, numbers)]
 
@@ -258,7 +258,7 @@ def _with_std(value: tuple[float, float]) -> str:
 
 
 def _figure(results: Sequence[MotorResult]) -> str:
-    """Return figure 4.4: measured points and fit, with one pair of axes per drive."""
+    """Return a figure like 4.4: measured torques and fit over speed, one plot per drive."""
     traces: list[dict[str, Any]] = []
     count = len(results)
     layout: dict[str, Any] = {
@@ -283,7 +283,7 @@ def _traces(result: MotorResult, suffix: str, legend: bool) -> list[dict[str, An
     kg, friction = result.ratio, result.friction
     order = np.argsort(friction.speed)
     speed, torque = friction.speed[order] / kg, result.scale * friction.torque[order] * kg
-    # Two points on each side of zero speed draw the step of sgn as a step.
+    # Two points next to zero speed make the curve show the step of sgn.
     reach = float(np.abs(speed).max(initial=0.0))
     line = np.array([-reach, -1e-9, 1e-9, reach])
     fit = result.viscous_motor[0] * line + result.coulomb[0] * kg * np.sign(line)
