@@ -26,8 +26,8 @@ _HEADER = """\
 # [Nms/rad] and backlash [rad]: at the joint. resistance [ohm]: resistance of one phase;
 # resistance_from is 'voltage' if it was measured with the voltages that the board reports, 'board'
 # if the board reports the resistance. gravity: a and b of the joint's gravity torque
-# g(q) = a sin q + b cos q [Nm], measured with the configured torque constant while all other
-# joints were at `posture`.
+# g(q) = a sin q + b cos q [Nm], computed with the configured torque constant. All other joints
+# were at `posture` during the measurement.
 """
 
 _CONFIG_HEADER = """\
