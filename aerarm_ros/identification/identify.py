@@ -293,7 +293,8 @@ def identify(
         warnings += extrapolation_warnings(fit, *demands)
     with stopwatch.stage('residual'):
         judged = validation or identification
-        splits = _splits(motion, estimates[RECOMMENDED], config, judged)
+        splits, unsplit = _splits(motion, estimates[RECOMMENDED], config, judged)
+        warnings += unsplit
     with stopwatch.stage('rollouts'):
         rollouts = _rollouts(motion, fit, estimates, judged) if options.rollouts else []
     return IdentificationResult(
@@ -362,13 +363,20 @@ def _splits(
     estimate: Estimate,
     config: ArmConfig | None,
     recordings: Sequence[Recording],
-) -> list[ResidualSplit]:
-    """Return, for each recording, the torque residual split by its causes."""
+) -> tuple[list[ResidualSplit], list[str]]:
+    """Split each recording's residual by causes; return warnings on recordings left out."""
     choice, regressor = motion.choice, Regressor(motion.robot)
     known = config is not None and config.joint_names == motion.robot.joint_names
     ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
     how = (regressor, choice.conditioner, choice.kinematics, estimate)
-    return [split_residual(*how, excerpt(r), ratios) for r in recordings]
+    splits: list[ResidualSplit] = []
+    warnings: list[str] = []
+    for recording in recordings:
+        try:
+            splits.append(split_residual(*how, excerpt(recording), ratios))
+        except IdentificationError as error:  # with additional noise
+            warnings.append(f'{recording.name}: the report has no causes of the residual: {error}')
+    return splits, warnings
 
 
 def _rollouts(

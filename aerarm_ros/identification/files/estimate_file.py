@@ -97,12 +97,11 @@ _HEADER = """\
 # frame of the link's joint. viscous and coulomb: the friction (2.6) of the thesis that is nearest
 # to the complete friction model in `friction`, including load-dependent friction.
 # (identified.urdf lists load-dependent friction separately.) Complete friction torque of a joint
-# at the velocity dq: the sum of these terms.
-# viscous dq + coulomb s(dq) + load |torque on the links| s(dq) + creep tanh(dq / creep_width)
-# + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2)
-# + forward max(a(dq), 0) + backward min(a(dq), 0).
-# In these terms s(dq) = tanh(dq / coulomb_width), or sgn(dq) if coulomb_width is 0;
-# a(dq) = tanh(dq / asymmetry_width). creep: viscous friction that saturates at high velocity.
+# at the velocity dq: viscous dq + coulomb s(dq) + load |torque on the links| s(dq). Added to this:
+# creep tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2). Added to
+# this: forward max(a(dq), 0) + backward min(a(dq), 0). Here s(dq) = tanh(dq / coulomb_width), or
+# sgn(dq) if coulomb_width is 0. The function a(dq) is tanh(dq / asymmetry_width). The term creep is
+# viscous friction that saturates at high velocity.
 # coupled_joints, only if joints are coupled: for each coupling the joint, the joint that drives
 # it, the kind, and the coefficient. Kind cv: torque per velocity of the driving joint. Kind ca:
 # torque per acceleration of the driving joint.
