@@ -73,7 +73,7 @@ class EnergyBalance:
     friction : heat of joints and gears, by the friction model.
     gravity : work against the weight of links and payload, negative for downward motion.
     inertia : work into kinetic energy, including Coriolis and centrifugal torques; for a motion
-    from rest to rest its sum over the joints is zero.
+        from rest to rest its sum over the joints is zero.
     unexplained : measured work of the drives minus the modelled work; zero for a planned motion.
     burnt : braking energy that the power stage dissipates.
     standby : standby energy of the boards, divided among the joints.

@@ -62,14 +62,14 @@ class BenchPlan:
     ----------
     speeds : positive joint speeds of the velocity steps [rad/s].
     span : travel of a joint during velocity steps and acceleration runs, centred at the posture
-    [rad].
+        [rad].
     velocity_share, acceleration_share : fraction of the limits used by acceleration runs; the ramps
         of velocity steps use the same acceleration.
     runs : number of acceleration runs per joint, each in both directions; 0 for none.
     swings : number of sine oscillations per joint about the posture, to measure backlash; 0 for
         none.
     amplitude : amplitude of the oscillations [rad]; the oscillations are as fast as the usable
-    fractions of the limits allow.
+        fractions of the limits allow.
 
     Raises
     ------

@@ -31,7 +31,7 @@ def build_collision_geometry(
     Parameters
     ----------
     robot : robot with collision shapes in its URDF; shapes fixed to the base, such as the body of
-    a drone, are obstacles.
+        a drone, are obstacles.
     ground_height : height of the ground plane above the base frame's origin, against gravity [m];
         None without ground below the arm.
     package_directories : folders for `package://` meshes, in addition to the folders above the
@@ -185,7 +185,7 @@ def select_pairs(
     robot : robot model of the arm.
     geometry : shapes of the arm and its surroundings; their pairs are replaced.
     clearance : two required distances [m]: between links or between link and obstacle, and
-    between link and ground.
+        between link and ground.
     unchecked : pairs of links excluded by the user, each as 'one to other'.
 
     Raises
@@ -483,7 +483,7 @@ class ClearanceChecker:
         positions : (M, n) postures [rad], dense enough that between neighbours each joint moves
             monotonically or negligibly (the control cycle).
         stop_below : whether to stop at the first posture that is too close; the guaranteed
-        distances are then invalid.
+            distances are then invalid.
         """
         worst = {kind: _Worst() for kind in self._kinds}
         intervals = deque(self._initial_intervals(len(positions)))

@@ -65,7 +65,7 @@ class SmoothRegressor:
         Yields
         ------
         kind, joint, derivative : derivative with respect to the position (kind 0), velocity (1)
-        or acceleration (2) of the joint.
+            or acceleration (2) of the joint.
         """
         for kind in range(3):
             for joint in range(self._n):
@@ -81,9 +81,9 @@ class IdentifiableSpace:
     Parameters
     ----------
     basis : (p, r) orthonormal basis of the parameter combinations that any motion identifies; r
-    is their number.
+        is their number.
     base_columns : (r,) indices of well-conditioned columns that span the regressor (columns of
-    the base parameters).
+        the base parameters).
     """
 
     basis: Array
@@ -211,7 +211,7 @@ class ConditionCriterion:
     space : identifiable space of the columns.
     columns : columns of the regressor to include.
     scaled : whether to divide each base column by its norm; False uses the unscaled columns of
-    (5.2). Gautier and Khalil (1992) scale the columns by prior parameters instead.
+        (5.2). Gautier and Khalil (1992) scale the columns by prior parameters instead.
     sharpness : parameter rho.
     """
 

@@ -66,7 +66,7 @@ class TrajectoryFile:
     trajectory : Fourier series of the joints.
     joint_names : name of the joint of each coefficient row.
     made_with : information on how the trajectory was made, for example seed, condition number and
-    margins.
+        margins.
     periods : number of periods to play; None if the player decides.
     """
 

@@ -106,9 +106,9 @@ class DesignConstraints:
     effort : (n,) torque limit [Nm], including the limit of motor current.
     clearance : distances to keep; None ignores collisions.
     pad : distance [m] added to the required clearance, because links may be closer between
-    samples.
+        samples.
     sharpness : parameter of the log-sum-exp; the largest sample is overestimated by at most
-    log(M) / sharpness.
+        log(M) / sharpness.
     """
 
     _CLEARANCE_SCALE = 0.1

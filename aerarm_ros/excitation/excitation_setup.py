@@ -150,10 +150,10 @@ class ExcitationPlanner:
     ----------
     checker : limits of the excitation.
     transfer_checker : limits of approach and return. Approach and return may use the joints' full
-    position range, because the initial posture may be outside the range of an excitation.
+        position range, because the initial posture may be outside the range of an excitation.
     ramp_time : duration of run-in and run-out along the trajectory [s].
     transfer_share : fraction of the velocity and acceleration limits of `transfer_checker` that
-    approach and return use.
+        approach and return use.
     """
 
     SHORTEST_TRANSFER = 1.0

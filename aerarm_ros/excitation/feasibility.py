@@ -27,7 +27,7 @@ class EffortModel:
     rotor_inertia : (n,) inertia reflected to the joints [kg m^2], None for zero.
     torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None if unknown.
     load_friction : dry friction per torque transmitted by the gear [-]; None uses the value of
-    `robot`.
+        `robot`.
     """
 
     def __init__(
@@ -315,7 +315,7 @@ class FeasibilityChecker:
     highest_frequency : largest allowed frequency of a harmonic [Hz], below resonances of the arm.
     cycle : control cycle [s].
     stops : limits of a stop, used to check that the arm may rest at any point of the motion; None
-    skips this check.
+        skips this check.
 
     Raises
     ------

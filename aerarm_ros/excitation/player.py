@@ -50,7 +50,7 @@ class VelocityLaw:
     ----------
     gain : gain K [1/s], 0 for the thesis's pure velocity commands.
     limit : (n,) largest commanded speed [rad/s]. The limit is needed because the correction K
-    (q_d - q) cannot be checked before the motion.
+        (q_d - q) cannot be checked before the motion.
     """
 
     def __init__(self, gain: float, limit: Array | float = np.inf) -> None:

@@ -257,7 +257,7 @@ class Preview:
     designer : designer with regressor and standard deviations.
     result : trajectory to show.
     reference : trajectory, usually a random one, with which the standard deviations of the
-    parameters are compared.
+        parameters are compared.
     """
 
     def __init__(

@@ -184,7 +184,7 @@ class ExcitationConfig:
     velocity_share : usable fraction of velocity and acceleration limits.
     effort_share : usable fraction of torque and motor current limits.
     transfer_share : fraction of the usable velocity and acceleration limits that approach and
-    return may use.
+        return may use.
     self_clearance : distance between non-adjacent links and to obstacles fixed to the base [m].
     ground_clearance : distance to the ground [m].
     ground_height : height of the ground above the base frame's origin, against gravity [m]; None

@@ -40,11 +40,11 @@ class Quality:
     ----------
     objective : value of the objective, smaller is better.
     condition_number : condition number (5.2) of the thesis, of the regressor without rotor
-    columns.
+        columns.
     scaled_condition_number : condition number of the base regressor including rotor inertia, with
-    columns of norm one.
+        columns of norm one.
     log_deviation : mean logarithm of the parameters' standard deviations, see
-    `InformationCriterion`.
+        `InformationCriterion`.
     """
 
     objective: float
@@ -108,7 +108,7 @@ class DesignSpecification:
         condition number (5.2); the exact number is about a tenth lower.
     amplitude : largest coefficient of the random initial trajectories [rad].
     noise : (n,) standard deviation of the torque measurement [Nm]; None means 1 % of each joint's
-    effort limit.
+        effort limit.
     seed : seed of the random initial trajectories.
 
     Raises

@@ -53,7 +53,7 @@ def rest_to_rest_duration(
     ----------
     distance : (n,) signed joint travel [rad].
     velocity, acceleration : (n,) positive limits of the largest velocity [rad/s] and acceleration
-    [rad/s^2].
+        [rad/s^2].
     minimum : lower bound of the duration [s].
     """
     travel = np.abs(np.asarray(distance, dtype=float))
