@@ -288,7 +288,8 @@ def identify(
         warnings += extrapolation_warnings(fit, *demands)
     with stopwatch.stage('residual'):
         judged = validation or identification
-        splits = _splits(motion, estimates[RECOMMENDED], config, judged)
+        splits, unsplit = _splits(motion, estimates[RECOMMENDED], config, judged)
+        warnings += unsplit
     with stopwatch.stage('rollouts'):
         rollouts = _rollouts(motion, fit, estimates, judged) if options.rollouts else []
     return IdentificationResult(
@@ -357,13 +358,20 @@ def _splits(
     estimate: Estimate,
     config: ArmConfig | None,
     recordings: Sequence[Recording],
-) -> list[ResidualSplit]:
-    """Split the residual of each recording by its causes."""
+) -> tuple[list[ResidualSplit], list[str]]:
+    """Split the residual of each recording by its causes; return warnings of those left out."""
     choice, regressor = motion.choice, Regressor(motion.robot)
     known = config is not None and config.joint_names == motion.robot.joint_names
     ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
     how = (regressor, choice.conditioner, choice.kinematics, estimate)
-    return [split_residual(*how, excerpt(r), ratios) for r in recordings]
+    splits: list[ResidualSplit] = []
+    warnings: list[str] = []
+    for recording in recordings:
+        try:
+            splits.append(split_residual(*how, excerpt(recording), ratios))
+        except IdentificationError as error:  # with additional noise
+            warnings.append(f'{recording.name}: the report has no causes of the residual: {error}')
+    return splits, warnings
 
 
 def _rollouts(

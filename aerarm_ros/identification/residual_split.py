@@ -87,13 +87,6 @@ class ResidualSplit:
         """Fraction (n,) of the mean square without known cause: model, geometry, unknown forces."""
         return np.asarray(1.0 - sum(self.fractions.values()))
 
-    def largest(self) -> list[str | None]:
-        """Return the largest cause per joint, None where most of the residual is unexplained."""
-        names = list(self.fractions)
-        parts = np.array([*self.fractions.values(), self.unexplained])
-        best = parts.argmax(axis=0)
-        return [names[index] if index < len(names) else None for index in best.tolist()]
-
 
 def split_residual(
     regressor: Regressor,
@@ -201,7 +194,9 @@ def _noise_torques(
 
     def change(before: Array, after: Array) -> Array:
         # Noise may shift the ends of the motion by some samples.
-        return np.asarray(CubicSpline(other.samples.time, after)(bag.samples.time) - before)
+        time = other.samples.time
+        spline = CubicSpline(time, after)
+        return np.asarray(spline(np.clip(bag.samples.time, time[0], time[-1])) - before)
 
     predicted = [each.predict(estimate.model, estimate.theta).filtered for each in (bag, other)]
     return {
