@@ -48,7 +48,7 @@ class LossWatch:
         Parameters
         ----------
         heard
-            Number of received messages, and of lost ones (None if unknown), of each topic so far.
+            Numbers of received and lost messages of each topic so far; None if unknown.
         """
         known = self._known
         self._known = {name: lost or 0 for name, (_, lost) in heard.items()}

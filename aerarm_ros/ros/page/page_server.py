@@ -91,7 +91,7 @@ class PageGuard:
         path
             Path of the request, with query.
         hosts, origins
-            All headers of these names.
+            All `Host` and `Origin` headers of the request.
         socket_wanted
             Whether the request opens a websocket; browsers then always send the origin.
         """
