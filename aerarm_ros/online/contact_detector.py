@@ -17,6 +17,7 @@ from aerarm_ros.online.external_torque import (
     EncoderWatch,
     ExternalTorque,
     ResidualBound,
+    StateWindow,
     Unexplained,
 )
 from aerarm_ros.online.information_filter import InformationFilter
@@ -28,6 +29,7 @@ class Cause(Enum):
 
     CONTACT = 'contact'
     PAYLOAD = 'undeclared payload'
+    RELEASED = 'end of the undeclared payload'
     MODEL = 'model error'
 
 
@@ -184,6 +186,7 @@ class ContactDetector:
         share = max(given.rest_share, bound.rest_share)
         self._settings = replace(given, rest_share=share)
         self._load = LoadTest(external, self._settings)
+        self._window = StateWindow()
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
         self._watches = (EncoderWatch(names), EffortWatch(names))
@@ -219,9 +222,10 @@ class ContactDetector:
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
-        """Take the state of `now` [s]; None for a state that is lost or follows a gap.
+        """Take the state of `now` [s]; None for one that is lost, follows a gap or ends no window.
 
-        `state.tau` is the drives' torque in the cycle that ends now.
+        `state.tau` is the drives' torque in the cycle that ends now. States are averaged over 5 ms
+        (`StateWindow`); the report is of the window that ends with this state.
         """
         if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
             return None
@@ -229,18 +233,23 @@ class ContactDetector:
         if last is None or not 0.0 < now - last < LONGEST_GAP:
             self._start_again(now)
             return None
-        dt = now - last
+        window = self._window.update(state, now - last)
+        if window is None:
+            return None
+        mean, dt, _ = window
         for watch in self._watches:
-            watch.update(state, dt)
+            watch.update(mean, dt)
         if any(watch.problem for watch in self._watches):
             self._start_again(now)
             return None
-        row = self._external.update(state, dt, base)
-        self._load.update(state, dt, row, self._bound.threshold(row), base)
-        return self._judge(state, now, dt, row)
+        row = self._external.update(window, base, self.event is None, self._load.torque)
+        threshold = self._bound.threshold(row)
+        self._load.update(mean, dt, row, threshold, base)
+        return self._judge(mean, now, dt, row, threshold)
 
     def _start_again(self, now: float) -> None:
         self._external.reset()
+        self._window.reset()
         self._load.pause()
         self._rest.reset(np.inf)
         self._begin()
@@ -253,10 +262,11 @@ class ContactDetector:
         self._began: float | None = None
         self._peak = np.zeros(self._external.n)
 
-    def _judge(self, state: ArmState, now: float, dt: float, row: Unexplained) -> ContactReport:
+    def _judge(
+        self, state: ArmState, now: float, dt: float, row: Unexplained, threshold: Array
+    ) -> ContactReport:
         assert self._first is not None
         torque = row.residual - self._load.torque
-        threshold = self._bound.threshold(row)
         if now - self._first < 5.0 / self._external.gain:
             return ContactReport(torque, np.full_like(torque, np.inf), False, 0.0, None)
         is_event = self.event is not None
@@ -317,6 +327,10 @@ class ContactDetector:
         self._peak = np.maximum(self._peak, np.abs(value))
         moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
         self._lasting += felt.dt if moves else 0.0
+        if self._load.released:
+            event.cause = Cause.RELEASED
+            self._end(event, felt.now)
+            return
         if self._load.found:
             event.cause = Cause.PAYLOAD
             event.mass, event.mass_std = self._load.mass, self._load.mass_std
@@ -422,6 +436,7 @@ class _Rest:
 _WINDOW = 2.0  # [s] of motion in which a payload has to explain the torque
 _PERIOD = 0.05  # [s] between rows, which are correlated within it
 _CORRELATED = 4.0  # rows that count as one
+_NOTABLE = 0.6  # of the threshold, above which torque may be a payload's
 _EXPLAINED = 0.9  # share of the rows that a payload has to explain
 _EXCEEDED = 0.3  # share of them that the bare arm must not explain
 _SIGNIFICANT = 3.0  # standard deviations of a payload's mass
@@ -440,21 +455,21 @@ class LoadTest:
     ----------
     torque : (n,) ndarray
         External torque of the payload that was found [Nm], zeros if there is none.
-    found : bool
-        Whether the last `update` has found a payload.
+    found, released : bool
+        Whether the last `update` has found a payload, or that it is no longer there.
     mass, mass_std : float
         [kg]
     """
 
     def __init__(self, external: ExternalTorque, settings: ContactSettings) -> None:
-        self._gain, self._n = external.gain, external.n
+        self._gain, self._n = external.stage, external.n
         self._still = external.dynamics.still
         self._regressor = MomentumRegressor(external.dynamics.robot)
         size = settings.payload_size
         self._scale = settings.payload_mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
         self._filter = InformationFilter(10)
         self.torque = np.zeros(self._n)
-        self.found = False
+        self.found = self.released = False
         self.mass = self.mass_std = float('nan')
         self._body: Array | None = None
         self._window: deque[tuple[bool, bool, Array]] = deque(maxlen=round(_WINDOW / _PERIOD))
@@ -467,9 +482,9 @@ class LoadTest:
 
     def pause(self) -> None:
         """Begin again after a gap; what was found stays."""
-        self._columns = np.zeros((self._n, 10))
+        self._columns = self._observed = np.zeros((self._n, 10))
         self._integral: Array | None = None
-        self._due = 0.0
+        self._due = self._quiet = 0.0
 
     def update(
         self,
@@ -480,7 +495,9 @@ class LoadTest:
         base: BaseMotion | None,
     ) -> None:
         """Take a state with what is unexplained of it."""
-        self.found = False
+        self.found = self.released = False
+        if not self._is_needed(row, threshold, dt):
+            return
         motion = self._still if base is None else base
         momentum, force = self._regressor.evaluate(
             state.q, state.dq, motion.specific_force, motion.angular_velocity
@@ -489,15 +506,33 @@ class LoadTest:
             self._integral = momentum
         integral = self._integral + dt * -force
         gain = self._gain
-        # The same backward Euler step as in `MomentumObserver`, column by column.
-        self._columns = gain * (momentum - integral) / (1.0 + dt * gain)
-        self._integral = integral + dt * self._columns
+        # The same backward Euler steps as in `ExternalTorque`, column by column.
+        share = dt * gain / (1.0 + dt * gain)
+        self._observed = gain * (momentum - integral) / (1.0 + dt * gain)
+        self._integral = integral + dt * self._observed
+        self._columns = self._columns + share * (self._observed - self._columns)
         if self._body is not None:
             self.torque = -self._columns @ self._body
         self._due += dt
         if self._due >= _PERIOD:
             self._due = 0.0
             self._learn(state, row, threshold)
+
+    def _is_needed(self, row: Unexplained, threshold: Array, dt: float) -> bool:
+        """Return whether there is torque to explain; the regression is half of all the cost."""
+        if self._body is not None or (np.abs(row.residual) > _NOTABLE * threshold).any():
+            self._quiet = 0.0
+            return True
+        self._quiet += dt
+        if self._quiet < _WINDOW:
+            return True
+        if self._integral is not None:
+            quiet = self._quiet
+            self.pause()
+            self._quiet = quiet
+            self._window.clear()
+            self._filter.forget(slice(None))
+        return False
 
     def _learn(self, state: ArmState, row: Unexplained, threshold: Array) -> None:
         if np.abs(state.dq).max() < 0.02:
@@ -522,13 +557,16 @@ class LoadTest:
         belief = self._filter.belief
         mass = float(self._scale[0] * belief.mean[0])
         std = float(self._scale[0] * np.sqrt(belief.covariance[0, 0]))
+        varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
         if self._body is not None:
             self._body = self._scale * belief.mean
             self.mass, self.mass_std = mass, std
-            if not any(exceeded) and mass < _SIGNIFICANT * std:
-                self._body, self.torque = None, np.zeros(self._n)
+            # The bare arm explains what a payload would have shown in.
+            if np.mean(exceeded) < 1.0 - _EXPLAINED and (varied or mass < _SIGNIFICANT * std):
+                self._body, self.torque, self.released = None, np.zeros(self._n), True
+                self._filter.forget(slice(None))
+                self._window.clear()
             return
-        varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
         if (
             np.mean(exceeded) > _EXCEEDED
             and np.mean(explained) > _EXPLAINED
@@ -566,8 +604,16 @@ def with_rest_share(
     for share in _REST_SHARES:
         tried = replace(bound, rest_share=share)
         detector = ContactDetector(external(), tried, settings)
-        for time, state in motion():
-            detector.update(state, time)
-        if not any(isinstance(event.reference, np.ndarray) for event in detector.events):
+        if not _begins_at_rest(detector, motion()):
             break
     return tried
+
+
+def _begins_at_rest(detector: ContactDetector, motion: Iterable[tuple[float, ArmState]]) -> bool:
+    """Return whether a detector finds an event at rest."""
+    for time, state in motion:
+        detector.update(state, time)
+        event = detector.event
+        if event is not None and isinstance(event.reference, np.ndarray):
+            return True
+    return False

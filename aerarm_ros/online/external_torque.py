@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linprog
 
 from aerarm_ros.control.base.base_motion import BaseMotion
@@ -23,8 +24,12 @@ FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jer
 LONGEST_GAP = 0.1
 """[s] between two states; after a longer one the observer starts again."""
 
+WINDOW = 5e-3
+"""[s] over which states are averaged before anything is computed from them."""
+
 _WIDTH = 0.01  # [rad/s] over which dry friction changes its direction
 _SLOW = 0.05  # [rad/s] below which dry friction may have another direction or be static
+_MOVING = 0.05  # of dry friction, below which what is left of a slow time is negligible
 _CREEPING = 0.02  # [rad/s] at which the slowly rising part of friction counts as dry
 
 
@@ -109,6 +114,68 @@ class EncoderWatch:
             )
 
 
+class Window(NamedTuple):
+    """Mean of some states that follow each other.
+
+    Attributes
+    ----------
+    state : ArmState
+    dt : float
+        Its length [s].
+    count : int
+        Number of states.
+    """
+
+    state: ArmState
+    dt: float
+    count: int = 1
+
+
+class StateWindow:
+    """Means of the states in windows of 5 ms.
+
+    Encoders count: the velocity of one state of a slow joint is a count or none. The mean over a
+    window is the distance that was travelled, without that noise. As the change of mean momentum
+    from one window to the next is the force in both, later cycles of the former and earlier ones of
+    the latter counting more, the torque is averaged with these weights. States that come more
+    slowly pass unchanged.
+    """
+
+    def __init__(self) -> None:
+        self._states: list[ArmState] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again after a gap."""
+        self._states.clear()
+        self._lasted = 0.0
+        self._former: Array | float | None = None
+
+    def update(self, state: ArmState, dt: float) -> Window | None:
+        """Take a state; return the window that it completes, None if it completes none.
+
+        Parameters
+        ----------
+        state : ArmState
+            Its `tau` is the drives' torque in the cycle of `dt` [s] that ends with it.
+        """
+        self._states.append(state)
+        self._lasted += dt
+        if self._lasted < WINDOW - 0.5 * dt:
+            return None
+        q, dq, tau = (np.array(values) for values in zip(*self._states, strict=True))
+        count, lasted = len(tau), self._lasted
+        late = np.arange(count) / count
+        torque = (1.0 - late) @ tau / count
+        former, self._former = self._former, late @ tau / count
+        # Without a window before it, this one's torque stands for both.
+        torque = torque + (self._former if former is None else former)
+        self._states.clear()
+        self._lasted = 0.0
+        state = ArmState(q.sum(axis=0) / count, dq.sum(axis=0) / count, torque)
+        return Window(state, lasted, count)
+
+
 class Unexplained(NamedTuple):
     """What the model leaves of one state.
 
@@ -122,19 +189,67 @@ class Unexplained(NamedTuple):
         Modelled friction, as a magnitude [Nm].
     dry : (n,) ndarray
         Dry friction that may act at rest [Nm].
+    doubt : (n,) ndarray
+        How little is known of the drift of friction, 1 for nothing.
     """
 
     residual: Array
     features: Array
     friction: Array
     dry: Array
+    doubt: Array
+
+
+class FrictionDrift:
+    """Share by which dry and viscous friction have changed since identification, per joint.
+
+    Friction changes with temperature, wear and lubrication. In motion the change opposes the
+    velocity, which distinguishes it from other torque once a joint has moved both ways: a
+    regression of the residual on the modelled friction that forgets in 10 s.
+
+    Parameters
+    ----------
+    n : int
+        Number of joints.
+
+    Attributes
+    ----------
+    share : (n,) ndarray
+        Change of friction over the modelled one.
+    doubt : (n,) ndarray
+        1 if nothing is known of the share, toward 0 as a joint moves.
+    """
+
+    def __init__(self, n: int) -> None:
+        self._squares = self._products = np.zeros(n)
+        self.share, self.doubt = np.zeros(n), np.ones(n)
+
+    def update(self, residual: Array, friction: Array, dt: float, moves: Array) -> None:
+        """Learn from the joints that move (n,); torques (n,) [Nm] have the same delay."""
+        size = np.maximum(np.abs(friction), _FLOOR)
+        kept = np.exp(-dt * moves / _DRIFTING)
+        self._squares = kept * self._squares + dt * moves
+        self._products = kept * self._products + dt * moves * residual * np.sign(friction) / size
+        self.share = np.clip(self._products / (self._squares + _PRIOR), -_DRIFT, _DRIFT)
+        self.doubt = _PRIOR / (self._squares + _PRIOR)
+
+
+_OBSERVED = ('momentum', 'bias', 'friction')
+_DRIFTING = 10.0  # [s] of motion in which friction may change
+_PRIOR = 1.0  # [s] of motion that weigh as much as the identified friction
+_DRIFT = 0.5  # largest share
+_JERK = np.exp(-1.0)  # of an impulse, what two stages leave of what one does at most
+_STAGE = 1.7  # bandwidth of each of two stages that together rise like one of bandwidth 1
 
 
 class ExternalTorque:
     """The momentum observer with what its error depends on.
 
-    An error of friction near zero velocity, of inertia or of the time at which torque was measured
-    stays in the observer for some of its time constants, so features decay as slowly.
+    A second low-pass as fast as the observer removes what differentiation makes of the encoders'
+    noise; both are 1.7 times as fast as `gain`, so that the estimate of a step is nine tenths of it
+    at the same time as with a single one. An error of friction near zero velocity, of inertia or of
+    the time at which torque was measured stays in the observer for some of its time constants, so
+    features decay as slowly.
 
     Parameters
     ----------
@@ -156,48 +271,83 @@ class ExternalTorque:
         self.gain = positive('observer_gain', gain)
         self.dynamics = dynamics or MovingBaseDynamics(arm.robot, arm.rotor_inertia)
         self.n = arm.robot.n
+        self._ones = np.ones(self.n)
         self._friction = JointFriction(arm)
-        self._observer = MomentumObserver(self.dynamics, np.full(self.n, self.gain), self._friction)
+        self.stage = _STAGE * self.gain
+        self._observer = MomentumObserver(
+            self.dynamics, np.full(self.n, self.stage), self._friction
+        )
+        self._drift = FrictionDrift(self.n)
         self.reset()
 
     def reset(self) -> None:
-        """Forget all past states."""
+        """Forget all past states; the drift of friction stays."""
         self._observer.reset()
         self._momentum: Array | None = None
-        self._lagging = self._change = np.zeros(self.n)
-        self._held = np.zeros((self.n, 3))
+        self._residual = self._lagging = self._change = np.zeros(self.n)
+        self._delayed = np.zeros((2, self.n))
+        self._held = np.zeros((3, self.n))
 
-    def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Unexplained:
-        """Take the state at the end of a cycle of `dt` [s] and return what is unexplained."""
-        q, dq, _ = state
-        residual = self._observer.update(state, dt, base)
-        momentum = self.dynamics.fixed.inertia_matrix(q) @ dq
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a declared body to the last link, see `Dynamics.carry`; ValueError if it is none."""
+        self.dynamics.carry(payload)
+        if self._momentum is not None:
+            self._observer.rebase(*self._last)
+            gained = self._observer.momentum - self._momentum
+            self._momentum = self._momentum + gained
+            self._lagging = self._lagging + gained
+
+    def update(
+        self,
+        window: Window,
+        base: BaseMotion | None = None,
+        learns: bool = True,
+        explained: Array | None = None,
+    ) -> Unexplained:
+        """Take a window and return what is unexplained.
+
+        With `learns`, what is unexplained may be a change of friction, but for `explained` (n,)
+        [Nm], the torque of an undeclared payload.
+        """
+        state, dt, count = window
+        dq = state.dq
+        self._last = state.q, dq, base
+        share = dt * self.stage / (1.0 + dt * self.stage)
+        observed = self._observer.update(state, dt, base)
+        self._residual = self._residual + share * (observed - self._residual)
+        momentum, load, friction = (getattr(self._observer, key) for key in _OBSERVED)
         if self._momentum is None:
             self._momentum = self._lagging = momentum
         change = momentum - self._momentum
         self._lagging = (self._lagging + dt * self.gain * momentum) / (1.0 + dt * self.gain)
-        load = self.dynamics.bias(q, dq, base)
         dry = self._friction.dry(load)
-        now = np.column_stack(
+        speed = np.abs(dq)
+        now = np.array(
             [
-                dry * np.maximum(0.0, 1.0 - np.abs(dq) / _SLOW),
+                dry * np.maximum(0.0, 1.0 - speed / _SLOW),
                 self.gain * np.abs(momentum - self._lagging),
-                self.gain * np.abs(change - self._change),
+                _JERK * self.gain / count * np.abs(change - self._change),
             ]
         )
         self._momentum, self._change = momentum, change
         self._held = np.maximum(now, np.exp(-0.5 * self.gain * dt) * self._held)
-        slow, acceleration, jerk = self._held.T
-        features = np.column_stack(
-            [np.ones(self.n), slow, np.abs(dq), np.abs(load), acceleration, jerk]
-        )
-        friction = np.abs(self._friction.torque(dq, load))
-        return Unexplained(residual.copy(), features, friction, dry)
+        slow, acceleration, jerk = self._held
+        features = np.array([self._ones, slow, speed, np.abs(load), acceleration, jerk]).T
+        # Through the same two stages as the residual.
+        first = self._delayed[0] + share * (friction - self._delayed[0])
+        self._delayed = np.array([first, self._delayed[1] + share * (first - self._delayed[1])])
+        if learns:
+            moves = slow < _MOVING * dry
+            rest = self._residual if explained is None else self._residual - explained
+            self._drift.update(rest, self._delayed[1], dt, moves)
+        # Friction that opposes the motion takes torque: more of it makes the residual smaller.
+        residual = self._residual - self._drift.share * self._delayed[1]
+        return Unexplained(residual, features, np.abs(friction), dry, self._drift.doubt)
 
     def over(
         self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
     ) -> Iterator[tuple[float, ArmState, Unexplained]]:
-        """Yield time [s], state and result for each sample of a recording of a still base.
+        """Yield time [s], state and result for each window of a recording of a still base.
 
         Raises
         ------
@@ -210,6 +360,7 @@ class ExternalTorque:
                 'positions'
             )
         self.reset()
+        window = StateWindow()
         last = float(recording.time[0])
         rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
         for count, (time, q, dq, tau) in enumerate(rows):
@@ -218,12 +369,16 @@ class ExternalTorque:
             dt = time - last if count else float(np.median(np.diff(recording.time)))
             if dt > LONGEST_GAP:
                 self.reset()
-            last, state = time, ArmState(q, dq, tau)
-            yield time, state, self.update(state, dt)
+                window.reset()
+            last = time
+            mean = window.update(ArmState(q, dq, tau), dt)
+            if mean is not None:
+                yield time, mean.state, self.update(mean)
 
 
 _STATIC = 1.25  # static friction over that at creeping speed, at least
 _ASYNCHRONOUS = 1.25  # of the jerk: torque and velocity of a sample may belong to other instants
+_LEARNT = 0.7  # of the spread of friction, which remains when its drift is known
 _SETTLED = 10.0  # time constants of the observer after which its start has decayed
 _FEWEST = 200  # states to learn from
 _RESTING = 0.005  # [rad/s]
@@ -295,9 +450,10 @@ class ResidualBound:
     def threshold(self, unexplained: Unexplained) -> Array:
         """Return the largest residual (n,) [Nm] that free motion explains."""
         features = unexplained.features
-        bound = np.einsum('jf,jf->j', features, self.shares)
+        bound = (features * self.shares).sum(axis=1)
         dry = features[:, 1] * self.shares[:, 1]  # it has its own margin
-        spread = self.friction_spread * unexplained.friction
+        doubt = _LEARNT + (1.0 - _LEARNT) * unexplained.doubt
+        spread = self.friction_spread * doubt * unexplained.friction
         return np.asarray(self.margin * (bound - dry) + dry + spread)
 
     def to_dict(self, joint_names: tuple[str, ...]) -> dict[str, Any]:

@@ -86,6 +86,8 @@ class ComputedTorque(InverseDynamicsLaw):
     ----------
     kp, kd : (n,) ndarray
         May be replaced at any time.
+    stiffness_share : float
+        Share of kp in effect, 1 unless the arm complies with a contact.
 
     Raises
     ------
@@ -106,6 +108,7 @@ class ComputedTorque(InverseDynamicsLaw):
         super().__init__(dynamics, integral, friction)
         self.kp = non_negative('kp', kp, dynamics.n)
         self.kd = non_negative('kd', kd, dynamics.n)
+        self.stiffness_share = 1.0
         self._delay = delay
         self._lag = velocity_lag
 
@@ -119,11 +122,11 @@ class ComputedTorque(InverseDynamicsLaw):
         """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
         q, dq, _ = state
         error = reference.q - q
-        a = reference.ddq + self.kp * error
+        a = reference.ddq + self.stiffness_share * self.kp * error
         if self._lag:
             dq = dq + self._lag * reference.ddq  # what the low-pass has not told yet
         a += self.kd * (reference.dq - dq)
-        if self._integral is not None:
+        if self._integral is not None and self.stiffness_share == 1.0:
             a += self._integral.update(error, dt)
         if self._delay:
             gained = self._delay * reference.ddq
@@ -138,8 +141,11 @@ class BoardComputedTorque(InverseDynamicsLaw):
 
     The boards add `Kp (qd - q) + Kd (dqd - dq)` at 40 kHz, so the feedback sees neither the
     host's cycle nor its delay; in exchange the gains are torques per error, not shaped by
-    B(q), and errors of the joints stay coupled. Made of what `InverseDynamicsLaw` is made of.
+    B(q), and errors of the joints stay coupled. Made of what `InverseDynamicsLaw` is made of. The
+    boards' gains stay, so that `stiffness_share` has no effect.
     """
+
+    stiffness_share = 1.0
 
     def update(
         self,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -34,10 +34,10 @@ from aerarm_ros.control.references.trajectory_follower import FollowerTolerances
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import Dynamics, checked_payload
+from aerarm_ros.model.dynamics import checked_payload
 from aerarm_ros.model.inertia import checked_body, parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.signals import Array
+from aerarm_ros.motion.signals import REACTIONS, Array, Reaction
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
@@ -232,7 +232,36 @@ FOLLOWER_PARAMETERS = grouped(
     ),
 )
 
-CarryingModel = Dynamics | MovingBaseDynamics | WholeBodyDynamics
+REACTION = 'contact_reaction'
+REACTION_PARAMETERS = grouped(
+    'Contact',
+    Parameter(
+        REACTION,
+        Reaction.REPORT.value,
+        'reaction to a contact that contact_estimator publishes: only report it, stop along the '
+        'path, retreat after the stop, or comply',
+        choices=REACTIONS,
+        live=True,
+    ),
+    Parameter(
+        'retreat_time',
+        0.3,
+        'the arm retreats to its position this long before the contact',
+        's',
+        0.01,
+        5.0,
+    ),
+    Parameter(
+        'comply_stiffness', 0.02, 'share of kp in effect while the arm complies', '', 1e-4, 1.0
+    ),
+)
+
+
+class CarryingModel(Protocol):
+    """A model of an arm that may carry something."""
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a body to the last link, see `Dynamics.carry`."""
 
 
 @dataclass(frozen=True)
