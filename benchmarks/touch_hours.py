@@ -147,8 +147,7 @@ def free(
     random: np.random.Generator,
 ) -> Session:
     """Work without touches, with changes of payload."""
-    external = learnt.external()
-    found = ContactDetector(external, learnt.bound, learnt.settings)
+    found = ContactDetector(learnt.external(), learnt.bound, learnt.settings)
     loaded = truth.carrying(arm.mass, (0.06, 0.01, -0.02), 0.03)
     payload = (loaded.inertial_parameters - truth.inertial_parameters)[-1]
     phase = random.uniform(0.0, 2.0 * np.pi, job.joints)
@@ -161,7 +160,7 @@ def free(
             changes += 1
             rig.plant.grasp(loaded if changes % 2 else truth)
             if changes % 4 in (1, 2):  # picked up and put down with a declaration
-                external.carry(payload if changes % 2 else 0.0 * payload)
+                found.carry(payload if changes % 2 else 0.0 * payload)
             else:
                 undeclared.append(begin)
         for state in rig.cycles(WINDOW):

@@ -121,7 +121,7 @@ class FrictionCompensation:
         self._load_share = share if np.any(share) else None
         self._steepness = 1.0 / positive('width', width)
 
-    def torque(self, dq: Array, load: Array | None = None) -> Array:
+    def torque(self, dq: Array, load: Array | None = None, measured: Array | None = None) -> Array:
         """Return the torque [Nm] that keeps velocity `dq` (n,) [rad/s] against friction.
 
         Parameters
@@ -129,6 +129,9 @@ class FrictionCompensation:
         dq : (n,) ndarray
         load : (n,) ndarray, optional
             Torque [Nm] that the gears pass on to the links; none if not given.
+        measured : (n,) ndarray, optional
+            Measured velocity [rad/s] where `dq` is the reference; only friction that falls with
+            speed depends on it.
         """
         dry: Any = self._coulomb
         if load is not None and self._load_share is not None:

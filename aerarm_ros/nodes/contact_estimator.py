@@ -69,8 +69,8 @@ class ContactEstimatorNode(StateNode):
         known, dynamics = self._known_arm()
         bound = read_residuals(Path(values.residuals_file), names)
         external = ExternalTorque(known, bound.gain, dynamics)
-        self.arm.load(external, values)
         self._detector = ContactDetector(external, bound, contact_settings(values))
+        self.arm.load(self._detector, values)
         self._locator = ContactLocator(known.robot)
         self._period_ns = round(1e9 / values.rate)
         self._sent_ns = -self._period_ns

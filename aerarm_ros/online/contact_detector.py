@@ -7,6 +7,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.checks import positive
@@ -147,6 +148,7 @@ _QUIET_TIME = 0.1  # [s]
 _STEADY_TIME = 1.0  # [s] of a constant torque that friction can hold
 _SINCE_START = 0.3  # [s]: what is there from the start is no push
 _ONE_OVER = np.log(2.0)  # so that the confidence at the threshold is a half
+_DECLARED = 0.3  # [s] between a declaration of a payload and its pick-up
 _GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor is a payload's
 
 
@@ -190,6 +192,7 @@ class ContactDetector:
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
         self._watches = (EncoderWatch(names), EffortWatch(names))
+        self._declared = np.inf  # [s] since a payload was declared
         self._first: float | None = None
         self._last: float | None = None
         self._rest = _Rest(external.n, self._settings)
@@ -218,6 +221,15 @@ class ContactDetector:
     def payload_mass(self) -> float | None:
         """Mass of the undeclared payload that was found [kg], None if there is none."""
         return self._load.mass if self._load.is_loaded else None
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Take a declared payload, see `Dynamics.carry`; raises ValueError if no body has it.
+
+        The declaration comes before or after the pick-up, so that contact that begins within 0.3 s
+        of it does not count.
+        """
+        self._external.carry(payload)
+        self._declared = 0.0
 
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
@@ -267,7 +279,10 @@ class ContactDetector:
     ) -> ContactReport:
         assert self._first is not None
         torque = row.residual - self._load.torque
-        if now - self._first < 5.0 / self._external.gain:
+        self._declared += dt
+        is_new = self._declared < _DECLARED and self.event is None
+        if is_new or now - self._first < 5.0 / self._external.gain:
+            self._rest.reset(0.0)
             return ContactReport(torque, np.full_like(torque, np.inf), False, 0.0, None)
         is_event = self.event is not None
         change = self._rest.update(state, torque, dt, row, self._bound.noise, is_event)
@@ -308,6 +323,7 @@ class ContactDetector:
         if self._began - self._first < _SINCE_START:
             event.cause = Cause.MODEL
         self.events.append(event)
+        self._load.suspect()
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
         self._below = self._lasting = self._steady = 0.0
@@ -518,6 +534,12 @@ class LoadTest:
             self._due = 0.0
             self._learn(state, row, threshold)
 
+    def suspect(self) -> None:
+        """Begin to look for a payload, which has come now: earlier motion tells nothing of it."""
+        if self._body is None:
+            self._filter.forget(slice(None))
+            self._window.clear()
+
     def _is_needed(self, row: Unexplained, threshold: Array, dt: float) -> bool:
         """Return whether there is torque to explain; the regression is half of all the cost."""
         if self._body is not None or (np.abs(row.residual) > _NOTABLE * threshold).any():
@@ -530,8 +552,6 @@ class LoadTest:
             quiet = self._quiet
             self.pause()
             self._quiet = quiet
-            self._window.clear()
-            self._filter.forget(slice(None))
         return False
 
     def _learn(self, state: ArmState, row: Unexplained, threshold: Array) -> None:
@@ -577,7 +597,8 @@ class LoadTest:
             self.mass, self.mass_std = mass, std
 
 
-_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5)
+_OFF = 100.0  # share that no torque at rest exceeds
+_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5, _OFF)
 
 
 def with_rest_share(
@@ -600,13 +621,16 @@ def with_rest_share(
         Returns times [s] and states of the free motion, from the beginning.
     settings : ContactSettings, optional
     """
-    tried = bound
-    for share in _REST_SHARES:
+    passes = 0
+    for passes, share in enumerate(_REST_SHARES[:-1]):
         tried = replace(bound, rest_share=share)
-        detector = ContactDetector(external(), tried, settings)
-        if not _begins_at_rest(detector, motion()):
+        if not _begins_at_rest(ContactDetector(external(), tried, settings), motion()):
             break
-    return tried
+    else:
+        passes = len(_REST_SHARES) - 1
+    # Other motions begin otherwise: one step more, unless no beginning shows at all.
+    chosen = min(passes + 1, len(_REST_SHARES) - 1) if passes else 0
+    return replace(bound, rest_share=_REST_SHARES[chosen])
 
 
 def _begins_at_rest(detector: ContactDetector, motion: Iterable[tuple[float, ArmState]]) -> bool:

@@ -161,22 +161,25 @@ def made(joints: int, seed: int) -> tuple[Arm, PlantParameters]:
     return arm, arm.drawn.perturbed(seed, MADE)
 
 
-def learn(arm: Arm, truth: PlantParameters, seed: int, gain: float) -> Learnt:
-    """Record a bag of free motion, identify the arm from it and learn thresholds from it."""
-    rows = TouchedArm(arm, truth, seed).record(LEARNING)
-    recording = _through_bag(arm, rows)
+def identified(arm: Arm, truth: PlantParameters, seed: int) -> tuple[KnownArm, Recording]:
+    """Record a bag of free motion and identify the arm from it; return the recording too."""
+    recording = _through_bag(arm, TouchedArm(arm, truth, seed).record(LEARNING))
     config = load_arm_config() if arm.robot.n == 4 else None
     options = IdentificationOptions()
     result = identify(arm.robot, config, [recording], [], options, Stopwatch())
-    model = KnownArm.identified(arm.robot, result.recommended.estimate)
+    return KnownArm.identified(arm.robot, result.recommended.estimate), recording
+
+
+def learn(arm: Arm, truth: PlantParameters, seed: int, gain: float) -> Learnt:
+    """Identify the arm and learn thresholds, both from the same recording."""
+    model, recording = identified(arm, truth, seed)
     settings = ContactSettings(0.01, payload_mass=arm.mass, payload_size=0.15)
     bound = ResidualBound.learnt(
         free_rows(ExternalTorque(model, gain), recording, lambda: False), gain
     )
-    states = [
-        (time, ArmState(*row))
-        for time, row in zip(recording.time.tolist(), rows, strict=True)
-    ]  # fmt: skip
+    columns = (recording.q, recording.dq, recording.tau)
+    rows = zip(recording.time.tolist(), *columns, strict=True)
+    states = [(time, ArmState(*row)) for time, *row in rows]
     bound = with_rest_share(bound, lambda: ExternalTorque(model, gain), lambda: states, settings)
     return Learnt(model, bound, settings)
 

@@ -42,16 +42,18 @@ class InverseDynamicsLaw:
         a: Array,
         along: JointReference,
         base: BaseMotion | None,
+        measured: Array,
     ) -> Array:
         """Return the torque (n,) [Nm] for an acceleration `a` [rad/s^2] at q [rad], dq [rad/s].
 
-        Friction is compensated as on the reference `along`, and a base that answers is expected
-        to answer what is planned there.
+        Friction is compensated as on the reference `along`, its part that falls with speed by the
+        `measured` velocity (n,) [rad/s], and a base that answers is expected to answer what is
+        planned there.
         """
         u = self._dynamics.inverse(q, dq, a, base, along.ddq)
         if self._friction is not None:
             load = u - self._dynamics.fixed.rotor_inertia * a
-            u = u + self._friction.torque(along.dq, load)
+            u = u + self._friction.torque(along.dq, load, measured)
         return u
 
 
@@ -133,7 +135,7 @@ class ComputedTorque(InverseDynamicsLaw):
             q, dq = q + self._delay * reference.dq, dq + gained
             reference = reference._replace(dq=reference.dq + gained)
         # Friction along the reference: measured noise stays out.
-        return JointCommand(tau=self._torque(q, dq, a, reference, base))
+        return JointCommand(tau=self._torque(q, dq, a, reference, base, state.dq))
 
 
 class BoardComputedTorque(InverseDynamicsLaw):
@@ -160,5 +162,5 @@ class BoardComputedTorque(InverseDynamicsLaw):
             a = a + self._integral.update(reference.q - state.q, dt)
         # Nonlinear terms at the reference: measured noise stays out, and the boards' stiff
         # loop keeps the arm close enough to it.
-        u = self._torque(reference.q, reference.dq, a, reference, base)
+        u = self._torque(reference.q, reference.dq, a, reference, base, state.dq)
         return JointCommand(reference.q, reference.dq, u)

@@ -61,6 +61,23 @@ EMULATION_PARAMETERS = (
         1.0,
     ),
     Parameter(
+        'stribeck',
+        0.0,
+        'static friction beyond that of a sliding joint, relative to the latter; joints that move '
+        'slowly then stick and slip',
+        '',
+        0.0,
+        5.0,
+    ),
+    Parameter(
+        'stribeck_velocity',
+        0.05,
+        'velocity at which a third of it is left',
+        'rad/s',
+        1e-3,
+        10.0,
+    ),
+    Parameter(
         'base_motion_profile',
         STILL,
         "motion of the arm's base once the motors are ready; a moving base publishes imu",
