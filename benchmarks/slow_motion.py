@@ -93,7 +93,8 @@ def run(truth: PlantParameters, known: KnownArm, compensation: str, observed: fl
         effort = np.zeros(4) if command is None or command.tau is None else command.tau
         if command is None:  # control begins with the second state
             effort = dynamics.gravity(START)
-        plant.cycle(effort)
+        plant.apply_effort(effort)
+        plant.advance(CYCLE)  # Stribeck friction follows the velocity in every sub-step
         now += CYCLE
         state = sensors.measure(plant.position, effort)
         rows.append([source.reference.q, plant.position, plant.velocity])

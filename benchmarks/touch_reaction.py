@@ -71,70 +71,80 @@ class Impact(NamedTuple):
 
     detected: float
     slower: float  # the tool's reference has lost a tenth of its speed
-    standing: float  # the tool moves into the wall no further
     transient: float
     lasting: float  # largest from 0.5 s on
 
 
-def impact(arm: Arm, truth: PlantParameters, learnt: Learnt, reaction: Reaction, speed: float,
-           stiffness: float) -> Impact:  # fmt: skip
+class Controlled:
+    """The arm under computed torque with detector and reaction, and a wall in its way."""
+
+    def __init__(self, arm: Arm, truth: PlantParameters, learnt: Learnt) -> None:
+        self.limits = JointLimits.from_config(load_arm_config())
+        self.follower = TrajectoryFollower(self.limits, FollowerTolerances.uniform(4))
+        model = learnt.model
+        dynamics = MovingBaseDynamics(model.robot, model.rotor_inertia)
+        viscous, coulomb, share = model.friction
+        friction = FrictionCompensation(viscous, coulomb, load_share=share)
+        law = ComputedTorque(dynamics, KP, KD, None, friction, 1.5 * CYCLE, 1.59e-3)
+        observer = MomentumObserver(dynamics, np.full(4, 30.0), friction)
+        compensated = 0.2 * self.limits.effort_max
+        self.loop = ControlLoop(self.limits, self.follower, law, observer, None, compensated)
+        self.reacts = ContactReaction(self.follower, self.loop, law)
+        self.plant = WalledPlant(arm.robot, truth, START)
+        self._sensors = Sensors(arm, START, np.random.default_rng(0))
+        self._detector = ContactDetector(learnt.external(), learnt.bound, learnt.settings)
+        self._state = self._sensors.measure(START, np.zeros(4))
+        self._effort = np.zeros(4)
+        self.now, self.known = 0.0, False
+
+    def cycle(self) -> None:
+        """Control, detect and advance; the controller knows the contact of the cycle before."""
+        self.reacts.report(self.known, self.now)
+        self.reacts.update(self._state.q, self.now)
+        command = self.loop.update(self._state, self.now)
+        if command is not None and command.tau is not None:
+            self._effort = command.tau
+        report = self._detector.update(self._state, self.now)
+        self.known = self.known if report is None else report.in_contact
+        self.plant.cycle(self._effort)
+        self.now += CYCLE
+        self._state = self._sensors.measure(self.plant.position, self._effort)
+
+    @property
+    def pace(self) -> float:
+        """Speed of the reference [rad/s]."""
+        return float(np.linalg.norm(self.follower.reference.dq))
+
+
+def impact(
+    setup: tuple[Arm, PlantParameters, Learnt], reaction: Reaction, speed: float, stiffness: float
+) -> Impact:
     """Run the tool into a wall."""
-    kinematics = Kinematics(arm.robot, 'tool0')
+    run, kinematics = Controlled(*setup), Kinematics(setup[0].robot, 'tool0')
     middle = 0.5 * (START + END)
     way = kinematics.jacobian(middle)[:3] @ (END - START)
     # A quintic from rest to rest passes its middle 1.875 times as fast as on average.
     seconds = 1.875 * float(np.linalg.norm(way)) / speed
-    limits = JointLimits.from_config(load_arm_config())
-    follower = TrajectoryFollower(limits, FollowerTolerances.uniform(4))
-    dynamics = MovingBaseDynamics(learnt.model.robot, learnt.model.rotor_inertia)
-    viscous, coulomb, share = learnt.model.friction
-    friction = FrictionCompensation(viscous, coulomb, load_share=share)
-    law = ComputedTorque(dynamics, KP, KD, None, friction, 1.5 * CYCLE, 1.59e-3)
-    observer = MomentumObserver(dynamics, np.full(4, 30.0), friction)
-    loop = ControlLoop(limits, follower, law, observer, None, 0.2 * limits.effort_max)
-    reacts = ContactReaction(follower, loop, law)
-    reacts.reaction = reaction
-    plant = WalledPlant(arm.robot, truth, START)
-    normal = way / np.linalg.norm(way)
-    plant.build_wall(kinematics.position(middle), normal, stiffness)
-    sensors = Sensors(arm, START, np.random.default_rng(0))
-    detector = ContactDetector(learnt.external(), learnt.bound, learnt.settings)
-    state, effort, now = sensors.measure(START, np.zeros(4)), np.zeros(4), 0.0
-    touched, known, pace = np.nan, False, 0.0
-    times: dict[str, float] = {}
-    peaks = []
-    while np.isnan(touched) or now < touched + WATCHED:
-        reacts.report(known, now)
-        reacts.update(state.q, now)
-        command = loop.update(state, now)
-        if command is not None and command.tau is not None:
-            effort = command.tau
-        if abs(now - 0.3) < 0.5 * CYCLE:
-            follower.follow(JointTrajectory(limits, limits.names, [seconds], [END]), now)
-        report = detector.update(state, now)
-        known = known if report is None else report.in_contact
-        plant.cycle(effort)
-        now += CYCLE
-        state = sensors.measure(plant.position, effort)
-        if np.isnan(touched) and plant.peak > 0.0:
-            touched = now
-            pace = float(np.linalg.norm(follower.reference.dq))
-        if np.isnan(touched):
-            if now > 0.4 + seconds:
-                raise SystemExit('the tool does not meet the wall')
-            continue
-        peaks.append(plant.peak)
-        into = float(normal @ kinematics.jacobian(plant.position)[:3] @ plant.velocity)
-        for name, happens in (
-            ('detected', known),
-            ('slower', float(np.linalg.norm(follower.reference.dq)) < 0.9 * pace),
-            ('standing', into <= 0.0),
-        ):
-            if happens:
-                times.setdefault(name, now - touched)
+    run.reacts.reaction = reaction
+    run.plant.build_wall(kinematics.position(middle), way / np.linalg.norm(way), stiffness)
+    while run.now < 0.3:
+        run.cycle()
+    run.follower.follow(JointTrajectory(run.limits, run.limits.names, [seconds], [END]), run.now)
+    while run.plant.peak == 0.0:
+        run.cycle()
+        if run.now > 0.4 + seconds:
+            raise SystemExit('the tool does not meet the wall')
+    touched, pace, peaks = run.now - CYCLE, run.pace, [run.plant.peak]
+    detected = slower = np.nan
+    while run.now < touched + WATCHED:
+        run.cycle()
+        peaks.append(run.plant.peak)
+        if run.known and np.isnan(detected):
+            detected = run.now - CYCLE - touched
+        if run.pace < 0.9 * pace and np.isnan(slower):
+            slower = run.now - CYCLE - touched
     first = round(TRANSIENT / CYCLE)
-    delays = [times.get(name, np.nan) for name in ('detected', 'slower', 'standing')]
-    return Impact(*delays, max(peaks[:first]), max(peaks[first:]))
+    return Impact(detected, slower, max(peaks[:first]), max(peaks[first:]))
 
 
 def main() -> int:
@@ -143,13 +153,13 @@ def main() -> int:
     parser.add_argument('--seed', type=int, default=1, help='of the made arm')
     options = parser.parse_args()
     arm, truth = made(4, options.seed)
-    learnt = learn(arm, truth, options.seed, GAIN)
+    setup = arm, truth, learn(arm, truth, options.seed, GAIN)
     print('| wall | tool | reaction | detected | brakes | transient | after 0.5 s |')
     print('|---|---|---|---|---|---|---|')
     for wall, stiffness in WALLS.items():
         for speed in SPEEDS:
             for reaction in Reaction:
-                met = impact(arm, truth, learnt, reaction, speed, stiffness)
+                met = impact(setup, reaction, speed, stiffness)
                 print(
                     f'| {wall} | {speed:g} m/s | {reaction.value} | {1e3 * met.detected:.0f} ms | '
                     f'{1e3 * met.slower:.0f} ms | {met.transient:.0f} N | {met.lasting:.1f} N |',

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from enum import Enum
+from math import isfinite, isnan
 from typing import NamedTuple
 
 import numpy as np
@@ -189,6 +190,7 @@ class ContactDetector:
         self._settings = replace(given, rest_share=share)
         self._load = LoadTest(external, self._settings)
         self._window = StateWindow()
+        self._ones = np.ones(external.n)
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
         self._watches = (EncoderWatch(names), EffortWatch(names))
@@ -202,7 +204,7 @@ class ContactDetector:
     def event(self) -> ContactEvent | None:
         """The event that lasts, None if there is none."""
         last = self.events[-1] if self.events else None
-        return last if last is not None and np.isnan(last.end) else None
+        return last if last is not None and isnan(last.end) else None
 
     @property
     def problem(self) -> str:
@@ -239,7 +241,9 @@ class ContactDetector:
         `state.tau` is the drives' torque in the cycle that ends now. States are averaged over 5 ms
         (`StateWindow`); the report is of the window that ends with this state.
         """
-        if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
+        ones = self._ones
+        # Of so few numbers, three products are the quickest sums; a sum shows what is not finite.
+        if not isfinite(state.q @ ones + state.dq @ ones + state.tau @ ones):
             return None
         last, self._last = self._last, now
         if last is None or not 0.0 < now - last < LONGEST_GAP:
@@ -621,15 +625,15 @@ def with_rest_share(
         Returns times [s] and states of the free motion, from the beginning.
     settings : ContactSettings, optional
     """
-    passes = 0
-    for passes, share in enumerate(_REST_SHARES[:-1]):
+
+    def begins(share: float) -> bool:
         tried = replace(bound, rest_share=share)
-        if not _begins_at_rest(ContactDetector(external(), tried, settings), motion()):
-            break
-    else:
-        passes = len(_REST_SHARES) - 1
+        return _begins_at_rest(ContactDetector(external(), tried, settings), motion())
+
+    steps = range(len(_REST_SHARES))
+    first = next((step for step in steps[:-1] if not begins(_REST_SHARES[step])), steps[-1])
     # Other motions begin otherwise: one step more, unless no beginning shows at all.
-    chosen = min(passes + 1, len(_REST_SHARES) - 1) if passes else 0
+    chosen = min(first + 1, steps[-1]) if first else 0
     return replace(bound, rest_share=_REST_SHARES[chosen])
 
 

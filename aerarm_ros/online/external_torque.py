@@ -177,17 +177,18 @@ class StateWindow:
         self._lasted += dt
         if self._lasted < WINDOW - 0.5 * dt:
             return None
-        q, dq, tau = (np.array(values) for values in zip(*self._states, strict=True))
-        count, lasted = len(tau), self._lasted
+        states = np.array(self._states)
+        count, lasted = len(states), self._lasted
         late = np.arange(count) / count
-        torque = (1.0 - late) @ tau / count
-        former, self._former = self._former, late @ tau / count
+        weights = np.array([np.ones(count), late]) / count
+        # One product: all sums of (count, 3 n) numbers, plain and weighted.
+        (plain, later) = (weights @ states.reshape(count, -1)).reshape(2, 3, -1)
+        former, self._former = self._former, later[2]
         # Without a window before it, this one's torque stands for both.
-        torque = torque + (self._former if former is None else former)
+        torque = plain[2] - later[2] + (later[2] if former is None else former)
         self._states.clear()
         self._lasted = 0.0
-        state = ArmState(q.sum(axis=0) / count, dq.sum(axis=0) / count, torque)
-        return Window(state, lasted, count)
+        return Window(ArmState(plain[0], plain[1], torque), lasted, count)
 
 
 class Unexplained(NamedTuple):
@@ -240,12 +241,16 @@ class FrictionDrift:
 
     def update(self, residual: Array, friction: Array, dt: float, moves: Array) -> None:
         """Learn from the joints that move (n,); torques (n,) [Nm] have the same delay."""
-        size = np.maximum(np.abs(friction), _FLOOR)
-        kept = np.exp(-dt * moves / _DRIFTING)
-        self._squares = kept * self._squares + dt * moves
-        self._products = kept * self._products + dt * moves * residual * np.sign(friction) / size
-        self.share = np.clip(self._products / (self._squares + _PRIOR), -_DRIFT, _DRIFT)
-        self.doubt = _PRIOR / (self._squares + _PRIOR)
+        if not moves.any():
+            return
+        weight = dt * moves
+        kept = 1.0 - weight / _DRIFTING
+        self._squares = kept * self._squares + weight
+        ratio = residual * friction / (friction * friction + _FLOOR)
+        self._products = kept * self._products + weight * ratio
+        information = 1.0 / (self._squares + _PRIOR)
+        self.share = np.minimum(np.maximum(self._products * information, -_DRIFT), _DRIFT)
+        self.doubt = _PRIOR * information
 
 
 _OBSERVED = ('momentum', 'bias', 'friction')

@@ -27,7 +27,7 @@ from aerarm_ros.online.contact_detector import ContactSettings, with_rest_share
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
 from aerarm_ros.online.replay import KnownArm
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
-from aerarm_ros.simulation.arm_plant import PlantParameters
+from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
 
 Array = np.ndarray
 
@@ -40,7 +40,16 @@ _NOISES = 8192
 
 
 class TouchedPlant(Plant):
-    """The arm with a force on one of its links."""
+    """The arm with a force on one of its links; dry friction follows the load once per 5 ms."""
+
+    def cycle(self, effort: Array) -> None:
+        """Advance by a cycle under torques (n,) [Nm]."""
+        self._effort[:] = self._applied[:] = effort
+        mujoco.mj_step(self._model, self._data, nstep=round(CYCLE / SUBSTEP))
+
+    def follow_load(self) -> None:
+        """Let dry friction follow the load."""
+        self._set_friction()
 
     def touch(self, body: int, point: Array, force: Array) -> None:
         """Apply a force [N] in world axes at a point of a body's frame [m] from now on."""
@@ -124,6 +133,7 @@ class TouchedArm:
 
     def cycles(self, count: int) -> Iterator[ArmState]:
         """Advance by some cycles with one feed-forward and yield their states."""
+        self.plant.follow_load()
         moves = [next(self._moves) for _ in range(count)]
         q, dq, ddq = moves[count // 2]
         friction = self._truth.viscous * dq + self._truth.coulomb * np.tanh(dq / 0.02)
