@@ -1,7 +1,7 @@
 """External joint torque from the momentum observer, and how far the model explains it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,11 +11,11 @@ from scipy.optimize import linprog
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import positive
-from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.compensation import MomentumObserver
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.joint_model import JointTerm, TermKind
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.online.joint_friction import FrictionDrift, JointFriction
 from aerarm_ros.online.replay import KnownArm
 
 FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jerk')
@@ -27,67 +27,8 @@ LONGEST_GAP = 0.1
 WINDOW = 5e-3
 """[s] over which states are averaged before anything is computed from them."""
 
-_WIDTH = 0.01  # [rad/s] over which dry friction changes its direction
 _SLOW = 0.05  # [rad/s] below which dry friction may have another direction or be static
 _MOVING = 0.05  # of dry friction, below which what is left of a slow time is negligible
-_TINY = np.asarray(1e-9)  # [rad/s], so that a velocity of 0 has a sign
-_CREEPING = 0.02  # [rad/s] at which the slowly rising part of friction counts as dry
-
-
-class JointFriction(FrictionCompensation):
-    """All identified friction of the joints by measured velocity.
-
-    It adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
-    Stribeck friction, offsets, one-sided and coupled friction.
-
-    Parameters
-    ----------
-    arm : KnownArm
-    width : float
-        Velocity over which dry friction changes its direction [rad/s].
-    fraction : float
-        Part of the friction that is compensated, 0 to 1.
-    """
-
-    def __init__(self, arm: KnownArm, width: float = _WIDTH, fraction: float = 1.0) -> None:
-        viscous, coulomb, load = arm.friction
-        super().__init__(viscous, coulomb, width, fraction, load)
-        self._width = width
-        self._dry, self._share = coulomb.copy(), load
-        self._others: list[tuple[int, int, JointTerm, float]] = []
-        for joint, term, value in arm.others:
-            driver = joint if term.driver is None else term.driver
-            smooth = term.smooth or term.kind is TermKind.STRIBECK or term.width > 0.0
-            known = term if smooth else replace(term, width=width)
-            self._others.append((joint, driver, known, fraction * value))
-            if not term.smooth:
-                self._dry[joint] += abs(value * float(known.basis(_at_creep, _at_creep, None)))
-
-    def torque(self, dq: Array, load: Array | None = None, measured: Array | None = None) -> Array:
-        """Return the torque (n,) [Nm] that friction takes at a velocity and a load on the links.
-
-        Stribeck friction falls with speed, so that a joint that slips is faster than its reference
-        and needs less. With the measured velocity it is compensated in the direction of the
-        reference and by the size that it has at that velocity: the falling part is cancelled, and
-        a joint whose reference rests is not driven.
-        """
-        torque = super().torque(dq, load)
-        for joint, driver, term, value in self._others:
-            speed = dq[driver]
-            if term.kind is TermKind.STRIBECK:
-                present = abs(speed if measured is None else measured[driver])
-                basis = term.basis(present + _TINY, present, None) * np.tanh(speed / self._width)
-            else:
-                basis = term.basis(speed, speed, None)
-            torque[joint] += value * float(basis)
-        return torque
-
-    def dry(self, load: Array) -> Array:
-        """Return the dry friction (n,) [Nm] that a joint can take at rest, in either direction."""
-        return np.asarray(self._dry + self._share * np.abs(load))
-
-
-_at_creep = np.asarray(_CREEPING)
 
 
 _FROZEN = 0.2  # [s] in which the position of a moving joint changes
@@ -215,48 +156,7 @@ class Unexplained(NamedTuple):
     doubt: Array
 
 
-class FrictionDrift:
-    """Share by which dry and viscous friction have changed since identification, per joint.
-
-    Friction changes with temperature, wear and lubrication. In motion the change opposes the
-    velocity, which distinguishes it from other torque once a joint has moved both ways: a
-    regression of the residual on the modelled friction that forgets in 10 s.
-
-    Parameters
-    ----------
-    n : int
-        Number of joints.
-
-    Attributes
-    ----------
-    share : (n,) ndarray
-        Change of friction over the modelled one.
-    doubt : (n,) ndarray
-        1 if nothing is known of the share, toward 0 as a joint moves.
-    """
-
-    def __init__(self, n: int) -> None:
-        self._squares = self._products = np.zeros(n)
-        self.share, self.doubt = np.zeros(n), np.ones(n)
-
-    def update(self, residual: Array, friction: Array, dt: float, moves: Array) -> None:
-        """Learn from the joints that move (n,); torques (n,) [Nm] have the same delay."""
-        if not moves.any():
-            return
-        weight = dt * moves
-        kept = 1.0 - weight / _DRIFTING
-        self._squares = kept * self._squares + weight
-        ratio = residual * friction / (friction * friction + _FLOOR)
-        self._products = kept * self._products + weight * ratio
-        information = 1.0 / (self._squares + _PRIOR)
-        self.share = np.minimum(np.maximum(self._products * information, -_DRIFT), _DRIFT)
-        self.doubt = _PRIOR * information
-
-
 _OBSERVED = ('momentum', 'bias', 'friction')
-_DRIFTING = 10.0  # [s] of motion in which friction may change
-_PRIOR = 1.0  # [s] of motion that weigh as much as the identified friction
-_DRIFT = 0.5  # largest share
 _JERK = np.exp(-1.0)  # of an impulse, what two stages leave of what one does at most
 _STAGE = 1.7  # bandwidth of each of two stages that together rise like one of bandwidth 1
 

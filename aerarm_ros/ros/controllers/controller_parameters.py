@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Protocol
 
@@ -139,6 +140,8 @@ PAYLOAD_PARAMETER = Parameter(
 FRICTION_PARAMETERS = grouped(
     'The model',
     PAYLOAD_PARAMETER,
+    Parameter('friction_file', '', 'estimate.yaml of the identifier with all of its friction, also '
+        'what the URDF cannot hold (Stribeck friction); friction of the URDF if empty'),
     Parameter('friction_fraction', 1.0,
         "share of the URDF's joint friction that is compensated", '', 0, 1),
     Parameter('friction_width', 0.02, 'velocity at 3/4 of the friction', 'rad/s', 1e-4, 1.0),
@@ -156,7 +159,7 @@ FRICTION_PARAMETERS = grouped(
 ENERGY_PARAMETERS = tuple(
     parameter
     for parameter in FRICTION_PARAMETERS
-    if parameter.name not in ('friction_fraction', 'friction_width')
+    if parameter.name not in ('friction_file', 'friction_fraction', 'friction_width')
 )
 
 
@@ -304,7 +307,16 @@ class ControlledArm:
             model.carry(_payload(payload))
 
     def friction(self, values: SimpleNamespace) -> FrictionCompensation:
-        """Return the compensation of the URDF's joint friction."""
+        """Return the compensation of joint friction; raises ValueError with what to check."""
+        if values.friction_file:
+            # Only now: most controllers do without the libraries of the identifier.
+            from aerarm_ros.identification.files.estimate_file import read_estimate
+            from aerarm_ros.online.joint_friction import JointFriction
+            from aerarm_ros.online.replay import KnownArm
+
+            estimate = read_estimate(Path(values.friction_file), self.robot)
+            known = KnownArm.identified(self.robot, estimate)
+            return JointFriction(known, values.friction_width, values.friction_fraction)
         viscous, coulomb = self.robot.viscous, self.robot.coulomb
         return FrictionCompensation(
             viscous,

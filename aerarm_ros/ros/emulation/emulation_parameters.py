@@ -116,12 +116,14 @@ def plant_parameters(
     seed: int | None,
     backlash: Sequence[float],
     backlash_wear: float,
+    stribeck: tuple[float, float],
     payload: Sequence[float],
 ) -> PlantParameters:
     """Return what the simulated arm is made of; raises ValueError for what no arm has."""
     parameters = PlantParameters.nominal(config, robot)
     if seed is not None:
         parameters = parameters.perturbed(seed)
+    parameters = replace(parameters, stribeck=stribeck[0], stribeck_velocity=stribeck[1])
     if len(backlash) not in (0, 1, config.n):
         raise ValueError(
             f'backlash {list(backlash)}: give one value, or one for each of {config.n} joints'
