@@ -1,4 +1,4 @@
-"""How soon `ContactDetector` finds touches, and how often it finds one where there is none.
+"""Detection delay and false alarm rate of `ContactDetector`.
 
 Made arms work for hours on the physics engine: random waves, moves between random postures, and
 rests. Model and thresholds of each come from a bag of 60 s of its own motion, through the
@@ -35,7 +35,7 @@ Array = np.ndarray
 
 
 class Job(NamedTuple):
-    """One session."""
+    """Settings of one session."""
 
     joints: int
     seed: int
@@ -186,7 +186,7 @@ def judged(result: Session, found: ContactDetector, undeclared: list[float]) -> 
 
 
 def main() -> int:
-    """Run the sessions and print what was found."""
+    """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--hours', type=float, default=0.1, help='hours per number of joints')
     parser.add_argument('--joints', type=int, nargs='+', default=[4], choices=[4, 5, 6, 7])

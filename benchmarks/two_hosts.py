@@ -1,6 +1,6 @@
-"""Measure drone and ground as two hosts with a radio between them, and print a table.
+"""Measure drone and ground as two hosts connected by a radio link, and print a table.
 
-The hosts are Linux namespaces, so this needs root. The bridge and ground_link run with SCHED_FIFO.
+The hosts are Linux namespaces, which require root. The bridge and ground_link run with SCHED_FIFO.
 """
 
 import argparse
@@ -22,11 +22,11 @@ from run import machine
 HERE = Path(__file__).parent
 PORT, RELAY_PORT = 7447, 7500
 DOMAIN = {'ROS_DOMAIN_ID': '64'}
-PATIENCE = 60.0  # [s] for anything to start
+PATIENCE = 60.0  # [s] for a process to start
 
 
 class Speaker:
-    """A process that takes lines and prints JSON objects, see `stop_presser.py`."""
+    """Process that reads commands and prints JSON objects, see `stop_presser.py`."""
 
     def __init__(self, process: subprocess.Popen[str], log: Path) -> None:
         self._process = process
@@ -35,13 +35,13 @@ class Speaker:
         self._rows: list[dict[str, object]] = []
 
     def tell(self, line: str) -> None:
-        """Send a line."""
+        """Send a line to the process."""
         assert self._process.stdin is not None
         self._process.stdin.write(f'{line}\n')
         self._process.stdin.flush()
 
     def rows(self) -> list[dict[str, object]]:
-        """Return what it has printed."""
+        """Return the printed rows."""
         with self._log.open() as stream:
             stream.seek(self._read)
             for line in iter(stream.readline, ''):
@@ -53,19 +53,19 @@ class Speaker:
         return self._rows
 
     def wait(self, found: Callable[[dict[str, object]], object], since: float = 0.0) -> float:
-        """Wait for a row that was printed after a time [s] and return its time [s]."""
+        """Wait for a matching row printed after a time [s]; return its time [s]."""
         deadline = time.monotonic() + PATIENCE
         while True:
             for row in self.rows():
                 if float(str(row['time'])) >= since and found(row):
                     return float(str(row['time']))
             if time.monotonic() > deadline:
-                raise TimeoutError(f'{self._log.name} never printed that: {self.rows()[-3:]}')
+                raise TimeoutError(f'{self._log.name} has no such line: {self.rows()[-3:]}')
             time.sleep(0.005)
 
 
 class Rig:
-    """Both hosts with bridge, both ends of ground_link, and a relay that loses datagrams."""
+    """Both hosts with bridge, both ends of ground_link, and a relay that drops datagrams."""
 
     def __init__(self, folder: Path, **link: object) -> None:
         self.folder = folder
@@ -87,23 +87,23 @@ class Rig:
             presser.wait(lambda row: 'ready' in row)
 
     def press(self) -> float:
-        """Press the e-stop on the ground, and return after how long the arm was damped [s]."""
+        """Press the e-stop on the ground; return the time until the arm was damped [s]."""
         self.ground.tell('press')
         begin = self.ground.wait(lambda row: row.get('called') == 'press', self._cleared)
         return self.drone.wait(lambda row: row.get('mode') == 'fault', begin) - begin
 
     def clear(self) -> None:
-        """Clear the fault, on the drone."""
+        """Clear the fault on the drone."""
         self._cleared = time.monotonic()
         self.drone.tell('clear')
         self.drone.wait(lambda row: row.get('mode') not in (None, 'fault'), self._cleared)
-        # The ground receives the mode as well; a button is not pressed before that.
+        # Wait until the ground receives the mode as well, before the button is pressed.
         time.sleep(0.1 + 0.1 * np.random.default_rng().random())
 
     _cleared = 0.0
 
     def loop(self, seconds: float) -> tuple[float, float]:
-        """Return share of the bridge's cycles that were lost, and its longest period [ms]."""
+        """Return the fraction of lost bridge cycles, and the longest period [ms]."""
         first = self._loop_rows()[-1]
         time.sleep(seconds)
         rows = [row for row in self._loop_rows() if row['time'] > first['time']]
@@ -114,7 +114,7 @@ class Rig:
         return max(0.0, lost), max(row['longest [ms]'] for row in rows)
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [rad] and velocity [rad/s] of the joints, on the drone."""
+        """Return joint positions [rad] and velocities [rad/s], measured on the drone."""
         begin = time.monotonic()
         self.drone.tell('state')
         when = self.drone.wait(lambda row: 'position' in row, begin)
@@ -122,7 +122,7 @@ class Rig:
         return np.array(row['position']), np.array(row['velocity'])
 
     def arm(self, *words: str) -> subprocess.Popen[str]:
-        """Start `arm` on the ground."""
+        """Start the executable `arm` on the ground."""
         log = self.folder / f'arm_{words[0]}.log'
         command = (sys.executable, '-m', 'aerarm_ros.executables', 'arm', *words)
         return self.hosts.start(self.hosts.ground, *command, environment=DOMAIN, log=log)
@@ -132,7 +132,7 @@ class Rig:
         self._node(self.hosts.drone, 'computed_torque', realtime_priority=45)
 
     def traffic(self, act: Callable[[], object]) -> tuple[float, float]:
-        """Return the radio's traffic while a function runs, both ways [kbit/s], [packets/s]."""
+        """Return the radio's traffic during a call, in both directions [kbit/s], [packets/s]."""
         hosts = self.hosts
         before = [hosts.traffic(host) for host in (hosts.drone, hosts.ground)]
         begin = time.monotonic()
@@ -143,12 +143,12 @@ class Rig:
         return 8e-3 * sums[0] / elapsed, sums[1] / elapsed
 
     def listen_on_ground(self) -> None:
-        """Start a recorder on the ground, as a tool that listens to everything."""
+        """Start a recorder on the ground, as an example of a tool that subscribes to all topics."""
         self._node(self.hosts.ground, 'recorder', bag=self.folder / 'bag')
         time.sleep(4.0)
 
     def log(self, host: str, name: str) -> str:
-        """Return what a process has printed."""
+        """Return the output of a process."""
         return (self.folder / f'{host}_{name}.log').read_text()
 
     def __enter__(self) -> 'Rig':
@@ -171,7 +171,7 @@ class Rig:
 
     def _speak(self, host: object, name: str, *words: str) -> Speaker:
         log = self.folder / f'{host.name}_{name}.log'
-        # As prompt as what it measures: other work on this machine must not count.
+        # High priority, so that other work on this machine does not affect the measurement.
         command = ('chrt', '-f', '30', sys.executable, str(HERE / 'radio' / f'{name}.py'), *words)
         process = self.hosts.start(
             host, *command, environment=DOMAIN, log=log, stdin=subprocess.PIPE
@@ -188,7 +188,7 @@ class Rig:
 
 
 def measure_radios(rig: Rig, seconds: float) -> None:
-    """Print what radios of some rates do to the 1 kHz loop, with and without in turns."""
+    """Print the effect of radios of several rates on the 1 kHz loop, alternating with none."""
     print('\n| radio | cycles lost | longest period | traffic | packets |')
     print('|---|---|---|---|---|')
     for rate, name in (
@@ -208,7 +208,7 @@ def measure_radios(rig: Rig, seconds: float) -> None:
 
 
 def measure_stops(rig: Rig, presses: int) -> None:
-    """Print how long an e-stop of the ground takes."""
+    """Print the delay of an e-stop from the ground."""
     print('\n| loss, one way | presses | median | p99 | longest |')
     print('|---|---|---|---|---|')
     rig.relay.tell('delay 0.005')
@@ -224,7 +224,7 @@ def measure_stops(rig: Rig, presses: int) -> None:
 
 
 def measure_cuts(rig: Rig, cuts: Sequence[float]) -> None:
-    """Print what a press during a cut does once the connection is back."""
+    """Print the effect of an e-stop pressed during a cut, once the connection is back."""
     print('\n| cut | press acts after the connection is back | arm damped before |')
     print('|---|---|---|')
     for cut in cuts:

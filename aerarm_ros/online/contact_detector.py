@@ -1,4 +1,4 @@
-"""Contact of an arm without a sensor: yes or no, how surely, and what a load explains instead."""
+"""Contact detection without a sensor: contact, its confidence, and the distinction from payload."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
@@ -25,7 +25,7 @@ from aerarm_ros.online.payload_estimator import EffortWatch
 
 
 class Cause(Enum):
-    """What an event was found to be; the value is its name in reports."""
+    """Cause of an event; the value is its name in reports."""
 
     CONTACT = 'contact'
     PAYLOAD = 'undeclared payload'
@@ -40,10 +40,10 @@ class ContactSettings:
     Attributes
     ----------
     confirmation : float
-        Time for which the threshold must be exceeded [s]. In it a motion that begins shows in the
-        velocities, which tell it from a push at rest.
+        Time for which the threshold must be exceeded [s]. In this time the velocities distinguish
+        the start of a motion from a push at rest.
     rest_speed : float
-        Below it every joint counts as resting [rad/s].
+        Speed below which every joint counts as resting [rad/s].
     rest_share : float
         Change of torque at rest that counts as contact, over the joint's dry friction.
     payload_mass, payload_size : float
@@ -57,25 +57,24 @@ class ContactSettings:
     payload_size: float = 0.2
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check that every setting is positive."""
         for field in fields(self):
             positive(field.name, getattr(self, field.name))
 
 
 class ContactReport(NamedTuple):
-    """What is known after a state.
+    """Result of contact detection after a state.
 
     Attributes
     ----------
     torque : (n,) ndarray
-        External joint torque [Nm], positive along +q, without what a found payload explains.
+        External joint torque [Nm], positive along +q, without that of a detected payload.
     threshold : (n,) ndarray
-        Which of it free motion may leave [Nm]; infinite where nothing is known.
-    in_contact : bool
+        Largest such torque in free motion [Nm]; infinite if unknown.
     confidence : float
-        That something touches the arm, 0 to 1.
+        Confidence of a contact, 0 to 1.
     cause : Cause or None
-        Of the event that lasts, None if there is none.
+        Cause of the present event, None without an event.
     """
 
     torque: Array
@@ -87,27 +86,26 @@ class ContactReport(NamedTuple):
 
 @dataclass(eq=False)
 class ContactEvent:
-    """Something that the model of the arm does not explain.
+    """Interval in which the external torque exceeds the model's error bound.
 
     Attributes
     ----------
     begin, end : float
-        [s]; the end is NaN while it lasts.
+        [s]; the end is NaN during the event.
     joint : int
-        Index of the joint whose torque exceeds its threshold most.
+        Index of the joint with the largest ratio of torque to threshold.
     torque : (n,) ndarray
-        Change of external torque at its largest [Nm].
+        Largest change of external torque [Nm].
     threshold : (n,) ndarray
-        Of the torque at that time [Nm].
+        Threshold of the torque at that time [Nm].
     q : (n,) ndarray
         Posture at that time [rad].
     ratio : float
         Largest torque over its threshold.
-    cause : Cause
     mass, mass_std : float
-        Of a payload [kg], NaN for another cause.
+        Mass of a payload and its standard deviation [kg], NaN for another cause.
     reference : (n,) ndarray or float
-        External torque before the event that `torque` is counted from [Nm].
+        External torque before the event, which `torque` does not include [Nm].
     """
 
     begin: float
@@ -124,7 +122,7 @@ class ContactEvent:
 
 
 class _Felt(NamedTuple):
-    """One state as the detector sees it; ratios are to the thresholds."""
+    """One state for the detector; ratios are relative to the thresholds."""
 
     state: ArmState
     now: float
@@ -136,43 +134,37 @@ class _Felt(NamedTuple):
     change_ratio: Array
 
 
-_NOISE = 5.0  # deviations of the noise that a change at rest must exceed
-_FOLLOWING = 0.25  # [s] time constant in which the torque at rest may drift
+_NOISE = 5.0  # standard deviations of noise that a change at rest must exceed
+_FOLLOWING = 0.25  # [s] time constant of a permitted drift of the torque at rest
 _SETTLING = 0.4  # [s] in which friction relaxes after a motion
 _REST_TIME = 0.1  # [s] of rest before its torque is the reference
-_AGAINST = 5e-5  # [rad/s] of a motion against the torque, by which that is friction
+_AGAINST = 5e-5  # [rad/s] of motion against the torque, which indicates friction
 _RELEASED = 0.4  # of the largest change, below which a push at rest has ended
 _QUIET = 0.7  # of the threshold, below which a contact has ended
 _QUIET_TIME = 0.1  # [s]
 _STEADY_TIME = 1.0  # [s] of a constant torque that friction can hold
-_SINCE_START = 0.3  # [s]: what is there from the start is no push
-_ONE_OVER = np.log(2.0)  # so that the confidence at the threshold is a half
+_SINCE_START = 0.3  # [s]; a torque present from the start is not a push
+_ONE_OVER = np.log(2.0)  # gives a confidence of one half at the threshold
 _DECLARED = 0.3  # [s] between a declaration of a payload and its pick-up
-_GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor is a payload's
+_GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor fits a payload
 
 
 class ContactDetector:
-    """Finds contact in the external torque, and tells it from payload and from a wrong model.
+    """Detect contact in the external torque, and distinguish it from payload and model errors.
 
-    In motion a joint's external torque counts if it exceeds the bound that was learnt from free
-    motion. While all joints rest, friction hides up to its static size of any force, but the
-    drives' torque is constant: then a change counts that no joint's motion opposes. Friction always
-    opposes motion, which distinguishes an arm that starts to move from one that is pushed.
+    In motion, a joint's external torque counts if it exceeds the bound learnt from free motion. If
+    all joints rest, static friction can hide a force, but the drives' torque is constant. A change
+    of the torque at rest then counts if no joint moves against it. Friction always opposes motion,
+    which distinguishes an arm that starts to move from a pushed arm.
 
-    A payload differs from a contact because its torque follows gravity and inertia in all
-    postures. It is reported as such once the last link's ten inertial parameters explain what
-    exceeded the bound in 2 s of motion (`LoadTest`), and is then subtracted.
-
-    Parameters
-    ----------
-    external : ExternalTorque
-    bound : ResidualBound
-    settings : ContactSettings, optional
+    The torque of a payload, unlike that of a contact, follows gravity and inertia in all postures.
+    The detector reports a payload once ten inertial parameters of the last link explain the torque
+    in 2 s of motion (`LoadTest`), and then subtracts it.
 
     Attributes
     ----------
     events : list of ContactEvent
-        All so far, the last of them may last.
+        All events so far; the last one may not have ended.
     """
 
     def __init__(
@@ -200,30 +192,30 @@ class ContactDetector:
 
     @property
     def event(self) -> ContactEvent | None:
-        """The event that lasts, None if there is none."""
+        """The present event, or None."""
         last = self.events[-1] if self.events else None
         return last if last is not None and isnan(last.end) else None
 
     @property
     def problem(self) -> str:
-        """What keeps contact from being detected, '' if nothing."""
+        """Reason why contact cannot be detected; empty otherwise."""
         event = self.event
         if event is not None and event.cause is Cause.MODEL:
             return (
                 f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
-                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained that is '
-                'neither a contact nor a payload: check that the model is of this arm, or declare '
-                'the payload'
+                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained, neither '
+                'by a contact nor by a payload: check that the model belongs to this arm, or '
+                'declare the payload'
             )
         return self._watches[0].problem or self._watches[1].problem
 
     @property
     def payload_mass(self) -> float | None:
-        """Mass of the undeclared payload that was found [kg], None if there is none."""
+        """Mass of the detected undeclared payload [kg], or None."""
         return self._load.mass if self._load.is_loaded else None
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Take a declared payload, see `Dynamics.carry`; raises ValueError if no body has it.
+        """Set a declared payload, see `Dynamics.carry`; raises ValueError if no body has it.
 
         The declaration comes before or after the pick-up, so that contact that begins within 0.3 s
         of it does not count.
@@ -234,7 +226,7 @@ class ContactDetector:
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
-        """Take the state of `now` [s]; None for one that is lost, follows a gap or ends no window.
+        """Process the state at `now` [s]; return None after a gap and unless a window ends.
 
         `state.tau` is the drives' torque in the cycle that ends now. States are averaged over 5 ms
         (`StateWindow`); the report is of the window that ends with this state.
@@ -303,7 +295,7 @@ class ContactDetector:
         return ContactReport(torque, threshold, cause is Cause.CONTACT, confidence, cause)
 
     def _seek(self, felt: '_Felt') -> None:
-        """Begin an event once a threshold is exceeded for long enough."""
+        """Start an event once a threshold is exceeded for long enough."""
         exceeds = felt.ratio.max() > 1.0
         rests = not exceeds and bool(np.linalg.norm(felt.change_ratio) > 1.0)
         self._above = self._above + felt.dt if exceeds or rests else 0.0
@@ -364,7 +356,7 @@ class ContactDetector:
             self._end(event, felt.now)
 
     def _is_released(self, change: Array) -> bool:
-        """Whether the joints that were pushed most at rest have fallen far below that."""
+        """Return whether the external torque of a push at rest has mostly disappeared."""
         limit = self._rest.limit
         share = self._peak / limit
         pushed = share > 0.5 * share.max()
@@ -372,7 +364,7 @@ class ContactDetector:
         return bool(falls[pushed].all())
 
     def _weigh(self) -> None:
-        """Keep the mass of the last payload event up to date."""
+        """Update the mass of the last payload event."""
         for event in reversed(self.events):
             if event.cause is Cause.PAYLOAD:
                 event.mass, event.mass_std = self._load.mass, self._load.mass_std
@@ -387,8 +379,8 @@ class ContactDetector:
 class _Rest:
     """Change of the external torque while all joints rest.
 
-    The reference is the torque at the beginning of the rest; it follows slow drift. After a motion
-    friction relaxes, so that the limit is larger at first.
+    The reference is the torque at the start of the rest, and follows slow drift. Friction relaxes
+    after a motion, so the limit is larger at first.
     """
 
     def __init__(self, n: int, settings: ContactSettings) -> None:
@@ -397,7 +389,7 @@ class _Rest:
         self.reset(np.inf)
 
     def reset(self, since: float) -> None:
-        """Begin a rest; `since` [s] is how long the arm is known to rest already."""
+        """Start a rest; `since` [s] is how long the arm has been at rest."""
         self.held: Array | None = None
         self._reference: Array | None = None
         self._since = since
@@ -461,19 +453,17 @@ def with_rest_share(
     motion: Callable[[], Iterable[tuple[float, ArmState]]],
     settings: ContactSettings | None = None,
 ) -> ResidualBound:
-    """Return a bound whose share at rest no motion exceeds that begins by itself.
+    """Return a bound that no start of a free motion exceeds at rest.
 
-    A drive builds up torque before a joint breaks loose. How much of it shows before the velocity
-    does depends on the arm, so that it is learnt from the same free motion.
+    A drive builds up torque before a joint breaks loose. The part of this torque that appears
+    before the velocity depends on the arm, so it is learnt from free motion too.
 
     Parameters
     ----------
-    bound : ResidualBound
     external : callable
         Returns a new observer of the arm.
     motion : callable
         Returns times [s] and states of the free motion, from the beginning.
-    settings : ContactSettings, optional
     """
 
     def begins(share: float) -> bool:

@@ -1,4 +1,4 @@
-"""External joint torque from the momentum observer, and how far the model explains it."""
+"""External joint torque from the momentum observer, and the bound of its model error."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from aerarm_ros.online.joint_friction import FrictionDrift, JointFriction
 from aerarm_ros.online.replay import KnownArm
 
 FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jerk')
-"""Of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
+"""Features of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
 
 LONGEST_GAP = 0.1
-"""[s] between two states; after a longer one the observer starts again."""
+"""[s] Longest gap between two states; after a longer one the observer restarts."""
 
 WINDOW = 5e-3
 """[s] over which states are averaged before anything is computed from them."""
@@ -35,17 +35,17 @@ _FROZEN = 0.2  # [s] in which the position of a moving joint changes
 
 
 class EncoderWatch:
-    """Looks for joints whose velocity says that they move while their position stays the same.
+    """Detect joints whose velocity is not zero while their position stays constant.
 
     Parameters
     ----------
     names : tuple of str
-        Of the joints.
+        Names of the joints.
 
     Attributes
     ----------
     problem : str
-        What is wrong, '' if nothing.
+        Description of the problem; empty if there is none.
     """
 
     def __init__(self, names: tuple[str, ...]) -> None:
@@ -55,7 +55,7 @@ class EncoderWatch:
         self.problem = ''
 
     def update(self, state: ArmState, dt: float) -> None:
-        """Take a state, `dt` [s] after the one before."""
+        """Process a state, `dt` [s] after the previous one."""
         stuck = (state.q == self._before) & (np.abs(state.dq) > _SLOW)
         self._before = np.array(state.q)
         self._same = np.where(stuck, self._same + dt, 0.0)
@@ -64,8 +64,8 @@ class EncoderWatch:
         if len(frozen):
             names = ', '.join(self._names[index] for index in frozen)
             self.problem = (
-                f'position of {names} stays {state.q[frozen[0]]:.4g} rad at '
-                f'{state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
+                f'position of {names} stays at {state.q[frozen[0]]:.4g} rad while its velocity '
+                f'is {state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
             )
 
 
@@ -133,14 +133,14 @@ class StateWindow:
 
 
 class Unexplained(NamedTuple):
-    """What the model leaves of one state.
+    """Unexplained joint torque of one state.
 
     Attributes
     ----------
     residual : (n,) ndarray
-        Torque on the joints beyond drives, model and friction [Nm], positive along +q.
+        Joint torque beyond drives, model and friction [Nm], positive along +q.
     features : (n, 6) ndarray
-        Of the bound of the residual of free motion, see `FEATURES` [Nm or rad/s].
+        Features for the bound of the residual in free motion, see `FEATURES` [Nm or rad/s].
     friction : (n,) ndarray
         Modelled friction, as a magnitude [Nm].
     dry : (n,) ndarray
@@ -162,7 +162,7 @@ _STAGE = 1.7  # bandwidth of each of two stages that together rise like one of b
 
 
 class ExternalTorque:
-    """The momentum observer with what its error depends on.
+    """Momentum observer, with the features on which its error depends.
 
     A second low-pass as fast as the observer removes what differentiation makes of the encoders'
     noise; both are 1.7 times as fast as `gain`, so that the estimate of a step is nine tenths of it
@@ -172,11 +172,10 @@ class ExternalTorque:
 
     Parameters
     ----------
-    arm : KnownArm
     gain : float
-        Of the observer, K [1/s].
+        Gain K of the observer [1/s].
     dynamics : MovingBaseDynamics, optional
-        Of this arm; a new one by default. Give it to add a payload.
+        Model of this arm, by default a new one. Pass it to set a payload.
 
     Raises
     ------
@@ -275,8 +274,8 @@ class ExternalTorque:
         """
         if recording.dq is None:
             raise IdentificationError(
-                f'{recording.name}: no velocities, which the observer needs: record them with the '
-                'positions'
+                f'{recording.name} has no velocities, which the observer needs: record them with '
+                'the positions'
             )
         self.reset()
         window = StateWindow()
@@ -307,11 +306,11 @@ _LEAST = 0.05  # of the residual's RMS, for the constant part
 
 @dataclass(frozen=True, eq=False)
 class ResidualBound:
-    """A bound of what the model leaves unexplained in free motion, by joint and motion.
+    """Bound of the unexplained torque in free motion, by joint and motion.
 
     `|residual| <= margin (shares @ features) + friction_spread |friction|`. The shares are the
-    smallest that contain every residual of a free motion (a linear program per joint). Friction
-    changes with temperature and time by more than one recording shows: that is the last term.
+    smallest that bound every residual of a free motion (one linear program per joint). Friction
+    varies with temperature and time more than one recording shows; the last term covers this.
 
     Attributes
     ----------
@@ -320,13 +319,13 @@ class ResidualBound:
     noise : (n,) ndarray
         RMS of the residual's changes at rest [Nm].
     gain : float
-        Of the observer that it was learnt with [1/s].
+        Gain of the observer during learning [1/s].
     margin : float
-        Other motions leave more than the one that was learnt from.
+        Factor for motions that differ from the learnt one.
     friction_spread : float
-        By which friction may differ from the model, relative.
+        Relative deviation of friction from the model.
     rest_share : float
-        Change of torque at rest, over dry friction, that motions that begin by themselves reach.
+        Change of torque at rest at the start of a free motion, over dry friction.
     """
 
     shares: Array
@@ -343,9 +342,9 @@ class ResidualBound:
         Parameters
         ----------
         rows : iterable of Unexplained
-            Of a motion in which nothing touches the arm.
+            Results of a motion without contact.
         gain : float
-            Of the observer [1/s].
+            Gain of the observer [1/s].
 
         Raises
         ------
@@ -355,7 +354,7 @@ class ResidualBound:
         kept = list(rows)
         if len(kept) < _FEWEST:
             raise IdentificationError(
-                f'{len(kept)} states of free motion are too few to learn thresholds from: give at '
+                f'{len(kept)} states of free motion are too few to learn thresholds: record at '
                 f'least {_FEWEST}, and 20 s of motion that covers the workspace'
             )
         residual = np.array([row.residual for row in kept])
@@ -392,14 +391,14 @@ class ResidualBound:
     def from_dict(
         cls, values: Mapping[str, Any], joint_names: tuple[str, ...], name: str
     ) -> 'ResidualBound':
-        """Return what `to_dict` has described; raises ValueError with what to check."""
-        advice = 'learn it again with contact_estimator --free'
+        """Create a bound from the values of `to_dict`; raises ValueError."""
+        advice = 'learn the bound again with contact_estimator --free'
         if values.get('features') != list(FEATURES):
-            raise ValueError(f'{name}: is no bound of residuals: {advice}')
+            raise ValueError(f'{name} is not a bound of residuals: {advice}')
         if values.get('joint_names') != list(joint_names):
             raise ValueError(
-                f'{name}: is of joints {values.get("joint_names")}, not {", ".join(joint_names)}: '
-                f'each arm has its own; {advice}'
+                f'{name} belongs to joints {values.get("joint_names")}, not to '
+                f'{", ".join(joint_names)}: {advice} for this arm'
             )
         n = len(joint_names)
         try:
@@ -410,17 +409,17 @@ class ResidualBound:
                 for key in ('observer_gain', 'margin', 'friction_spread', 'rest_share')
             )
         except (KeyError, TypeError, ValueError):
-            raise ValueError(f'{name}: a value is missing or is no number: {advice}') from None
+            raise ValueError(f'a value of {name} is missing or is not a number: {advice}') from None
         numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread, rest]])
         if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and gain * margin > 0.0):
-            raise ValueError(f'{name}: values must be finite and not negative: {advice}')
+            raise ValueError(f'values of {name} must be finite and not negative: {advice}')
         return cls(shares, noise, gain, margin, spread, rest)
 
 
 def free_rows(
     external: ExternalTorque, recording: Recording, is_stopped: Callable[[], bool]
 ) -> Iterator[Unexplained]:
-    """Yield what is unexplained of a free motion, once the observer has settled."""
+    """Yield the unexplained torque of a free motion, once the observer has settled."""
     begin = float(recording.time[0]) + _SETTLED / external.gain
     for time, _, row in external.over(recording, is_stopped):
         if time > begin:
@@ -428,7 +427,7 @@ def free_rows(
 
 
 def _noise(residual: Array, speed: Array) -> Array:
-    """Return the RMS (n,) of fast changes of the residual, at rest if there was a rest."""
+    """Return the RMS (n,) of fast changes of the residual, preferably at rest."""
     steps = np.diff(residual, axis=0)
     rests = speed[1:] < _RESTING
     if rests.sum() >= _FEWEST // 4:
@@ -437,13 +436,13 @@ def _noise(residual: Array, speed: Array) -> Array:
 
 
 def _tightest(size: Array, features: Array) -> Array:
-    """Return the shares whose bound contains every size and is the smallest in the mean."""
+    """Return the shares whose bound contains every size and has the smallest mean."""
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
     least[1], least[5] = _STATIC, _ASYNCHRONOUS
     scaled = features / scale
-    # A bound that the least shares already keep is no constraint.
+    # A bound that the least shares already satisfy is no constraint.
     kept = size > features @ least
     if not kept.any():
         return least
@@ -456,6 +455,7 @@ def _tightest(size: Array, features: Array) -> Array:
     )
     if solution.x is None:
         raise IdentificationError(
-            'no thresholds follow from the free motion: its effort or velocity is not usable'
+            'no thresholds can be learnt from the free motion, because its effort or '
+            'velocity is unusable: record it again'
         )
     return np.asarray(solution.x / scale)

@@ -21,7 +21,7 @@ _MEMORY = 20.0  # [s]
 
 
 class LoadTest:
-    """Tells whether a body on the last link explains the external torque.
+    """Test whether a body at the last link explains the external torque.
 
     The body's ten parameters follow from a recursive regression whose columns pass the same
     observer as the torque: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`. Its

@@ -1,4 +1,4 @@
-"""Prints the bridge's loop statistics from /diagnostics, one JSON object per message.
+"""Print the bridge's loop statistics from /diagnostics, one JSON object per message.
 
 Usage: python benchmarks/radio/loop_watch.py SECONDS
 """
@@ -14,7 +14,7 @@ from aerarm_ros.ros.process.node_process import stay_on_this_host, use_packaged_
 
 
 def main() -> None:
-    """Listen on this host for the given time."""
+    """Subscribe on this host for a given time."""
     stay_on_this_host()
     use_packaged_profile()
     begin = time.monotonic()

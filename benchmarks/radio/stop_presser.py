@@ -1,10 +1,10 @@
-"""Presses the e-stop on the ground, or clears it on the drone, as lines on standard input say.
+"""Press the e-stop on the ground, or clear it on the drone, by commands on standard input.
 
 Usage: python benchmarks/radio/stop_presser.py
 
 The lines `press` and `clear` call the bridge's services, `state` prints the newest joint states,
-`sweep` moves joint 1 by 1 rad within 6 s by a trajectory. Each change of `arm_mode` and each
-answer is printed as a JSON object with its time on the machine's monotonic clock, which both
+and `sweep` moves joint 1 by 1 rad within 6 s by a trajectory. Each change of `arm_mode` and each
+response is printed as a JSON object with its time on the machine's monotonic clock, which both
 hosts of `two_hosts.py` share.
 """
 
@@ -26,7 +26,7 @@ SERVICES = {'press': 'e_stop', 'clear': 'clear_fault'}
 
 
 def say(**row: object) -> None:
-    """Print a row."""
+    """Print a JSON row."""
     print(json.dumps({'time': time.monotonic(), **row}), flush=True)
 
 
@@ -37,7 +37,7 @@ def joint_state(node: Node) -> dict[str, list[float]]:
 
 
 def sweep(node: Node) -> topics.JointTrajectory:
-    """Return a trajectory from where the arm is."""
+    """Return a trajectory that starts at the present posture."""
     message = newest(node)
     begin, end = list(message.position), list(message.position)
     end[0] -= 1.0
@@ -52,7 +52,7 @@ def sweep(node: Node) -> topics.JointTrajectory:
 
 
 def newest(node: Node) -> topics.JointState:
-    """Return the next joint states."""
+    """Return the next joint states message."""
     came: list[topics.JointState] = []
     topic = topics.JOINT_STATES
     subscription = node.create_subscription(topic.type, topic.name, came.append, topic.qos)
@@ -63,7 +63,7 @@ def newest(node: Node) -> topics.JointState:
 
 
 def main() -> None:
-    """Serve until standard input ends."""
+    """Process commands until standard input ends."""
     stay_on_this_host()
     use_packaged_profile()
     rclpy.init()
