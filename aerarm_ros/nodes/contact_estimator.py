@@ -70,7 +70,9 @@ class ContactEstimatorNode(StateNode):
         known, dynamics = self._known_arm()
         bound = read_residuals(Path(values.residuals_file), names)
         external = ExternalTorque(known, bound.gain, dynamics)
-        self._detector = ContactDetector(external, bound, contact_settings(values))
+        self._detector = ContactDetector(
+            external, bound, contact_settings(values), self.arm.limits.effort_max
+        )
         self.arm.load(self._detector, values)
         self._locator = ContactLocator(known.robot)
         self._period_ns = round(1e9 / values.rate)

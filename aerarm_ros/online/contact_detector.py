@@ -145,8 +145,10 @@ _QUIET_TIME = 0.1  # [s]
 _STEADY_TIME = 1.0  # [s] of a constant torque that friction can hold
 _SINCE_START = 0.3  # [s]; a torque present from the start is not a push
 _ONE_OVER = np.log(2.0)  # gives a confidence of one half at the threshold
+_SATURATED = 0.98  # of the largest torque, above which a measured one counts as limited
 _DECLARED = 0.3  # [s] between a declaration of a payload and its pick-up
 _GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor fits a payload
+_CALM = 0.25  # of the motion without such torque, which makes up for motion with it
 
 
 class ContactDetector:
@@ -159,7 +161,8 @@ class ContactDetector:
 
     The torque of a payload, unlike that of a contact, follows gravity and inertia in all postures.
     The detector reports a payload once ten inertial parameters of the last link explain the torque
-    in 2 s of motion (`LoadTest`), and then subtracts it.
+    in 2 s of motion (`LoadTest`), and then subtracts it. Torque that lasts 10 s, or
+    returns so often that it fills a fifth of the motion, is neither: the model is wrong.
 
     Attributes
     ----------
@@ -172,8 +175,12 @@ class ContactDetector:
         external: ExternalTorque,
         bound: ResidualBound,
         settings: ContactSettings | None = None,
+        effort_max: npt.ArrayLike = np.inf,
     ) -> None:
         self._external = external
+        self._effort_max = np.zeros(external.n) + effort_max
+        self._saturated = ''
+        self._report: ContactReport | None = None
         self._bound = bound
         given = settings or ContactSettings()
         share = max(given.rest_share, bound.rest_share)
@@ -184,6 +191,7 @@ class ContactDetector:
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
         self._watches = (EncoderWatch(names), EffortWatch(names))
+        self._lasting = 0.0  # [s] of motion that neither contact nor payload explain
         self._declared = np.inf  # [s] since a payload was declared
         self._first: float | None = None
         self._last: float | None = None
@@ -200,6 +208,8 @@ class ContactDetector:
     def problem(self) -> str:
         """Reason why contact cannot be detected; empty otherwise."""
         event = self.event
+        if event is None and self._lasting > _GIVE_UP:
+            event = self.events[-1]
         if event is not None and event.cause is Cause.MODEL:
             return (
                 f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
@@ -207,7 +217,7 @@ class ContactDetector:
                 'by a contact nor by a payload: check that the model belongs to this arm, or '
                 'declare the payload'
             )
-        return self._watches[0].problem or self._watches[1].problem
+        return self._saturated or self._watches[0].problem or self._watches[1].problem
 
     @property
     def payload_mass(self) -> float | None:
@@ -248,10 +258,30 @@ class ContactDetector:
         if any(watch.problem for watch in self._watches):
             self._start_again(now)
             return None
+        if self._is_saturated(mean):
+            # What lasts, lasts until the torque is known again.
+            self._external.reset()
+            self._load.pause()
+            self._declared = 0.0
+            return self._report
         row = self._external.update(window, base, self.event is None, self._load.torque)
         threshold = self._bound.threshold(row)
         self._load.update(mean, dt, row, threshold, base)
-        return self._judge(mean, now, dt, row, threshold)
+        self._report = self._judge(mean, now, dt, row, threshold)
+        return self._report
+
+    def _is_saturated(self, state: ArmState) -> bool:
+        """Return whether the torque of a joint is at its limit, beyond which none is measured."""
+        saturated = np.flatnonzero(np.abs(state.tau) >= _SATURATED * self._effort_max)
+        self._saturated = ''
+        if len(saturated):
+            joint = int(saturated[0])
+            self._saturated = (
+                f'effort of {self._external.dynamics.robot.joint_names[joint]} is at its limit of '
+                f'{self._effort_max[joint]:.3g} Nm: contact is not detected meanwhile; slow the '
+                'motion or check the load'
+            )
+        return bool(self._saturated)
 
     def _start_again(self, now: float) -> None:
         self._external.reset()
@@ -264,7 +294,7 @@ class ContactDetector:
             self.event.end = now
 
     def _begin(self) -> None:
-        self._above = self._below = self._lasting = self._steady = 0.0
+        self._above = self._below = self._steady = 0.0
         self._began: float | None = None
         self._peak = np.zeros(self._external.n)
 
@@ -296,6 +326,8 @@ class ContactDetector:
 
     def _seek(self, felt: '_Felt') -> None:
         """Start an event once a threshold is exceeded for long enough."""
+        if np.abs(felt.state.dq).max() > self._settings.rest_speed:
+            self._lasting = max(0.0, self._lasting - _CALM * felt.dt)
         exceeds = felt.ratio.max() > 1.0
         rests = not exceeds and bool(np.linalg.norm(felt.change_ratio) > 1.0)
         self._above = self._above + felt.dt if exceeds or rests else 0.0
@@ -314,13 +346,13 @@ class ContactDetector:
             felt.now, joint, value.copy(), limit.copy(), q, float(np.linalg.norm(size))
         )
         assert self._first is not None
-        if self._began - self._first < _SINCE_START:
+        if self._began - self._first < _SINCE_START or self._lasting > _GIVE_UP:
             event.cause = Cause.MODEL
         self.events.append(event)
         self._load.suspect()
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
-        self._below = self._lasting = self._steady = 0.0
+        self._below = self._steady = 0.0
         self._peak = np.abs(value)
 
     def _follow(self, event: ContactEvent, felt: '_Felt') -> None:
@@ -338,11 +370,11 @@ class ContactDetector:
         moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
         self._lasting += felt.dt if moves else 0.0
         if self._load.released:
-            event.cause = Cause.RELEASED
+            event.cause, self._lasting = Cause.RELEASED, 0.0
             self._end(event, felt.now)
             return
         if self._load.found:
-            event.cause = Cause.PAYLOAD
+            event.cause, self._lasting = Cause.PAYLOAD, 0.0
             event.mass, event.mass_std = self._load.mass, self._load.mass_std
             self._end(event, felt.now)
             return

@@ -151,3 +151,59 @@ def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
 def test_settings_are_positive() -> None:
     with pytest.raises(ValueError, match='confirmation'):
         replace(SMALL, confirmation=0.0)
+
+
+def test_a_declared_payload_is_neither_contact_nor_found(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    found, motion = detector(loaded, bound), recording(loaded, 0.7, 7.5)
+    assert motion.dq is not None
+    declared = False
+    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        if time >= loaded.pick_up and not declared:
+            found.carry(loaded.payload)
+            declared = True
+        found.update(ArmState(q, dq, tau), float(time))
+    assert found.events == []
+    assert found.payload_mass is None
+
+
+def test_an_undeclared_payload_that_is_put_down_is_reported_and_no_longer_subtracted(
+    run: CarryingRun, bound: ResidualBound
+) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    back = recording(run, 0.7, run.put_down)
+    seconds = float(back.time[-1] - back.time[0]) + 1e-3
+    # The arm repeats the loaded motion, then the empty one.
+    found = play(detector(run, bound), back)
+    again = replace(motion, time=motion.time + seconds)
+    play(found, again)
+    assert found.events[0].begin > run.pick_up
+    assert Cause.MODEL not in {event.cause for event in found.events}
+
+
+def test_a_saturated_torque_is_named_and_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    largest = 0.5 * np.abs(motion.tau).max(axis=0)
+    external = ExternalTorque(known_arm(run), GAIN)
+    found = ContactDetector(external, bound, SMALL, effort_max=largest)
+    problems = set()
+    assert motion.dq is not None
+    clipped = np.clip(motion.tau, -largest, largest)
+    for time, q, dq, tau in zip(motion.time, motion.q, motion.dq, clipped, strict=True):
+        found.update(ArmState(q, dq, tau), float(time))
+        problems.add(found.problem)
+    assert any('is at its limit' in problem for problem in problems)
+    assert found.events == []
+
+
+def test_a_contact_lasts_while_the_torque_saturates(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
+    limit = np.full(4, 1e3)
+    found = ContactDetector(ExternalTorque(known_arm(run), GAIN), bound, SMALL, limit)
+    tau = motion.tau.copy()
+    tau[(motion.time > 1.8) & (motion.time < 2.0)] = limit
+    play(found, replace(motion, tau=tau))
+    (event,) = found.events
+    assert event.begin == pytest.approx(TOUCH.begin, abs=0.1)
+    assert event.end > 2.0
