@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 from payload_hours import CYCLE, Arm
-from touching.touched_arm import Learnt, TouchedArm, learn, made
+from touching.touched_arm import Learnt, TouchedArm, TouchedPlant, learn, made
 
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
+from aerarm_ros.online.contact_place import ContactLocator
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 GAIN = 60.0  # [1/s]
@@ -48,13 +49,16 @@ class Touch(NamedTuple):
 
     The torque on a joint [Nm] that moves is felt in full. Of a joint that is slow, dry friction
     takes up to what it can hold in either direction: a force of which every joint feels less than
-    its friction band leaves the drives' torque as it was.
+    its friction band leaves the drives' torque as it was. `link` is the located link less the
+    touched one, NaN if the touch was missed, and `off` the distance [m] of the point along it.
     """
 
     place: str
     delay: float
     moves: bool
     share: float
+    link: float = np.nan
+    off: float = np.nan
 
 
 @dataclass
@@ -91,7 +95,7 @@ def drift(rig: TouchedArm, now: float, phase: Array) -> None:
 def touched(job: Job, rig: TouchedArm, learnt: Learnt, random: np.random.Generator) -> Session:
     """Touch the arm now and then."""
     result, found = Session(job), ContactDetector(learnt.external(), learnt.bound, learnt.settings)
-    plant, n = rig.plant, job.joints
+    plant, n, locator = rig.plant, job.joints, ContactLocator(learnt.model.robot)
     places = {'tool': plant.bodies - 1, 'link 2': plant.bodies - n + 1}
     phase = random.uniform(0.0, 2.0 * np.pi, n)
     due, until, seen, now = 5.0, -1.0, 0, 0.0
@@ -111,6 +115,8 @@ def touched(job: Job, rig: TouchedArm, learnt: Learnt, random: np.random.Generat
             result.touches.append(touch)
         elif until < begin < until + 2.0 * WINDOW * CYCLE:
             plant.touch(0, np.zeros(3), np.zeros(3))
+            if np.isfinite(touch.delay) and np.isnan(touch.link):
+                touch = result.touches[-1] = located(touch, found, locator, plant, body)
         if begin < until:
             plant.touch(body, plant.end_of(body), force)
         for state in rig.cycles(WINDOW):
@@ -119,14 +125,27 @@ def touched(job: Job, rig: TouchedArm, learnt: Learnt, random: np.random.Generat
                 skipped -= 1
                 continue
             found.update(state, now)
-            for event in found.events[seen:]:
-                if begin < until + 0.1:
-                    if np.isnan(result.touches[-1].delay):
-                        result.touches[-1] = touch._replace(delay=now - (until - HOLD))
-                elif event.cause is Cause.CONTACT:
-                    result.false.append(round(now, 2))
-            seen = len(found.events)
+            new, seen = found.events[seen:], len(found.events)
+            if new and begin < until + 0.1:
+                if np.isnan(touch.delay):
+                    touch = result.touches[-1] = touch._replace(delay=now - (until - HOLD))
+                continue
+            result.false += [round(now, 2) for event in new if event.cause is Cause.CONTACT]
     return result
+
+
+def located(
+    touch: Touch, found: ContactDetector, locator: ContactLocator, plant: TouchedPlant, body: int
+) -> Touch:
+    """Return a touch with the place that the detector's last event gives it."""
+    event = found.events[-1]
+    place = locator.locate(event.q, event.torque, event.threshold)
+    if place is None:
+        return touch
+    # Bodies are the world and the moving links.
+    link = locator.links.index(place.link) - (body - 1)
+    off = float(np.linalg.norm(place.point - plant.end_of(body))) if link == 0 else np.nan
+    return touch._replace(link=link, off=off)
 
 
 def felt(name: str, rig: TouchedArm, learnt: Learnt, body: int, force: Array) -> Touch:
@@ -271,6 +290,14 @@ def line(name: str, touches: list[Touch]) -> None:
         f'({100.0 * low:.1f} to {100.0 * high:.1f}); {int(np.isfinite(delays).sum())} found, '
         f'median {1e3 * np.nanmedian(delays):.0f} ms'
     )
+    links = np.array([touch.link for touch in touches])
+    known, off = int(np.isfinite(links).sum()), np.array([touch.off for touch in touches])
+    if known:
+        print(
+            f'    link right in {int((links == 0).sum())} of {known}, one before it in '
+            f'{int((links == -1).sum())}; point off by {1e3 * np.nanmedian(off):.0f} mm in the '
+            'median where the link is right'
+        )
 
 
 if __name__ == '__main__':

@@ -52,6 +52,7 @@ class ContactLocator:
         self._robot = robot
         self._model = robot.model
         self._data = robot.model.createData()
+        self.links = robot.link_names
         self._ends = [_far_end(robot, joint) for joint in range(1, robot.n + 1)]
 
     def locate(self, q: Array, torque: Array, threshold: Array) -> ContactPlace | None:
