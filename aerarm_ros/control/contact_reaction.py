@@ -81,7 +81,7 @@ class ContactReaction:
         return self._law.stiffness_share < 1.0
 
     def is_silent(self, now: float) -> bool:
-        """Return whether nobody reports contact at `now` [s]."""
+        """Return whether reports of contact are missing at `now` [s]."""
         return not 0.0 <= now - self._reported < _SILENT
 
     def report(self, in_contact: bool, now: float) -> None:

@@ -236,7 +236,7 @@ class ControllerNode(StateNode):
             return ''
         if reaction.is_silent(1e-9 * self.stamp_ns):
             return (
-                f"contact_reaction is '{reaction.reaction.value}', but nobody publishes contact: "
+                f"contact_reaction is '{reaction.reaction.value}', but no node publishes contact: "
                 'start contact_estimator'
             )
         return ''
