@@ -178,7 +178,7 @@ class ContactDetector:
         effort_max: npt.ArrayLike = np.inf,
     ) -> None:
         self._external = external
-        self._effort_max = np.zeros(external.n) + effort_max
+        self._effort_max = np.broadcast_to(np.asarray(effort_max, dtype=float), external.n)
         self._saturated = ''
         self._report: ContactReport | None = None
         self._bound = bound
@@ -349,7 +349,7 @@ class ContactDetector:
         if self._began - self._first < _SINCE_START or self._lasting > _GIVE_UP:
             event.cause = Cause.MODEL
         self.events.append(event)
-        self._load.suspect()
+        self._load.suspect(felt.torque / felt.threshold, felt.threshold)
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
         self._below = self._steady = 0.0

@@ -77,13 +77,13 @@ class Window(NamedTuple):
     state : ArmState
     dt : float
         Its length [s].
-    count : int
+    states : int
         Number of states.
     """
 
     state: ArmState
     dt: float
-    count: int = 1
+    states: int = 1
 
 
 class StateWindow:
@@ -228,6 +228,8 @@ class ExternalTorque:
         [Nm], the torque of an undeclared payload.
         """
         state, dt, count = window
+        # A state may have the torque of the one before it; of a mean, that is a small part.
+        late = 1.0 if count == 1 else _JERK / count
         dq = state.dq
         self._last = state.q, dq, base
         share = dt * self.stage / (1.0 + dt * self.stage)
@@ -244,7 +246,7 @@ class ExternalTorque:
             [
                 dry * np.maximum(0.0, 1.0 - speed / _SLOW),
                 self.gain * np.abs(momentum - self._lagging),
-                _JERK * self.gain / count * np.abs(change - self._change),
+                late * self.gain * np.abs(change - self._change),
             ]
         )
         self._momentum, self._change = momentum, change

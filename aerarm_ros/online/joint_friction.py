@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.identification.joint_model import JointTerm, TermKind
@@ -100,7 +101,7 @@ class FrictionDrift:
         self._squares = self._products = np.zeros(n)
         self.share, self.doubt = np.zeros(n), np.ones(n)
 
-    def update(self, residual: Array, friction: Array, dt: float, moves: Array) -> None:
+    def update(self, residual: Array, friction: Array, dt: float, moves: NDArray[np.bool_]) -> None:
         """Learn from the joints that move (n,); torques (n,) [Nm] have the same delay."""
         if not moves.any():
             return

@@ -100,9 +100,18 @@ class LoadTest:
             self._due = 0.0
             self._learn(state, row, threshold)
 
-    def suspect(self) -> None:
-        """Begin to look for a payload, which has come now: earlier motion tells nothing of it."""
-        if self._body is None:
+    def suspect(self, ratio: Array, threshold: Array) -> None:
+        """Look for a payload that came now, unless earlier motion explains the torque.
+
+        Parameters
+        ----------
+        ratio, threshold : (n,) ndarray
+            External torque over its threshold, and the threshold [Nm].
+        """
+        if self._body is not None:
+            return
+        predicted = -self._columns @ (self._scale * self._filter.belief.mean) / threshold
+        if np.linalg.norm(ratio - predicted) > 0.5 * np.linalg.norm(ratio):
             self._filter.forget(slice(None))
             self._window.clear()
 

@@ -28,7 +28,7 @@ def pushed_mass(force: np.ndarray) -> list[ArmState]:
 def test_the_mean_torque_is_the_change_of_mean_momentum() -> None:
     force = np.random.default_rng(1).uniform(-1.0, 1.0, 60)
     means = windows(pushed_mass(force), CYCLE)
-    assert [mean.count for mean in means] == [5] * 12
+    assert [mean.states for mean in means] == [5] * 12
     for before, after in zip(means, means[1:], strict=False):
         change = MASS * (after.state.dq - before.state.dq) / after.dt
         assert after.state.tau == pytest.approx(change)
@@ -37,7 +37,7 @@ def test_the_mean_torque_is_the_change_of_mean_momentum() -> None:
 def test_slow_states_pass_unchanged() -> None:
     states = pushed_mass(np.array([1.0, -2.0, 0.5]))
     means = windows(states, 0.01)
-    assert [mean.count for mean in means] == [1, 1, 1]
+    assert [mean.states for mean in means] == [1, 1, 1]
     for state, mean in zip(states, means, strict=True):
         assert mean.state.dq == pytest.approx(state.dq)
         assert mean.state.tau == pytest.approx(state.tau)
