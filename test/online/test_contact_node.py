@@ -102,7 +102,7 @@ def test_a_model_of_another_arm_is_named(known: ContactEstimatorNode, free: Carr
     motion = recording(free, 0.7, 9.0)
     for again in range(3):
         time = motion.time + 8.31 * again
-        feed(known, replace(motion, time=time, tau=1.2 * motion.tau))
+        feed(known, replace(motion, time=time, tau=0.6 * motion.tau))
     assert 'check that the model belongs to this arm' in known.warning()
     assert known.describe()['contact'] == 'no'
 
