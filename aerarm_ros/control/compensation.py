@@ -121,7 +121,7 @@ class FrictionCompensation:
         self._load_share = share if np.any(share) else None
         self._steepness = 1.0 / positive('width', width)
 
-    def torque(self, dq: Array, load: Array | None = None) -> Array:
+    def torque(self, dq: Array, load: Array | None = None, measured: Array | None = None) -> Array:
         """Return the torque [Nm] that overcomes friction at velocity `dq` (n,) [rad/s].
 
         Parameters
@@ -129,6 +129,9 @@ class FrictionCompensation:
         dq : (n,) ndarray
         load : (n,) ndarray, optional
             Torque [Nm] that the gears transmit to the links; none by default.
+        measured : (n,) ndarray, optional
+            Measured velocity [rad/s] where `dq` is the reference; only friction that falls with
+            speed depends on it.
         """
         dry: Any = self._coulomb
         if load is not None and self._load_share is not None:
@@ -173,6 +176,11 @@ class MomentumObserver:
     friction : FrictionCompensation, optional
         Model of the friction tau_f, by measured velocity; without it r contains friction.
 
+    Attributes
+    ----------
+    momentum, bias, friction : (n,) ndarray
+        p [Nms], h [Nm] and tau_f [Nm] of the last state.
+
     Raises
     ------
     ValueError
@@ -192,6 +200,7 @@ class MomentumObserver:
         self._last_dq: Array | None = None
         self._summed = np.zeros(dynamics.n)
         self._residual = np.zeros(dynamics.n)
+        self.momentum = self.bias = self.friction = np.zeros(dynamics.n)
 
     @property
     def residual(self) -> Array:
@@ -204,6 +213,16 @@ class MomentumObserver:
         self._summed = np.zeros_like(self._summed)
         self._residual = np.zeros_like(self._residual)
 
+    def rebase(self, q: Array, dq: Array, base: BaseMotion | None = None) -> None:
+        """Go on with dynamics that have changed at a state, as by a payload that moves along.
+
+        The momentum of what was added is there at once; it is no torque.
+        """
+        if self._integral is not None:
+            momentum, _ = self._momentum(q, dq, base)
+            self._integral = self._integral + momentum - self.momentum
+            self.momentum = momentum
+
     def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Array:
         """Process the state after a cycle of `dt` [s] and return r, (n,) [Nm].
 
@@ -211,13 +230,15 @@ class MomentumObserver:
         """
         q, dq, tau = state
         p, inertia_rate = self._momentum(q, dq, base)
+        bias = self._dynamics.bias(q, dq, base)
+        self.momentum, self.bias = p, bias
+        rate = tau - bias + inertia_rate
+        if self._friction is not None:
+            self.friction = self._friction.torque(dq, bias)
+            rate -= self.friction
         if self._integral is None:
             self._integral = p
             return self._residual
-        bias = self._dynamics.bias(q, dq, base)
-        rate = tau - bias + inertia_rate
-        if self._friction is not None:
-            rate -= self._friction.torque(dq, bias)
         integral = self._integral + dt * rate
         # Backward Euler: stable for every gain and cycle.
         self._residual = self._gain * (p - integral) / (1.0 + dt * self._gain)

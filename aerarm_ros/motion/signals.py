@@ -1,5 +1,6 @@
 """References, states and commands of joints and tool, in the thesis's symbols."""
 
+from enum import Enum
 from math import sqrt
 from typing import NamedTuple, Protocol
 
@@ -14,6 +15,19 @@ def limited(vector: Array, length: float) -> Array:
     """Return a vector (k,), shortened to `length` if longer, with its direction unchanged."""
     norm = sqrt(vector @ vector)
     return vector if norm <= length else (length / norm) * vector
+
+
+class Reaction(Enum):
+    """Reaction to a contact in motion; the value is its name in parameters."""
+
+    REPORT = 'report'
+    STOP = 'stop'
+    RETREAT = 'retreat'
+    COMPLY = 'comply'
+
+
+REACTIONS = tuple(reaction.value for reaction in Reaction)
+"""Names of the reactions."""
 
 
 class ArmState(NamedTuple):

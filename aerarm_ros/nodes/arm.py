@@ -20,6 +20,7 @@ from rclpy.utilities import remove_ros_args
 
 from aerarm_ros.hardware.bridge_modes import MODES, OFF
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
+from aerarm_ros.motion.signals import REACTIONS
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import (
@@ -147,7 +148,7 @@ def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     request = SetPointRequest(node)
 
     def ask() -> None:
-        request.go(options.angle, options.tolerance, options.timeout, _say_wait)
+        request.go(options.angle, options.tolerance, options.timeout, _say_wait, options.on_contact)
         print('the arm has reached its goal', flush=True)
 
     return ask
@@ -235,6 +236,12 @@ def make_parser() -> argparse.ArgumentParser:
     )
     command.add_argument(
         '--tolerance', type=positive_number, default=0.05, help='goal tolerance [rad]'
+    )
+    command.add_argument(
+        '--on-contact',
+        choices=REACTIONS,
+        default='',
+        help='reaction to contact from this motion on (default: as set at the controller)',
     )
     command = add('tool', 'let the active Cartesian controller move the tool to a position', _tool)
     for axis in 'xyz':

@@ -1,7 +1,7 @@
 """External joint torque from the momentum observer, and the bound of its model error."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,11 +10,11 @@ from scipy.optimize import linprog
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import positive
-from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.compensation import MomentumObserver
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.joint_model import JointTerm, TermKind
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.online.joint_friction import JointFriction
 from aerarm_ros.online.replay import KnownArm
 
 FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jerk')
@@ -23,48 +23,7 @@ FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jer
 LONGEST_GAP = 0.1
 """[s] Longest gap between two states; after a longer one the observer restarts."""
 
-_WIDTH = 0.01  # [rad/s] width of dry friction's change of direction
 _SLOW = 0.05  # [rad/s] below which dry friction may have another direction or be static
-_CREEPING = 0.02  # [rad/s] at which saturating viscous friction counts as dry friction
-
-
-class JointFriction(FrictionCompensation):
-    """All identified friction of the joints by measured velocity.
-
-    This class adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
-    Stribeck friction, offsets, one-sided and coupled friction.
-    """
-
-    def __init__(self, arm: KnownArm) -> None:
-        viscous, coulomb, load = arm.friction
-        super().__init__(viscous, coulomb, _WIDTH, 1.0, load)
-        self._dry, self._share = coulomb.copy(), load
-        self._others: list[tuple[int, int, JointTerm, float]] = []
-        for joint, term, value in arm.others:
-            driver = joint if term.driver is None else term.driver
-            smooth = term.smooth or term.kind is TermKind.STRIBECK or term.width > 0.0
-            known = term if smooth else replace(term, width=_WIDTH)
-            self._others.append((joint, driver, known, value))
-            if not term.smooth:
-                self._dry[joint] += abs(value * float(known.basis(_at_creep, _at_creep, None)))
-
-    def torque(self, dq: Array, load: Array | None = None) -> Array:
-        """Return the friction torque (n,) [Nm] at a velocity and a load on the links."""
-        torque = super().torque(dq, load)
-        for joint, driver, term, value in self._others:
-            speed = dq[driver]
-            basis = term.basis(speed, speed, None)
-            if term.kind is TermKind.STRIBECK:
-                basis = basis * np.tanh(abs(speed) / _WIDTH)
-            torque[joint] += value * float(basis)
-        return torque
-
-    def dry(self, load: Array) -> Array:
-        """Return the largest dry friction (n,) [Nm] at rest, in either direction."""
-        return np.asarray(self._dry + self._share * np.abs(load))
-
-
-_at_creep = np.asarray(_CREEPING)
 
 
 _FROZEN = 0.2  # [s] in which the position of a moving joint changes

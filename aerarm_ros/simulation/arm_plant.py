@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import exp
 from typing import Any
 from xml.etree import ElementTree
 
@@ -75,6 +76,10 @@ class PlantParameters:
         backlash, required by `BacklashPlant` only.
     backlash_wear
         Growth of the backlash per transmitted energy [rad/J].
+    stribeck
+        Static friction beyond that of a joint that slides, over the latter [-].
+    stribeck_velocity
+        Velocity at which a third of `stribeck` is left [rad/s].
     """
 
     joint_names: tuple[str, ...]
@@ -89,6 +94,8 @@ class PlantParameters:
     seed: int | None = None
     backlash: Array | None = None
     backlash_wear: float = 0.0
+    stribeck: float = 0.0
+    stribeck_velocity: float = 0.05
 
     @classmethod
     def nominal(cls, config: ArmConfig, robot: Robot) -> 'PlantParameters':
@@ -202,6 +209,8 @@ class PlantParameters:
             'parameters': parameters,
             'load_friction': self.load_friction.tolist(),
             'motor_torque_constant': self.motor_torque_constant.tolist(),
+            'stribeck': self.stribeck,
+            'stribeck_velocity': self.stribeck_velocity,
             'measured_per_true_torque': ratio.tolist(),
             **play,
         }
@@ -228,9 +237,12 @@ class ArmPlant:
 
         (B(q) + J_a) ddq + C(q, dq) dq + g(q) + f_v dq + friction = tau
 
-    The dry friction of joint i is at most ``f_s + c |tau_t|``. The torque ``tau_t`` is the one that
-    the gear transmitted in the previous sub-step. Dry friction is a constraint of the engine, not a
-    function of speed, so a joint at rest stays at rest under any smaller load.
+    The dry friction of joint i is at most ``f_s + c |tau_t|``. The torque ``tau_t`` is the one
+    that the gear transmitted in the previous sub-step. Dry friction is a constraint of the engine,
+    not a function of speed, so a joint rests under any smaller load. With ``stribeck`` the
+    limit is higher at low speed, by the factor ``1 + s exp(-(dq / v_s)^2)`` (Armstrong-Helouvry,
+    Dupont, Canudas de Wit: A survey of models for the control of machines with friction,
+    Automatica 1994), so that a joint that is moved slowly through a compliance sticks and slips.
 
     Parameters
     ----------
@@ -426,6 +438,14 @@ class ArmPlant:
         """Return the name of a link in the physics engine."""
         return link
 
+    def _stribeck(self, dq: float) -> float:
+        """Return dry friction at a velocity over that of a joint that slides fast."""
+        share = self.parameters.stribeck
+        if share == 0.0:
+            return 1.0
+        ratio = dq / self.parameters.stribeck_velocity
+        return 1.0 + share * exp(-min(ratio * ratio, 50.0))
+
     def _set_gravity(self) -> None:
         """Set the engine's gravity to the unsupported fraction of the arm's weight."""
         self._model.opt.gravity = (1.0 - self._support) * self._gravity
@@ -448,7 +468,7 @@ class ArmPlant:
         for (inertia, viscous, coulomb, share), effort, dq, ddq, constraint in rows:
             transmitted = effort - inertia * ddq - viscous * dq + constraint
             load.append(transmitted)
-            limit.append(coulomb + share * abs(transmitted))
+            limit.append((coulomb + share * abs(transmitted)) * self._stribeck(dq))
         self._load[:] = load
         self._friction_limit[:] = limit
 

@@ -122,4 +122,5 @@ class BacklashPlant(ArmPlant):
         """Update dry friction from the contact torque of the flanks."""
         coulomb = np.array([row[2] for row in self._constants])
         self._load[:] = self._data.qfrc_constraint[: self.n]
-        self._friction_limit[:] = coulomb + self.parameters.load_friction * np.abs(self._load)
+        limit = coulomb + self.parameters.load_friction * np.abs(self._load)
+        self._friction_limit[:] = limit * [self._stribeck(dq) for dq in self._velocity.tolist()]

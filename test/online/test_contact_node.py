@@ -83,5 +83,5 @@ def test_without_thresholds_it_says_how_to_learn_them(make: Make) -> None:
 def test_a_file_that_is_none_is_named(make: Make, tmp_path: Path) -> None:
     file = tmp_path / 'residuals.yaml'
     file.write_text('a: 1\n')
-    with pytest.raises(ValueError, match='has no residual_bound'):
+    with pytest.raises(ValueError, match='residual_bound'):
         make(residuals_file=file)

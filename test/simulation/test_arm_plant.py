@@ -209,3 +209,21 @@ def test_locked_joints_are_refused(example_urdf):
     )
     with pytest.raises(PlantError):
         ArmPlant(robot, parameters)
+
+
+def test_stribeck_friction_holds_more_than_it_brakes() -> None:
+    drawn = PlantParameters.nominal(load_arm_config(), load_robot())
+    weightless = replace(drawn, stribeck=0.5, stribeck_velocity=0.05)
+    plant = ArmPlant(load_robot(), weightless, [0.0, 0.5 * np.pi, 0.0, 0.0])
+    plant.gravity_in_base = np.zeros(3)
+    coulomb = drawn.coulomb[0]
+    plant.apply_effort([1.4 * coulomb, 0.0, 0.0, 0.0])
+    plant.advance(0.2)
+    assert abs(plant.velocity[0]) < 1e-5  # 1.5 times the dry friction holds it
+    plant.apply_effort([1.7 * coulomb, 0.0, 0.0, 0.0])
+    plant.advance(0.5)
+    plant.apply_effort([1.3 * coulomb, 0.0, 0.0, 0.0])
+    before = plant.velocity[0]
+    plant.advance(0.1)
+    assert before > 0.2
+    assert plant.velocity[0] > before  # sliding, it needs less than what held it

@@ -41,16 +41,18 @@ class InverseDynamicsLaw:
         a: Array,
         along: JointReference,
         base: BaseMotion | None,
+        measured: Array,
     ) -> Array:
         """Return the torque (n,) [Nm] for an acceleration `a` [rad/s^2] at q [rad], dq [rad/s].
 
-        Friction is compensated for the velocity of the reference `along`. A base that responds is
-        assumed to respond to the reference's acceleration.
+        Friction is compensated for the velocity of the reference `along`, its part that falls with
+        speed for the `measured` velocity (n,) [rad/s]. A base that responds is assumed to respond
+        to the reference's acceleration.
         """
         u = self._dynamics.inverse(q, dq, a, base, along.ddq)
         if self._friction is not None:
             load = u - self._dynamics.fixed.rotor_inertia * a
-            u = u + self._friction.torque(along.dq, load)
+            u = u + self._friction.torque(along.dq, load, measured)
         return u
 
 
@@ -84,6 +86,8 @@ class ComputedTorque(InverseDynamicsLaw):
     ----------
     kp, kd : (n,) ndarray
         May be replaced at any time.
+    stiffness_share : float
+        Share of kp in effect, 1 unless the arm complies with a contact.
 
     Raises
     ------
@@ -104,6 +108,7 @@ class ComputedTorque(InverseDynamicsLaw):
         super().__init__(dynamics, integral, friction)
         self.kp = non_negative('kp', kp, dynamics.n)
         self.kd = non_negative('kd', kd, dynamics.n)
+        self.stiffness_share = 1.0
         self._delay = delay
         self._lag = velocity_lag
 
@@ -117,18 +122,18 @@ class ComputedTorque(InverseDynamicsLaw):
         """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
         q, dq, _ = state
         error = reference.q - q
-        a = reference.ddq + self.kp * error
+        a = reference.ddq + self.stiffness_share * self.kp * error
         if self._lag:
             dq = dq + self._lag * reference.ddq  # lag of the low-pass
         a += self.kd * (reference.dq - dq)
-        if self._integral is not None:
+        if self._integral is not None and self.stiffness_share == 1.0:
             a += self._integral.update(error, dt)
         if self._delay:
             gained = self._delay * reference.ddq
             q, dq = q + self._delay * reference.dq, dq + gained
             reference = reference._replace(dq=reference.dq + gained)
         # Friction for the reference velocity, without measured noise.
-        return JointCommand(tau=self._torque(q, dq, a, reference, base))
+        return JointCommand(tau=self._torque(q, dq, a, reference, base, state.dq))
 
 
 class BoardComputedTorque(InverseDynamicsLaw):
@@ -136,8 +141,11 @@ class BoardComputedTorque(InverseDynamicsLaw):
 
     The boards add `Kp (qd - q) + Kd (dqd - dq)` at 40 kHz, so the host's cycle does not delay the
     feedback. In exchange the gains are torques per error, not multiplied by B(q), so the joints'
-    errors are coupled. For the parameters see `InverseDynamicsLaw`.
+    errors are coupled. For the parameters see `InverseDynamicsLaw`. The boards' gains do not
+    change, so `stiffness_share` has no effect.
     """
+
+    stiffness_share = 1.0
 
     def update(
         self,
@@ -152,5 +160,5 @@ class BoardComputedTorque(InverseDynamicsLaw):
             a = a + self._integral.update(reference.q - state.q, dt)
         # Nonlinear terms at the reference, without measured noise; the boards' stiff loop keeps
         # the arm close to it.
-        u = self._torque(reference.q, reference.dq, a, reference, base)
+        u = self._torque(reference.q, reference.dq, a, reference, base, state.dq)
         return JointCommand(reference.q, reference.dq, u)

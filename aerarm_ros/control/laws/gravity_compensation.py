@@ -37,6 +37,8 @@ class GravityCompensation:
     ----------
     kp, kd : (n,) ndarray
         May be replaced at any time.
+    stiffness_share : float
+        Share of kp in effect, 1 unless the arm complies with a contact.
 
     Raises
     ------
@@ -60,6 +62,7 @@ class GravityCompensation:
         self._hand_friction = hand_friction
         self._fade = Fade(positive('fade_time', fade_time), share=1.0)
         self.hand_guiding = False
+        self.stiffness_share = 1.0
 
     @property
     def stiffness(self) -> float:
@@ -82,7 +85,7 @@ class GravityCompensation:
         q, dq, _ = state
         damping = stiffness + (1.0 - stiffness) * HAND_GUIDING_DAMPING
         load = self._dynamics.gravity(q, base, reference.ddq)
-        u = load + stiffness * self.kp * (reference.q - q)
+        u = load + stiffness * self.stiffness_share * self.kp * (reference.q - q)
         u += damping * self.kd * (stiffness * reference.dq - dq)
         if self._friction is not None:
             u += stiffness * self._friction.torque(reference.dq, load)

@@ -12,11 +12,14 @@ from aerarm_ros.control.checks import non_negative
 from aerarm_ros.control.compensation import ErrorIntegral
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
+from aerarm_ros.motion.signals import Reaction
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
     FRICTION_PARAMETERS,
     REACHING_COMPENSATION,
+    REACTION,
+    REACTION_PARAMETERS,
     observer_parameters,
     one_or_each,
 )
@@ -37,6 +40,7 @@ PARAMETERS = controller_parameters(
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
+    *REACTION_PARAMETERS,
     Parameter(
         'feedback',
         HOST,
@@ -102,10 +106,12 @@ class ComputedTorqueNode(ControllerNode):
 
     def subscribe(self) -> None:
         """Subscribe to set points and trajectories, and serve the trajectory action."""
+        self.check_parameter(REACTION, self.values.contact_reaction)
+        self.reaction = self.react_to_contact(self.follower, self.law)
         self.take_references(
             topics.JOINT_TRAJECTORY,
             lambda m, now: follow_trajectory(
-                self.follower, m, now, self.values.allow_partial_joints_goal
+                self.follower, m, now, self.values.allow_partial_joints_goal, self.reaction
             ),
         )
         self.take_references(
@@ -116,13 +122,22 @@ class ComputedTorqueNode(ControllerNode):
         self.take_payload()
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the control gains."""
+        """Change the control gains or the reaction to contact."""
+        if name == REACTION:
+            self.reaction.reaction = Reaction(value)
+            return
         setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Reject a wrong number of gains, and a gain that the control law does not use."""
+        """Require one gain or one per joint, and a control law that uses it or can comply."""
+        is_host = isinstance(self.law, ComputedTorque)
+        if name == REACTION and value == Reaction.COMPLY.value and not is_host:
+            raise ValueError(
+                "with feedback 'boards' the arm cannot comply: use stop or retreat, or feedback "
+                "'host'"
+            )
         if name in ('kp', 'kd'):
-            if not isinstance(self.law, ComputedTorque):
+            if not is_host:
                 raise ValueError(
                     "with feedback 'boards', set the gains as parameters of the bridge"
                 )

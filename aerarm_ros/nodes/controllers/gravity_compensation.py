@@ -14,12 +14,14 @@ from aerarm_ros.control.checks import RejectedInputError, non_negative
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
-from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.motion.signals import ArmState, Reaction
 from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
 from aerarm_ros.ros.controllers.controller_parameters import (
     FOLLOWER_PARAMETERS,
     FRICTION_PARAMETERS,
     REACHING_COMPENSATION,
+    REACTION,
+    REACTION_PARAMETERS,
     observer_parameters,
     one_or_each,
 )
@@ -40,6 +42,7 @@ PARAMETERS = controller_parameters(
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *FOLLOWER_PARAMETERS,
+    *REACTION_PARAMETERS,
     Parameter(
         'kp', KP, 'proportional gains, one value or one per joint', 'Nm/rad', 0.0, 1e4, live=True
     ),
@@ -82,8 +85,10 @@ class GravityCompensationNode(ControllerNode):
 
     def subscribe(self) -> None:
         """Subscribe to set points and trajectories, and serve the trajectory action."""
+        self.reaction = self.react_to_contact(self.follower, self.law)
         self.take_references(topics.SET_POINT, self._unless_guided(go_to_set_point))
-        follow = partial(follow_trajectory, partial=self.values.allow_partial_joints_goal)
+        is_partial = self.values.allow_partial_joints_goal
+        follow = partial(follow_trajectory, partial=is_partial, reaction=self.reaction)
         self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow))
         serve_trajectories(self, self.follower, self._guidance_problem)
         self.tell_plan(lambda times: None if self._was_guided else self.follower.ahead(times))
@@ -102,9 +107,11 @@ class GravityCompensationNode(ControllerNode):
         self._was_guided = guided
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change gains or the mode."""
+        """Change gains, the mode or the reaction to contact."""
         if name == 'hand_guiding':
             self.law.hand_guiding = value
+        elif name == REACTION:
+            self.reaction.reaction = Reaction(value)
         else:
             setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 

@@ -7,15 +7,17 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.control.contact_reaction import ComplyingLaw, ContactReaction
 from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
-from aerarm_ros.motion.signals import ArmState, JointReference
+from aerarm_ros.motion.signals import ArmState, JointReference, Reaction
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
 from aerarm_ros.ros.controllers.state_node import PlanTopic, StateNode, state_node_parameters
 from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
@@ -59,6 +61,7 @@ class ControllerNode(StateNode):
 
     loop: ControlLoop[Any]
     _payload: PayloadIntake | None
+    _reaction: ContactReaction | None
 
     # Methods for derived controllers to override.
 
@@ -101,6 +104,23 @@ class ControllerNode(StateNode):
         self.listen(topics.PAYLOAD, self._payload.take)
         self.attend(self._payload)
 
+    def react_to_contact(self, follower: TrajectoryFollower, law: ComplyingLaw) -> ContactReaction:
+        """Listen to contacts and return what reacts to them as `contact_reaction` says."""
+        values = self.values
+        reaction = ContactReaction(
+            follower, self.loop, law, values.retreat_time, values.comply_stiffness
+        )
+        reaction.reaction = Reaction(values.contact_reaction)
+
+        def take(message: Bool, _: float) -> None:
+            # Not while the arm is released: the motion that it ended is no longer there.
+            if self._mode in COMMANDABLE:
+                reaction.report(message.data, 1e-9 * self.stamp_ns)
+
+        self.listen(topics.CONTACT, take)
+        self._reaction = reaction
+        return reaction
+
     def commandable_problem(self, what: str) -> str:
         """Return why `what` cannot move the arm now, or an empty text."""
         if self._mode in COMMANDABLE:
@@ -132,6 +152,7 @@ class ControllerNode(StateNode):
         self._answered = self._told = 0
         self._attendants: list[Attendant] = []
         self._payload = None
+        self._reaction = None
 
     def connect(self) -> None:
         """Advertise commands and the disturbance, and subscribe to the bridge's mode."""
@@ -151,6 +172,8 @@ class ControllerNode(StateNode):
             return
         now = stamp_ns * 1e-9
         self.before_update(state, now)
+        if self._reaction is not None:
+            self._reaction.update(state.q, now)
         command = self.loop.update(state, now)
         if command is None:
             return
@@ -183,6 +206,7 @@ class ControllerNode(StateNode):
         if self._mode not in COMMANDABLE:
             return f"the arm is '{self._mode}': run {to_switch_on(self._mode)}, or clear its fault"
         problem = '' if self._payload is None else self._payload.problem
+        problem = problem or self._reaction_problem()
         return ('' if self.loop.base is None else super().warning()) or problem
 
     def describe(self) -> dict[str, object]:
@@ -196,6 +220,8 @@ class ControllerNode(StateNode):
         }
         if self._payload is not None:
             values |= self._payload.describe()
+        if self._reaction is not None and self._reaction.reaction is not Reaction.REPORT:
+            values['reactions to contact'] = self._reaction.count
         if loop.base is None:
             values['base motion'] = (
                 'not used, because the boards need no base motion in velocity mode'
@@ -203,6 +229,17 @@ class ControllerNode(StateNode):
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
+
+    def _reaction_problem(self) -> str:
+        reaction = self._reaction
+        if reaction is None or reaction.reaction is Reaction.REPORT:
+            return ''
+        if reaction.is_silent(1e-9 * self.stamp_ns):
+            return (
+                f"contact_reaction is '{reaction.reaction.value}', but no node publishes contact: "
+                'start contact_estimator'
+            )
+        return ''
 
     def _tell_take_over(self, state: ArmState) -> None:
         """Log once that control has begun, and at which configuration."""

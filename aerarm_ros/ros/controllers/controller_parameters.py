@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -34,10 +35,10 @@ from aerarm_ros.control.references.trajectory_follower import FollowerTolerances
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.dynamics import Dynamics, checked_payload
+from aerarm_ros.model.dynamics import checked_payload
 from aerarm_ros.model.inertia import checked_body, parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
-from aerarm_ros.motion.signals import Array
+from aerarm_ros.motion.signals import REACTIONS, Array, Reaction
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
@@ -140,6 +141,8 @@ PAYLOAD_PARAMETER = Parameter(
 FRICTION_PARAMETERS = grouped(
     'Model',
     PAYLOAD_PARAMETER,
+    Parameter('friction_file', '', 'estimate.yaml of the identifier with all of its friction, also '
+        'what the URDF cannot hold (Stribeck friction); friction of the URDF if empty'),
     Parameter('friction_fraction', 1.0,
         "fraction of the URDF's joint friction that is compensated", '', 0, 1),
     Parameter('friction_width', 0.02,
@@ -158,7 +161,7 @@ FRICTION_PARAMETERS = grouped(
 ENERGY_PARAMETERS = tuple(
     parameter
     for parameter in FRICTION_PARAMETERS
-    if parameter.name not in ('friction_fraction', 'friction_width')
+    if parameter.name not in ('friction_file', 'friction_fraction', 'friction_width')
 )
 
 
@@ -243,7 +246,36 @@ FOLLOWER_PARAMETERS = grouped(
     ),
 )
 
-CarryingModel = Dynamics | MovingBaseDynamics | WholeBodyDynamics
+REACTION = 'contact_reaction'
+REACTION_PARAMETERS = grouped(
+    'Contact',
+    Parameter(
+        REACTION,
+        Reaction.REPORT.value,
+        'reaction to a contact that contact_estimator publishes: only report it, stop along the '
+        'path, retreat after the stop, or comply',
+        choices=REACTIONS,
+        live=True,
+    ),
+    Parameter(
+        'retreat_time',
+        0.3,
+        'the arm retreats to its position this long before the contact',
+        's',
+        0.01,
+        5.0,
+    ),
+    Parameter(
+        'comply_stiffness', 0.02, 'share of kp in effect while the arm complies', '', 1e-4, 1.0
+    ),
+)
+
+
+class CarryingModel(Protocol):
+    """A model of an arm that may carry something."""
+
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Add a body to the last link, see `Dynamics.carry`."""
 
 
 @dataclass(frozen=True)
@@ -286,7 +318,16 @@ class ControlledArm:
             model.carry(_payload(payload))
 
     def friction(self, values: SimpleNamespace) -> FrictionCompensation:
-        """Return the compensation of the URDF's joint friction."""
+        """Return the compensation of joint friction; raises ValueError with what to check."""
+        if values.friction_file:
+            # Only now: most controllers do without the libraries of the identifier.
+            from aerarm_ros.identification.files.estimate_file import read_estimate
+            from aerarm_ros.online.joint_friction import JointFriction
+            from aerarm_ros.online.replay import KnownArm
+
+            estimate = read_estimate(Path(values.friction_file), self.robot)
+            known = KnownArm.identified(self.robot, estimate)
+            return JointFriction(known, values.friction_width, values.friction_fraction)
         viscous, coulomb = self.robot.viscous, self.robot.coulomb
         return FrictionCompensation(
             viscous,

@@ -19,6 +19,7 @@ from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from aerarm_ros.control.checks import JointLimits, RejectedInputError
+from aerarm_ros.control.contact_reaction import ContactReaction
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.control.references.trajectory_goals import (
@@ -38,7 +39,11 @@ _LATEST, _EARLIEST = 1.0, 60.0
 
 
 def follow_trajectory(
-    follower: TrajectoryFollower, message: TrajectoryMessage, now: float, partial: bool = False
+    follower: TrajectoryFollower,
+    message: TrajectoryMessage,
+    now: float,
+    partial: bool = False,
+    reaction: ContactReaction | None = None,
 ) -> None:
     """Follow a trajectory from its stamp, or from `now` [s] if the stamp is zero.
 
@@ -50,12 +55,16 @@ def follow_trajectory(
         Follower, trajectory, and present time [s].
     partial
         Whether the message may omit joints, which then stay at their reference.
+    reaction
+        Rejects streamed points during contact.
     """
     if not message.points:
         follower.stop(now, 'stopped: empty trajectory')
         return
     staying = follower.reference.q if partial else None
     trajectory, start = read_trajectory(follower.limits, message, now, staying)
+    if reaction is not None and trajectory.is_single_point:
+        reaction.check_stream()
     follower.follow(trajectory, now, start)
 
 

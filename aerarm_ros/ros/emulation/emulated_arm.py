@@ -113,9 +113,8 @@ class EmulatedArm(World):
         seed = None if values.seed < 0 else values.seed
         drawn = robot
         config, robot = self._as_made(config, robot)
-        self._made = partial(
-            plant_parameters, config, robot, seed, values.backlash, values.backlash_wear
-        )
+        gears = values.backlash, values.backlash_wear, (values.stribeck, values.stribeck_velocity)
+        self._made = partial(plant_parameters, config, robot, seed, *gears)
         self.boards = transport = make_emulated_transport(
             config,
             robot,

@@ -61,6 +61,23 @@ EMULATION_PARAMETERS = (
         1.0,
     ),
     Parameter(
+        'stribeck',
+        0.0,
+        'static friction beyond that of a sliding joint, relative to the latter; joints that move '
+        'slowly then stick and slip',
+        '',
+        0.0,
+        5.0,
+    ),
+    Parameter(
+        'stribeck_velocity',
+        0.05,
+        'velocity at which a third of it is left',
+        'rad/s',
+        1e-3,
+        10.0,
+    ),
+    Parameter(
         'base_motion_profile',
         STILL,
         "motion of the arm's base once the motors are ready; a moving base publishes imu",
@@ -101,12 +118,14 @@ def plant_parameters(
     seed: int | None,
     backlash: Sequence[float],
     backlash_wear: float,
+    stribeck: tuple[float, float],
     payload: Sequence[float],
 ) -> PlantParameters:
     """Return the physical parameters of the simulated arm; raises ValueError."""
     parameters = PlantParameters.nominal(config, robot)
     if seed is not None:
         parameters = parameters.perturbed(seed)
+    parameters = replace(parameters, stribeck=stribeck[0], stribeck_velocity=stribeck[1])
     if len(backlash) not in (0, 1, config.n):
         raise ValueError(
             f'backlash {list(backlash)} must have one value, or one for each of {config.n} joints'

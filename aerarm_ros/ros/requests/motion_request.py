@@ -18,14 +18,16 @@ from aerarm_ros.hardware.bridge_modes import HELD, to_switch_on
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
+from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 _REPORT = 3.0  # [s] within which every controller has reported on /diagnostics
 _COUNT, _REASON = 'rejected inputs', 'last rejection'  # keys in a controller's status
 _MODE = 'arm mode'
+_REACTIONS = 'reactions to contact'
 
 
 class RejectionWatch:
-    """Watch the number of rejected inputs on /diagnostics.
+    """Follow the numbers of rejected inputs and of reactions to contact on /diagnostics.
 
     Parameters
     ----------
@@ -37,6 +39,8 @@ class RejectionWatch:
         self._node = node
         self._counts: dict[str, tuple[int, str]] = {}
         self._before: dict[str, tuple[int, str]] = {}
+        self._touches: dict[str, tuple[int, str]] = {}
+        self._touches_before: dict[str, tuple[int, str]] = {}
         self._modes: dict[str, str] = {}  # the arm's mode that each controller reports
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
@@ -53,6 +57,7 @@ class RejectionWatch:
         if spin_until(self._node, lambda: self._modes, _REPORT):
             spin_until(self._node, lambda: any(self._modes.values()), timeout)
         self._before = dict(self._counts)
+        self._touches_before = dict(self._touches)
 
     def reason(self) -> str:
         """Return why an input was rejected since `begin`, or an empty text."""
@@ -60,15 +65,25 @@ class RejectionWatch:
         later = self._counts.items()
         return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
 
+    def touch(self) -> str:
+        """Return how a motion ended at a contact since `begin`, '' if none did."""
+        before = self._touches_before
+        later = self._touches.items()
+        return next((how for name, (n, how) in later if n > before.get(name, (0, ''))[0]), '')
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
+            if _REACTIONS in values:
+                how = values.get('last motion', '')
+                self._touches[status.name] = int(values[_REACTIONS]), how
             if _COUNT in values:
                 self._counts[status.name] = int(values[_COUNT]), values[_REASON]
             if _MODE in values:
                 self._modes[status.name] = values[_MODE]
 
 
+_REACTION = 'contact_reaction'  # parameter of the controllers
 _LISTENER = 'recorder'  # subscribes to everything but moves nothing
 _SEARCH = 10.0  # [s] for discovery on a busy machine
 
@@ -98,6 +113,7 @@ class SetPointRequest:
         tolerance: float,
         timeout: float,
         on_wait: Callable[[str], None] = lambda _: None,
+        reaction: str = '',
     ) -> None:
         """Move the arm to a posture and wait until it arrives.
 
@@ -111,6 +127,8 @@ class SetPointRequest:
             Longest time to find a controller after the arm, and again for the motion [s].
         on_wait
             Called with a description of the missing node.
+        reaction
+            Reaction to contact from this motion on; if empty, that of the controller.
 
         Raises
         ------
@@ -119,6 +137,9 @@ class SetPointRequest:
             not reached.
         """
         names = self._find_arm(timeout, on_wait)
+        if reaction:
+            for controller in self._controllers():
+                set_parameter(self._node, controller, _REACTION, reaction, timeout)
         if len(posture) != len(names):
             raise ArmClientError(
                 f'{len(names)} joint positions [rad] are needed, for {", ".join(names)}'
@@ -132,11 +153,16 @@ class SetPointRequest:
             return error
 
         def ended() -> bool:
-            return bool(np.all(distance() <= tolerance) or self._rejections.reason())
+            ends = self._rejections.reason() or self._rejections.touch()
+            return bool(np.all(distance() <= tolerance) or ends)
 
         in_time = spin_until(self._node, ended, timeout)
         if self._rejections.reason():
             raise ArmClientError(f'rejected: {self._rejections.reason()}')
+        if self._rejections.touch():
+            raise ArmClientError(
+                f'{self._rejections.touch()}: remove what touches the arm, then send it on'
+            )
         if not in_time:
             far = np.argmax(distance())
             raise ArmClientError(
@@ -166,6 +192,12 @@ class SetPointRequest:
             raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
         assert self._state is not None
         return list(self._state.name)
+
+    def _controllers(self) -> list[str]:
+        """Return the controllers that take set points."""
+        listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        names = [endpoint_name(listener) for listener in listeners]
+        return [name for name in names if name.rpartition('/')[2] != _LISTENER]
 
     def _is_heard(self) -> bool:
         """Return whether a controller has subscribed and all subscribers are connected."""

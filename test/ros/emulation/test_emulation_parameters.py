@@ -11,10 +11,11 @@ from aerarm_ros.simulation.backlash_plant import BacklashPlant
 from aerarm_ros.simulation.base_profile import BASE_PROFILES
 
 CONFIG, ROBOT = load_arm_config(), load_robot()
+SMOOTH = (0.0, 0.05)  # no Stribeck friction
 
 
 def test_gears_have_the_play_that_is_asked_for() -> None:
-    parameters = plant_parameters(CONFIG, ROBOT, 1, [0.02], 1e-3, [])
+    parameters = plant_parameters(CONFIG, ROBOT, 1, [0.02], 1e-3, SMOOTH, [])
     transport = make_emulated_transport(CONFIG, ROBOT, parameters=parameters)
     assert isinstance(transport.plant, BacklashPlant)
     np.testing.assert_array_equal(transport.plant.backlash, np.full(4, 0.02))
@@ -24,14 +25,20 @@ def test_gears_have_the_play_that_is_asked_for() -> None:
 
 
 def test_none_are_asked_for_by_default() -> None:
-    assert plant_parameters(CONFIG, ROBOT, 1, [], 0.0, []).backlash is None
+    assert plant_parameters(CONFIG, ROBOT, 1, [], 0.0, SMOOTH, []).backlash is None
 
 
 def test_some_joints_alone_are_refused() -> None:
     with pytest.raises(ValueError, match='must have one value, or one for each of 4 joints'):
-        plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, [])
+        plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, SMOOTH, [])
 
 
 def test_play_that_is_not_there_cannot_wear() -> None:
     with pytest.raises(ValueError, match='set backlash'):
-        plant_parameters(CONFIG, ROBOT, 1, [], 1e-3, [])
+        plant_parameters(CONFIG, ROBOT, 1, [], 1e-3, SMOOTH, [])
+
+
+def test_stribeck_friction_is_that_of_the_parameters() -> None:
+    parameters = plant_parameters(CONFIG, ROBOT, 1, [], 0.0, (0.5, 0.03), [])
+    assert (parameters.stribeck, parameters.stribeck_velocity) == (0.5, 0.03)
+    assert parameters.as_dict()['stribeck'] == 0.5

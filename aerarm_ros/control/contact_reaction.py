@@ -1,0 +1,130 @@
+"""What a controller does when something touches the arm."""
+
+from collections import deque
+from typing import Any, Protocol
+
+import numpy as np
+
+from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.references.trajectory_follower import TrajectoryFollower
+from aerarm_ros.motion.signals import Array, Reaction
+
+_STEP = 0.01  # [s] between two postures that a retreat may go back to
+_SILENT = 0.5  # [s] after which the last report of contact is out of date
+_RELEASED = 0.5  # [s] without contact after which a compliant arm is stiff again
+
+
+class ComplyingLaw(Protocol):
+    """A law whose stiffness can be lowered."""
+
+    stiffness_share: float
+
+
+class ContactReaction:
+    """Stops, retreats or complies when a contact begins.
+
+    The motion under way stops along its path as fast as the acceleration limits allow. RETREAT then
+    goes back to where the reference was `retreat_time` before the contact. COMPLY lowers the
+    stiffness of the law, which becomes an impedance of little stiffness, until 0.5 s after the
+    contact; the arm then holds where it is. During contact the disturbance is not compensated,
+    because it is the contact. A contact of an arm that holds changes nothing, except with COMPLY.
+
+    Parameters
+    ----------
+    follower : TrajectoryFollower
+        Moves the reference.
+    loop : ControlLoop
+        Compensates the disturbance.
+    law : ComplyingLaw
+        Of the loop.
+    retreat_time : float
+        [s]
+    comply_stiffness : float
+        Share of the law's stiffness that is left during COMPLY.
+
+    Attributes
+    ----------
+    reaction : Reaction
+        For the contacts to come; may be replaced at any time.
+    in_contact : bool
+    count : int
+        Number of reactions so far.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive.
+    """
+
+    def __init__(
+        self,
+        follower: TrajectoryFollower,
+        loop: ControlLoop[Any],
+        law: ComplyingLaw,
+        retreat_time: float = 0.3,
+        comply_stiffness: float = 0.02,
+    ) -> None:
+        self.reaction = Reaction.REPORT
+        self.in_contact = False
+        self.count = 0
+        self._follower, self._loop, self._law = follower, loop, law
+        self._comply_stiffness = positive('comply_stiffness', comply_stiffness)
+        steps = round(positive('retreat_time', retreat_time) / _STEP)
+        self._past: deque[tuple[float, Array]] = deque(maxlen=max(steps, 1))
+        self._reported = self._touched = -np.inf
+        self._compensated: bool | None = None
+
+    @property
+    def complies(self) -> bool:
+        """Whether the arm gives way now."""
+        return self._law.stiffness_share < 1.0
+
+    def is_silent(self, now: float) -> bool:
+        """Return whether reports of contact are missing at `now` [s]."""
+        return not 0.0 <= now - self._reported < _SILENT
+
+    def report(self, in_contact: bool, now: float) -> None:
+        """Take a report of `now` [s] that something touches the arm, or nothing does."""
+        begins = in_contact and not self.in_contact
+        self.in_contact, self._reported = in_contact, now
+        if begins and self.reaction is not Reaction.REPORT:
+            self._react(now)
+
+    def update(self, q: Array, now: float) -> None:
+        """Act before the law, with the arm at `q` (n,) [rad]."""
+        self.in_contact = self.in_contact and not self.is_silent(now)
+        if self.in_contact:
+            self._touched = now
+        acts = self.in_contact and self.reaction is not Reaction.REPORT
+        if acts and self._compensated is None:
+            self._compensated, self._loop.compensating = self._loop.compensating, False
+        elif not acts and self._compensated is not None:
+            self._loop.compensating, self._compensated = self._compensated, None
+        if self.complies and now - self._touched > _RELEASED:
+            self._law.stiffness_share = 1.0
+            self._follower.take_over(q)
+        if not self._past or not 0.0 <= now - self._past[-1][0] < _STEP:
+            self._past.append((now, self._follower.reference.q))
+
+    def check_stream(self) -> None:
+        """Require that a streamed point may move the arm; RejectedInputError during contact."""
+        if self.in_contact and self.reaction is not Reaction.REPORT:
+            raise RejectedInputError(
+                'streamed point rejected: something touches the arm (contact_reaction '
+                f'{self.reaction.value}): remove the contact, or send a trajectory that leaves it'
+            )
+
+    def _react(self, now: float) -> None:
+        follower, reaction = self._follower, self.reaction
+        if reaction is Reaction.COMPLY:
+            self._law.stiffness_share = self._comply_stiffness
+            self._touched = now
+        moves = follower.status != 'holding'
+        if not moves and reaction is not Reaction.COMPLY:
+            return
+        self.count += 1
+        if moves:
+            # The reference was there, and on the way from there nothing touched the arm.
+            back = self._past[0][1] if reaction is Reaction.RETREAT and self._past else None
+            follower.stop(now, f'stopped: contact ({reaction.value})', back)

@@ -1,0 +1,149 @@
+"""Stick-slip at creeping speed, and what compensation of the identified friction leaves of it.
+
+The emulated arm has Stribeck friction (`ArmPlant`, a constraint of the physics engine). It is
+identified from a bag of its own motion. Then each joint moves at 0.02 rad/s, forth and back, and
+holds, under computed torque: without compensation of friction, with the identified viscous, dry and
+load-dependent friction, and with all identified terms. No disturbance is compensated.
+"""
+
+import argparse
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from payload_hours import CYCLE
+from touching.touched_arm import Sensors, TouchedPlant, identified, made
+
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.motion.signals import JointReference
+from aerarm_ros.online.joint_friction import JointFriction
+from aerarm_ros.online.replay import KnownArm
+from aerarm_ros.simulation.arm_plant import PlantParameters
+
+SPEED = 0.02  # [rad/s]
+RISE, CREEP, HOLD = 0.2, 10.0, 3.0  # [s]
+START = np.array([0.3, 0.9, -0.4, 0.6])
+KP, KD = 400.0, 40.0
+RESTING = 0.1  # of the speed, below which a joint sticks
+NONE, DRY, ALL = 'none', 'viscous, dry and load-dependent', 'all identified terms'
+
+Array = np.ndarray
+
+
+class Creep:
+    """A motion at constant speed, forth, back, and then a rest."""
+
+    def __init__(self) -> None:
+        pace = np.array([0.0, SPEED, SPEED, -SPEED, -SPEED, 0.0, 0.0])
+        lengths = [RISE, CREEP, 2.0 * RISE, CREEP, RISE, HOLD]
+        self.ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        self._pace = pace
+
+    def take_over(self, q: Array) -> None:
+        """Start at a posture."""
+        self._q, self.reference = np.array(q), JointReference.at_rest(q)
+        self._begin: float | None = None
+
+    def update(self, q: Array, now: float, dt: float) -> JointReference:
+        """Return the reference of `now` [s]."""
+        self._begin = now if self._begin is None else self._begin
+        speed = float(np.interp(now - self._begin, self.ends, self._pace))
+        change = (speed - self.reference.dq) / dt if dt else 0.0 * self._q
+        self._q = self._q + dt * speed
+        self.reference = JointReference(self._q, speed + 0.0 * self._q, change)
+        return self.reference
+
+
+class Result(NamedTuple):
+    """Of each joint (n,): tracking error RMS and largest, largest stair, motion while it holds."""
+
+    rms: Array
+    largest: Array
+    stair: Array
+    held: Array  # [rad] peak to peak in the last two seconds
+
+
+def run(truth: PlantParameters, known: KnownArm, compensation: str, observed: float) -> Result:
+    """Creep with one compensation of friction."""
+    arm, _ = made(4, 0)
+    limits = JointLimits.from_config(load_arm_config())
+    dynamics = MovingBaseDynamics(known.robot, known.rotor_inertia)
+    viscous, coulomb, share = known.friction
+    friction: FrictionCompensation | None = None
+    if compensation == DRY:
+        friction = FrictionCompensation(viscous, coulomb, 0.002, load_share=share)
+    elif compensation == ALL:
+        friction = JointFriction(known, 0.002)
+    law = ComputedTorque(dynamics, KP, KD, None, friction, 1.5 * CYCLE, 1.59e-3)
+    observer = MomentumObserver(dynamics, np.full(4, 30.0), friction)
+    source = Creep()
+    loop = ControlLoop(limits, source, law, observer, None, observed * limits.effort_max)
+    plant = TouchedPlant(arm.robot, truth, START)
+    sensors = Sensors(arm, START, np.random.default_rng(0))
+    state, now, rows = sensors.measure(START, np.zeros(4)), 0.0, []
+    while now < source.ends[-1]:
+        command = loop.update(state, now)
+        effort = np.zeros(4) if command is None or command.tau is None else command.tau
+        if command is None:  # control begins with the second state
+            effort = dynamics.gravity(START)
+        plant.apply_effort(effort)
+        plant.advance(CYCLE)  # Stribeck friction follows the velocity in every sub-step
+        now += CYCLE
+        state = sensors.measure(plant.position, effort)
+        rows.append([source.reference.q, plant.position, plant.velocity])
+    return judged(np.array(rows), source.ends)
+
+
+def judged(rows: Array, ends: Array) -> Result:
+    """Return the figures of a run; rows are reference, position and velocity (k, 3, n)."""
+    time = CYCLE * np.arange(1, len(rows) + 1)
+    creeps = (time > 1.0) & (time < ends[5])
+    wanted, q, dq = rows.transpose(1, 0, 2)
+    error = (q - wanted)[creeps]
+    held = np.ptp(q[time > ends[-1] - 2.0], axis=0)
+    ways = [(time > ends[k] + 0.5) & (time < ends[k + 1]) for k in (1, 3)]
+    stairs = [
+        max(stair(q[way, joint], dq[way, joint]) for way in ways) for joint in range(q.shape[1])
+    ]
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    return Result(rms, np.abs(error).max(axis=0), np.array(stairs), held)
+
+
+def stair(q: Array, dq: Array) -> float:
+    """Return the largest way [rad] between two rests of at least 20 ms; 0 without two rests."""
+    sticks = np.abs(dq) < RESTING * SPEED
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], sticks.astype(int), [0]])))
+    rests = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= 20]
+    ways = [abs(q[after] - q[before - 1]) for (_, before), (after, _) in pairwise(rests)]
+    return max(ways, default=0.0)
+
+
+def main() -> int:
+    """Identify the arm, creep, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--seed', type=int, default=1, help='of the made arm')
+    parser.add_argument('--stribeck', type=float, default=0.5, help='static friction beyond dry')
+    parser.add_argument('--velocity', type=float, default=0.05, help='Stribeck velocity [rad/s]')
+    options = parser.parse_args()
+    arm, drawn = made(4, options.seed)
+    truth = replace(drawn, stribeck=options.stribeck, stribeck_velocity=options.velocity)
+    known, _ = identified(arm, truth, options.seed)
+    print('| compensation | error RMS [mrad] | largest [mrad] | largest stair [mrad] | held |')
+    print('|---|---|---|---|---|')
+    for name, observed in ((NONE, 0.0), (DRY, 0.0), (ALL, 0.0), (ALL, 0.2)):
+        result = run(truth, known, name, observed)
+        cells = [', '.join(f'{1e3 * value:.2f}' for value in row) for row in result]
+        label = f'{name}, and the observed disturbance' if observed else name
+        print(f'| {label} | {" | ".join(cells)} |', flush=True)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,172 @@
+"""Time from touch to reaction, and force on what the arm meets, per reaction.
+
+The emulated arm under computed torque (host feedback, identified model) runs its tool into a wall
+at three speeds. Walls are springs as ISO/TS 15066 (2016, table A.3) gives for parts of the body:
+75 N/mm for hands and fingers, and for a face; 10 N/mm for an abdomen. As with its measuring
+instrument, the force counts as transient in the first 0.5 s after the touch and as quasi-static
+afterwards. It is taken at 4 kHz without a filter. The contact reaches the controller one cycle
+after the state that it follows from.
+"""
+
+import argparse
+import sys
+from typing import NamedTuple
+
+import numpy as np
+from payload_hours import CYCLE, Arm
+from touching.touched_arm import Learnt, Sensors, TouchedPlant, learn, made
+
+from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
+from aerarm_ros.control.checks import JointLimits
+from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.contact_reaction import ContactReaction
+from aerarm_ros.control.control_loop import ControlLoop
+from aerarm_ros.control.laws.computed_torque import ComputedTorque
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.model.kinematics import Kinematics
+from aerarm_ros.motion.signals import Reaction
+from aerarm_ros.online.contact_detector import ContactDetector
+from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
+
+GAIN = 60.0  # [1/s] of the detector's observer
+WALLS = {'stiff': 75e3, 'soft': 10e3}  # [N/m]
+DAMPING_RATIO = 0.05  # of a wall and a tool of 0.5 kg
+SPEEDS = (0.1, 0.25, 0.5)  # [m/s]
+START, END = np.array([-0.6, 0.9, -0.3, 0.6]), np.array([0.6, 1.3, 0.3, 0.9])
+TRANSIENT, WATCHED = 0.5, 1.5  # [s] after the touch
+KP, KD = 400.0, 40.0
+
+Array = np.ndarray
+
+
+class WalledPlant(TouchedPlant):
+    """An arm whose tool meets a wall that gives way like a spring."""
+
+    def build_wall(self, place: Array, normal: Array, stiffness: float) -> None:
+        """Put a wall [N/m] through a place (3,) [m], whose normal (3,) points into it."""
+        self._wall, self._normal, self._stiffness = place, normal, stiffness
+        self._wall_damping = 2.0 * DAMPING_RATIO * np.sqrt(0.5 * stiffness)
+        self._tool = self.end_of(self.bodies - 1)
+        self._depth = -1.0
+        self.force = self.peak = 0.0
+
+    def cycle(self, effort: Array) -> None:
+        """Advance by a cycle; `peak` is the largest force [N] in it."""
+        self.apply_effort(effort)
+        body, self.peak = self.bodies - 1, 0.0
+        for _ in range(round(CYCLE / SUBSTEP)):
+            depth = float((self.place(body, self._tool) - self._wall) @ self._normal)
+            rate, self._depth = (depth - self._depth) / SUBSTEP, depth
+            pushed = self._stiffness * depth + self._wall_damping * rate
+            self.force = max(pushed, 0.0) if depth > 0.0 else 0.0
+            self.peak = max(self.peak, self.force)
+            self.touch(body, self._tool, -self.force * self._normal)
+            self.step()
+
+
+class Impact(NamedTuple):
+    """Times after the touch [s], NaN if never, and forces [N]."""
+
+    detected: float
+    slower: float  # the tool's reference has lost a tenth of its speed
+    transient: float
+    lasting: float  # largest from 0.5 s on
+
+
+class Controlled:
+    """The arm under computed torque with detector and reaction, and a wall in its way."""
+
+    def __init__(self, arm: Arm, truth: PlantParameters, learnt: Learnt) -> None:
+        self.limits = JointLimits.from_config(load_arm_config())
+        self.follower = TrajectoryFollower(self.limits, FollowerTolerances.uniform(4))
+        model = learnt.model
+        dynamics = MovingBaseDynamics(model.robot, model.rotor_inertia)
+        viscous, coulomb, share = model.friction
+        friction = FrictionCompensation(viscous, coulomb, load_share=share)
+        law = ComputedTorque(dynamics, KP, KD, None, friction, 1.5 * CYCLE, 1.59e-3)
+        observer = MomentumObserver(dynamics, np.full(4, 30.0), friction)
+        compensated = 0.2 * self.limits.effort_max
+        self.loop = ControlLoop(self.limits, self.follower, law, observer, None, compensated)
+        self.reacts = ContactReaction(self.follower, self.loop, law)
+        self.plant = WalledPlant(arm.robot, truth, START)
+        self._sensors = Sensors(arm, START, np.random.default_rng(0))
+        self._detector = ContactDetector(learnt.external(), learnt.bound, learnt.settings)
+        self._state = self._sensors.measure(START, np.zeros(4))
+        self._effort = np.zeros(4)
+        self.now, self.known = 0.0, False
+
+    def cycle(self) -> None:
+        """Control, detect and advance; the controller knows the contact of the cycle before."""
+        self.reacts.report(self.known, self.now)
+        self.reacts.update(self._state.q, self.now)
+        command = self.loop.update(self._state, self.now)
+        if command is not None and command.tau is not None:
+            self._effort = command.tau
+        report = self._detector.update(self._state, self.now)
+        self.known = self.known if report is None else report.in_contact
+        self.plant.cycle(self._effort)
+        self.now += CYCLE
+        self._state = self._sensors.measure(self.plant.position, self._effort)
+
+    @property
+    def pace(self) -> float:
+        """Speed of the reference [rad/s]."""
+        return float(np.linalg.norm(self.follower.reference.dq))
+
+
+def impact(
+    setup: tuple[Arm, PlantParameters, Learnt], reaction: Reaction, speed: float, stiffness: float
+) -> Impact:
+    """Run the tool into a wall."""
+    run, kinematics = Controlled(*setup), Kinematics(setup[0].robot, 'tool0')
+    middle = 0.5 * (START + END)
+    way = kinematics.jacobian(middle)[:3] @ (END - START)
+    # A quintic from rest to rest passes its middle 1.875 times as fast as on average.
+    seconds = 1.875 * float(np.linalg.norm(way)) / speed
+    run.reacts.reaction = reaction
+    run.plant.build_wall(kinematics.position(middle), way / np.linalg.norm(way), stiffness)
+    while run.now < 0.3:
+        run.cycle()
+    run.follower.follow(JointTrajectory(run.limits, run.limits.names, [seconds], [END]), run.now)
+    while run.plant.peak == 0.0:
+        run.cycle()
+        if run.now > 0.4 + seconds:
+            raise SystemExit('the tool does not meet the wall')
+    touched, pace, peaks = run.now - CYCLE, run.pace, [run.plant.peak]
+    detected = slower = np.nan
+    while run.now < touched + WATCHED:
+        run.cycle()
+        peaks.append(run.plant.peak)
+        if run.known and np.isnan(detected):
+            detected = run.now - CYCLE - touched
+        if run.pace < 0.9 * pace and np.isnan(slower):
+            slower = run.now - CYCLE - touched
+    first = round(TRANSIENT / CYCLE)
+    return Impact(detected, slower, max(peaks[:first]), max(peaks[first:]))
+
+
+def main() -> int:
+    """Run all impacts and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--seed', type=int, default=1, help='of the made arm')
+    options = parser.parse_args()
+    arm, truth = made(4, options.seed)
+    setup = arm, truth, learn(arm, truth, options.seed, GAIN)
+    print('| wall | tool | reaction | detected | brakes | transient | after 0.5 s |')
+    print('|---|---|---|---|---|---|---|')
+    for wall, stiffness in WALLS.items():
+        for speed in SPEEDS:
+            for reaction in Reaction:
+                met = impact(setup, reaction, speed, stiffness)
+                print(
+                    f'| {wall} | {speed:g} m/s | {reaction.value} | {1e3 * met.detected:.0f} ms | '
+                    f'{1e3 * met.slower:.0f} ms | {met.transient:.0f} N | {met.lasting:.1f} N |',
+                    flush=True,
+                )
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,208 @@
+"""A made arm on the physics engine that is touched, as its encoders and currents show it.
+
+A position controller moves it at random. Encoders count 4096 per motor turn, velocities are
+low-passed at 100 Hz as on the boards, and currents are noisy. The model of the detector is the one
+that `identify` finds from a recording of the arm's own free motion.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+import numpy as np
+from payload_hours import CYCLE, MADE, PURSUIT, Arm, Plant, Work
+
+from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
+from aerarm_msgs_py.bags.bag_writer import BagWriter
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.recording.recording import JointMapping, Recording
+from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.contact_detector import ContactSettings, with_rest_share
+from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
+from aerarm_ros.online.replay import KnownArm
+from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
+from aerarm_ros.simulation.arm_plant import SUBSTEP, PlantParameters
+
+Array = np.ndarray
+
+LEARNING = 60.0  # [s] of free motion from which model and thresholds follow
+TOOL = (0.1, 0.0, 0.0)  # [m] of tool0 in the frame of the last joint of the packaged arm
+_COUNT = 2.0 * np.pi / 4096  # [rad] at the motor
+_LOW_PASS = -np.expm1(-2.0 * np.pi * 100.0 * CYCLE)
+_OTHER_GEAR = 0.01  # of the arms that have no configuration
+_NOISES = 8192
+
+
+class TouchedPlant(Plant):
+    """The arm with a force on one of its links; dry friction follows the load once per 5 ms."""
+
+    def cycle(self, effort: Array) -> None:
+        """Advance by a cycle under torques (n,) [Nm]."""
+        self._effort[:] = self._applied[:] = effort
+        mujoco.mj_step(self._model, self._data, nstep=round(CYCLE / SUBSTEP))
+
+    def follow_load(self) -> None:
+        """Let dry friction follow the load."""
+        self._set_friction()
+
+    def touch(self, body: int, point: Array, force: Array) -> None:
+        """Apply a force [N] in world axes at a point of a body's frame [m] from now on."""
+        self._data.xfrc_applied[:] = 0.0
+        arm = self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ point
+        moment = np.cross(arm - self._data.xipos[body], force)
+        self._data.xfrc_applied[body] = [*force, *moment]
+
+    def torque(self, body: int, point: Array, force: Array) -> Array:
+        """Return the torque on the joints (n,) [Nm] of such a force."""
+        jacobian = np.zeros((3, self.n))
+        mujoco.mj_jac(self._model, self._data, jacobian, None, self.place(body, point), body)
+        return np.array(jacobian.T @ force)
+
+    @property
+    def dry_friction(self) -> Array:
+        """Present dry friction (n,) [Nm]."""
+        return np.array(self._friction_limit)
+
+    def place(self, body: int, point: Array) -> Array:
+        """Return where a point of a body is in the world (3,) [m]."""
+        return np.array(self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ point)
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies, the world included."""
+        return int(self._model.nbody)
+
+    def end_of(self, body: int) -> Array:
+        """Return where a body's child is attached (3,), in its frame [m]; the tool of the last."""
+        children = [c for c in range(self._model.nbody) if self._model.body_parentid[c] == body]
+        return np.array(self._model.body_pos[children[0]] if children else TOOL)
+
+
+class Sensors:
+    """Encoders and current sensors of the boards, once per cycle."""
+
+    def __init__(self, arm: Arm, position: Array, random: np.random.Generator) -> None:
+        n = arm.robot.n
+        gear = load_arm_config().column('gear.ratio') if n == 4 else np.full(n, _OTHER_GEAR)
+        self._count = _COUNT * gear
+        self._noise = arm.noise * random.standard_normal((_NOISES, n))
+        self._cycle = 0
+        self.q = self._counted(position)
+        self.dq = np.zeros(n)
+
+    def measure(self, position: Array, effort: Array) -> ArmState:
+        """Return the state at the end of a cycle under torques `effort` [Nm]."""
+        q = self._counted(position)
+        self.dq = self.dq + _LOW_PASS * ((q - self.q) / CYCLE - self.dq)
+        self.q = q
+        self._cycle += 1
+        return ArmState(q, self.dq, effort + self._noise[self._cycle % _NOISES])
+
+    def _counted(self, position: Array) -> Array:
+        return np.floor(position / self._count) * self._count
+
+
+class TouchedArm:
+    """One made arm that works under position control with feed-forward.
+
+    Parameters
+    ----------
+    arm : Arm
+    truth : PlantParameters
+        What it is made of.
+    seed : int
+        Of its motion.
+    """
+
+    def __init__(self, arm: Arm, truth: PlantParameters, seed: int) -> None:
+        random = np.random.default_rng(seed)
+        work = Work(arm.robot, random)
+        self.plant = TouchedPlant(arm.robot, truth, work.start)
+        self._sensors = Sensors(arm, work.start, random)
+        self._moves, self._truth = work.play(), truth
+        robot = arm.robot.with_inertial_parameters(truth.inertial_parameters)
+        self._model = Dynamics(robot, truth.rotor_inertia)
+        self._stiffness = PURSUIT**2 * np.diag(self._model.inertia_matrix(work.start))
+        self._damping = 2.0 * self._stiffness / PURSUIT
+
+    def cycles(self, count: int) -> Iterator[ArmState]:
+        """Advance by some cycles with one feed-forward and yield their states."""
+        self.plant.follow_load()
+        moves = [next(self._moves) for _ in range(count)]
+        q, dq, ddq = moves[count // 2]
+        friction = self._truth.viscous * dq + self._truth.coulomb * np.tanh(dq / 0.02)
+        ahead = self._model.inverse(q, dq, ddq) + friction
+        sensors = self._sensors
+        for q, dq, _ in moves:
+            tau = ahead + self._stiffness * (q - sensors.q) + self._damping * (dq - sensors.dq)
+            self.plant.cycle(tau)
+            yield sensors.measure(self.plant._angle, tau)
+
+    def record(self, seconds: float) -> Array:
+        """Return the states (k, 3, n) of free motion."""
+        count = 5
+        return np.array(
+            [state for _ in range(round(seconds / CYCLE / count)) for state in self.cycles(count)]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Learnt:
+    """What the detector knows of one made arm: model, thresholds and settings."""
+
+    model: KnownArm
+    bound: ResidualBound
+    settings: ContactSettings
+
+    def external(self) -> ExternalTorque:
+        """Return a new observer."""
+        return ExternalTorque(self.model, self.bound.gain)
+
+
+def made(joints: int, seed: int) -> tuple[Arm, PlantParameters]:
+    """Return an arm and what the one of a seed is made of."""
+    arm = Arm.of(joints)
+    return arm, arm.drawn.perturbed(seed, MADE)
+
+
+def identified(arm: Arm, truth: PlantParameters, seed: int) -> tuple[KnownArm, Recording]:
+    """Record a bag of free motion and identify the arm from it; return the recording too."""
+    recording = _through_bag(arm, TouchedArm(arm, truth, seed).record(LEARNING))
+    config = load_arm_config() if arm.robot.n == 4 else None
+    options = IdentificationOptions()
+    result = identify(arm.robot, config, [recording], [], options, Stopwatch())
+    return KnownArm.identified(arm.robot, result.recommended.estimate), recording
+
+
+def learn(arm: Arm, truth: PlantParameters, seed: int, gain: float) -> Learnt:
+    """Identify the arm and learn thresholds, both from the same recording."""
+    model, recording = identified(arm, truth, seed)
+    settings = ContactSettings(0.01, payload_mass=arm.mass, payload_size=0.15)
+    bound = ResidualBound.learnt(
+        free_rows(ExternalTorque(model, gain), recording, lambda: False), gain
+    )
+    columns = (recording.q, recording.dq, recording.tau)
+    rows = zip(recording.time.tolist(), *columns, strict=True)
+    states = [(time, ArmState(*row)) for time, *row in rows]
+    bound = with_rest_share(bound, lambda: ExternalTorque(model, gain), lambda: states, settings)
+    return Learnt(model, bound, settings)
+
+
+def _through_bag(arm: Arm, rows: Array) -> Recording:
+    """Write states to a bag and read it as the identifier does."""
+    names, topic = arm.robot.joint_names, '/joint_states'
+    codec = JointStateCdr(names)
+    with TemporaryDirectory() as folder:
+        path = Path(folder, 'free')
+        kind = 'sensor_msgs/msg/JointState'
+        with BagWriter(path, [RecordedTopic(topic, kind)]) as writer:
+            for number, row in enumerate(rows):
+                stamp = 10**18 + round(1e9 * CYCLE) * number
+                writer.write(RecordedMessage(0, codec.pack(stamp, *row), stamp, stamp, number + 1))
+        return IdentifierBags(topic, names, JointMapping({})).read(path, 'free').recording

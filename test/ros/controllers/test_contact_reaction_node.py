@@ -1,0 +1,88 @@
+"""Controllers stop, retreat or comply when `contact` begins, as `contact_reaction` says."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from controller_bench import ControllerBench, trajectory
+from forked_executable import run
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from aerarm_msgs_py import topics
+
+HERE = np.array([0.0, 0.5 * np.pi, 0.0, 0.0])
+GOAL = [0.9, 1.2, 0.4, -0.6]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
+    bench = ControllerBench(tmp_path, ros_node, pace='keep_up', period=0.004)
+    with bench.hardware:
+        bench.start()
+        yield bench
+
+
+def moved(bench: ControllerBench) -> float:
+    """Return the share of the way from HERE to GOAL."""
+    way = GOAL - HERE
+    return float((bench.q - HERE) @ way / (way @ way))
+
+
+def test_a_contact_stops_the_motion_on_its_path_and_the_next_goal_leaves_it(
+    bench: ControllerBench,
+) -> None:
+    with bench.controller('computed_torque') as process:
+        goals, contact = bench.publisher(topics.JOINT_TRAJECTORY), bench.publisher(topics.CONTACT)
+        bench.set_parameter('computed_torque', 'contact_reaction', 'stop')
+        goal = trajectory(GOAL, 20.0)
+        bench.wait(lambda: moved(bench) > 0.05, 'the motion', lambda: goals.publish(goal), 60.0)
+        touch = Bool(data=True)
+        bench.wait(
+            lambda: np.abs(bench.dq).max() < 0.005, 'the stop', lambda: contact.publish(touch), 0.02
+        )
+        stopped = moved(bench)
+        assert 0.05 < stopped < 0.9
+        off = bench.q - HERE - stopped * (GOAL - HERE)
+        assert np.abs(off).max() < 0.02
+        back = trajectory(HERE.tolist(), 3.0)
+        bench.wait_for_posture(HERE.tolist(), 0.02, lambda: goals.publish(back))
+        assert process.stop() == 0, process.tail()
+
+
+def test_boards_cannot_comply(bench: ControllerBench) -> None:
+    parameters = {'feedback': 'boards', 'contact_reaction': 'comply'}
+    with bench.controller('computed_torque', **parameters) as process:
+        bench.wait(lambda: process.returncode is not None, 'the end')
+        assert process.returncode == 1
+        assert "with feedback 'boards' the arm cannot comply" in process.tail()
+
+
+def test_arm_go_sets_the_reaction_and_says_that_the_arm_was_touched(
+    bench: ControllerBench,
+) -> None:
+    with bench.controller('gravity_compensation') as process:
+        contact = bench.publisher(topics.CONTACT)
+        answers = []
+        words = [str(angle) for angle in GOAL]
+
+        def go() -> None:
+            answers.append(run('arm', 'go', *words, '--on-contact', 'retreat', '--timeout', '100'))
+
+        def touch(_: JointState) -> None:
+            if moved(bench) > 0.05:
+                contact.publish(Bool(data=True))
+
+        bench.listen(topics.JOINT_STATES, touch)
+        asking = threading.Thread(target=go)
+        asking.start()
+        bench.wait(lambda: not asking.is_alive(), 'the answer')
+        asking.join()
+        (answer,) = answers
+        assert answer.returncode == 1, answer.stderr
+        assert 'stopped: contact (retreat)' in answer.stderr
+        assert 'remove what touches the arm' in answer.stderr
+        assert process.stop() == 0, process.tail()
