@@ -130,6 +130,8 @@ class Connection:
         Genuine datagrams of an end that does not know this one yet.
     dropped
         Messages that did not fit into the backlog.
+    delay
+        By which the newest datagram was slower than the quickest of the last minute [s].
     """
 
     def __init__(self, key: bytes, role: str, other_role: str, rate: float) -> None:
@@ -138,6 +140,7 @@ class Connection:
         self.traffic = Traffic()
         self.peers = self.greets = 0
         self.dropped = 0
+        self.delay = 0.0
         self._session = Session(key, role)
         self._other_role = other_role
         self._peer = NO_SESSION
@@ -213,6 +216,15 @@ class Connection:
                 body.append(_entry(kind, content))
         datagram = self._session.seal(to, b''.join(body))
         self._tokens -= len(datagram) + HEADERS
+        self.traffic.sent += 1
+        self.traffic.sent_bytes += len(datagram) + HEADERS
+        return datagram
+
+    def single(self, channel: int, payload: bytes, now_ns: int, system_ns: int) -> bytes:
+        """Return a datagram with one value and nothing else, outside the bounded rate."""
+        body = _entry(_TIME, _TIMES.pack(now_ns, system_ns, 0, 0))
+        body += _entry(_VALUE, _CHANNEL.pack(channel) + payload)
+        datagram = self._session.seal(self._peer, body)
         self.traffic.sent += 1
         self.traffic.sent_bytes += len(datagram) + HEADERS
         return datagram
@@ -303,7 +315,8 @@ class Connection:
         while self._delays and self._delays[-1][1] >= delay:
             self._delays.pop()
         self._delays.append((now, delay))
-        return delay - self._delays[0][1] > _LATE_MAX
+        self.delay = delay - self._delays[0][1]
+        return self.delay > _LATE_MAX
 
     def _on_confirmed(self, base: int, mask: int) -> None:
         self._confirmed_below = max(self._confirmed_below, base)

@@ -20,6 +20,14 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.link.connection import Connection, Received
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.graph import SolePublisher
+from aerarm_ros.ros.link.recordings import (
+    BAG_REPORTS,
+    BAG_REQUESTS,
+    BLOCKS,
+    QUESTIONS,
+    DroneRecordings,
+    GroundRecordings,
+)
 from aerarm_ros.ros.link.relayed_services import DroneServices, GroundServices
 from aerarm_ros.ros.link.relayed_topics import (
     CALLS,
@@ -43,6 +51,7 @@ _POLL = 0.005  # [s] between two looks for requests on the ground
 _RATES = {DRONE: 26_000.0, GROUND: 9_000.0}  # bytes/s: 0.28 Mbit/s in all
 _BUFFER = 8192  # bytes: a slow radio shall not collect a queue of old datagrams
 _CLOCK_MAX = 0.02  # [s]
+_CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
 _DATAGRAM_MAX = 2048
 # What an end of another version may send.
 _MALFORMED = (ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
@@ -153,11 +162,17 @@ class LinkEnd:
         assert self._address is not None
         self._sent = now
         now_ns = time.monotonic_ns()
-        datagram = self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns())
+        self._send_datagram(self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns()))
+
+    def _send_datagram(self, datagram: bytes) -> bool:
+        """Send a datagram; return whether the interface took it."""
+        assert self._address is not None
         try:
             self._socket.sendto(datagram, self._address)
         except OSError:  # the radio is full or away
             self._refused += 1
+            return False
+        return True
 
     def _note_malformed(self, received: Received, error: Exception) -> None:
         self._malformed += 1
@@ -170,7 +185,7 @@ class LinkEnd:
     def _note_return(self, before: float, now: float) -> None:
         self._was_up = True
         silent = now - before
-        if 1.0 < silent < inf:
+        if _CUT_MIN < silent < inf:
             self._away = silent
             self._node.get_logger().info(f'the {self.other} is back after {silent:.2f} s')
 
@@ -234,10 +249,12 @@ class DroneEnd(LinkEnd):
         self._topics = DroneTopics(node, self.connection, rates)
         self._services = DroneServices(node, self.connection)
         self._watchdog = GroundWatchdog(node, values)
+        self._recordings = DroneRecordings(node, self.connection, values)
         self._ticked = -inf
 
     def close(self) -> None:
-        """Close the socket and destroy the subscriptions."""
+        """Complete a bag, close the socket and destroy the subscriptions."""
+        self._recordings.close()
         self._topics.destroy()
         super().close()
 
@@ -245,6 +262,10 @@ class DroneEnd(LinkEnd):
         channel = received.channel
         if channel in (CALLS, STOPS):
             self._services.call(received.payload, time.monotonic())
+        elif channel == BAG_REQUESTS:
+            self._recordings.take_request(received.payload)
+        elif channel == QUESTIONS:
+            self._recordings.take_question(received.payload)
         else:
             self._topics.publish(channel, received.payload)
 
@@ -254,6 +275,9 @@ class DroneEnd(LinkEnd):
             self._topics.update(now)
             self._services.update(now)
             self._watchdog.update(now, self.connection.last_received)
+            self._recordings.update(now, self.connection.last_received)
+        if self._address is not None:
+            self._recordings.send(self._send_datagram)
         return False
 
     def _greet(self) -> None:
@@ -284,17 +308,24 @@ class GroundEnd(LinkEnd):
                 f"drone '{values.drone}': {error.strerror}: give its address"
             ) from None
         self._drone = self._address
+        node.get_logger().info(
+            f'looking for the drone at {":".join(map(str, self._address))} (UDP)'
+        )
         self._expired = 0
         self._topics = GroundTopics(node, self.connection, self._note_expired)
         self._services = GroundServices(node, self.connection, self._log)
+        self._recordings = GroundRecordings(node, self.connection, values)
         self._sole = SolePublisher(node, topics.JOINT_STATES)
         self._takers = {
+            BAG_REPORTS: self._recordings.take_report,
+            BLOCKS: self._recordings.take_block,
             LAYOUTS: self._topics.take_layout,
             OFFERED: self._services.take_offered,
         }
 
     def close(self) -> None:
         """Close the socket and destroy the subscriptions."""
+        self._recordings.destroy()
         self._topics.destroy()
         super().close()
 
@@ -309,7 +340,8 @@ class GroundEnd(LinkEnd):
 
     def _update(self, now: float) -> bool:
         has_called = self._services.update(now)
-        return self._topics.update(now) or has_called
+        has_asked = self._recordings.update(now)
+        return self._topics.update(now) or has_called or has_asked
 
     def _greet(self) -> None:
         self._node.get_logger().info('the drone is connected')
