@@ -340,7 +340,7 @@ class GroundEnd(LinkEnd):
 
     def _update(self, now: float) -> bool:
         has_called = self._services.update(now)
-        has_asked = self._recordings.update(now)
+        has_asked = self._recordings.update(now, now - self._sent >= _TICK)
         return self._topics.update(now) or has_called or has_asked
 
     def _greet(self) -> None:

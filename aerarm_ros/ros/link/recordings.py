@@ -229,15 +229,20 @@ class GroundRecordings:
         self._fetched = ''
         self._report_due = inf
 
-    def update(self, now: float) -> bool:
-        """Forward requests and ask for blocks; return whether there is something to send."""
+    def update(self, now: float, is_due: bool) -> bool:
+        """Forward requests and ask for blocks; return whether there is something to send.
+
+        A question replaces the one before, so blocks are only asked for if a datagram `is_due`.
+        """
         while (message := self._reader.take()) is not None:
             self._take_local(deserialize_message(message[0], String).data, now)
         if now > self._report_due:
             self._report()
         fetch = self._fetch
         if fetch is None:
-            return self._connection.waiting > 0
+            return False
+        if not is_due:
+            return True
         connection = self._connection
         delay = connection.delay if connection.is_up(now) else inf
         question = fetch.question(now, delay, connection.round_trip)
