@@ -25,6 +25,7 @@ from radio.two_hosts import DRONE, TwoHosts, missing_rights, stop
 from run import machine
 
 from aerarm_msgs_py.bags.bag_reader import topics
+from aerarm_ros.description.arm_config import load_arm_config
 
 HERE = Path(__file__).parent
 PORT, RELAY_PORT = 7447, 7500
@@ -505,6 +506,54 @@ def measure_recording(rig: Rig, seconds: float) -> None:
     rig.hosts.set_rate('')
 
 
+def measure_page(rig: Rig, seconds: float) -> None:
+    """Print how long the page on the ground takes to load, and how often it changes."""
+    rig.start_on_ground('view', port=8097)
+    wait_for_text(rig.folder / 'ground_view.log', 'in a browser')
+    rig.start_controller()
+    run(rig, 'enable', '--wait', 'running')
+    table('radio', 'loss, one way', 'stop button after', 'states after', 'the page says',
+          'poses', 'curves')  # fmt: skip
+    script = str(HERE / 'radio' / 'page_watch.py')
+    for rate, name, loss in (('', 'no limit', 0.0), ('1mbit', '1 Mbit/s', 0.2)):
+        rig.hosts.set_rate(rate)
+        rig.relay.tell(f'loss {loss}')
+        run(rig, 'go', '0.5', '1.2', '0.3', '0.3', '--tolerance', '0.05')
+        rig.ground.tell('sweep')
+        command = ('chrt', '-f', '10', sys.executable, script, 'http://127.0.0.1:8097')
+        done = rig.hosts.ground.start(
+            *command, str(seconds), environment=DOMAIN, stdout=subprocess.PIPE
+        )
+        found = json.loads(done.communicate()[0])
+        row(name, f'{loss:.0%}', f'{found["button"]:.1f} s', f'{found["states"]:.1f} s',
+            found['says'], f'{found["poses"]:.0f}/s', f'{found["curves"]:.0f}/s')  # fmt: skip
+    rig.relay.tell('loss 0')
+    rig.hosts.set_rate('')
+
+
+def measure_controller(rig: Rig) -> None:
+    """Print what becomes of a controller on the ground, as it is and with an open network."""
+    table('a controller on the ground', 'result')
+    rig.start_on_ground('computed_torque')
+    log = rig.folder / 'ground_ground_link.log'
+    wait_for_text(log, 'cannot command the arm')
+    line = next(line for line in log.read_text().splitlines() if 'cannot command' in line)
+    row('as it is', f'rejected: {line.split("]: ")[1]}')
+    with tempfile.TemporaryDirectory() as name, TwoHosts() as hosts:
+        folder = Path(name)
+        environment = {'ROS_DOMAIN_ID': '65', 'AERARM_NETWORK': 'open',
+                       'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}  # fmt: skip
+        given = ('--ros-args', '-p', 'realtime_priority:=50', '-p', 'encoders:=absolute')
+        hosts.node(hosts.drone, 'fake_hardware', *given, environment=environment, folder=folder)
+        hosts.node(hosts.ground, 'computed_torque', *given[:3], environment=environment,
+                   folder=folder)  # fmt: skip
+        enabled = hosts.node(hosts.drone, 'arm', 'enable', '--wait', 'running',
+                             environment=environment, folder=folder)  # fmt: skip
+        enabled.wait(PATIENCE)
+        text = (folder / 'drone_arm.log').read_text().strip().splitlines()
+        row('`AERARM_NETWORK=open` on both hosts', '; '.join(text))
+
+
 def wait_for_text(log: Path, text: str) -> None:
     """Wait until a process has printed a text."""
     deadline = time.monotonic() + PATIENCE
@@ -539,7 +588,7 @@ def measure_clocks(presses: int) -> None:
                 f'{found["latency"]} us')  # fmt: skip
 
 
-HOME = np.zeros(4)
+HOME = np.array(load_arm_config(None).rest_position)
 """Home configuration of the packaged arm [rad]."""
 
 
@@ -561,6 +610,8 @@ PARTS = (
     'listeners',
     'radios',
     'watchdog',
+    'page',
+    'controller',
     'recording',
     'clocks',
 )
@@ -593,6 +644,8 @@ def main() -> int:
         'listeners': lambda rig: measure_listeners(rig, options.listeners),
         'radios': lambda rig: measure_radios(rig, options.seconds),
         'watchdog': lambda rig: measure_watchdog(rig, stops),
+        'page': lambda rig: measure_page(rig, options.seconds),
+        'controller': measure_controller,
         'recording': lambda rig: measure_recording(rig, options.seconds),
     }
     with tempfile.TemporaryDirectory() as folder, Rig(Path(folder)) as rig:

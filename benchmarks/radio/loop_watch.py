@@ -70,7 +70,7 @@ def main() -> None:
     )
     account, missed, lost = Account(), 0, 0
     has_told = False
-    while True:
+    while rclpy.ok():
         if reader.wait(0.1):
             time.sleep(_BATCH)
         while (message := reader.take(0)) is not None:

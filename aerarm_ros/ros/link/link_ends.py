@@ -19,7 +19,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.link.connection import Connection, Received
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.graph import SolePublisher
+from aerarm_ros.ros.graph import SolePublisher, endpoint_name
 from aerarm_ros.ros.link.recordings import (
     BAG_REPORTS,
     BAG_REQUESTS,
@@ -316,6 +316,7 @@ class GroundEnd(LinkEnd):
         self._services = GroundServices(node, self.connection, self._log)
         self._recordings = GroundRecordings(node, self.connection, values)
         self._sole = SolePublisher(node, topics.JOINT_STATES)
+        self._controllers = RemoteControllers(node)
         self._takers = {
             BAG_REPORTS: self._recordings.take_report,
             BLOCKS: self._recordings.take_block,
@@ -350,7 +351,7 @@ class GroundEnd(LinkEnd):
         kept = self._services.kept_stops
         if kept:
             return f'e-stop NOT CONFIRMED by the drone yet: {" and ".join(kept)}'
-        return self._sole.problem()
+        return self._sole.problem() or self._controllers.problem()
 
     def _rows(self) -> dict[str, object]:
         return {
@@ -368,6 +369,42 @@ class GroundEnd(LinkEnd):
             self._node.get_logger().warning(text)
         else:
             self._node.get_logger().info(text)
+
+
+class RemoteControllers:
+    """Finds nodes of the ground that try to command the arm, which `joint_command` does not allow.
+
+    Parameters
+    ----------
+    node
+        Looks from its place in the graph, and logs.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._topic = node.resolve_topic_name(topics.JOINT_COMMAND.name)
+        self._known: list[str] = []
+
+    def problem(self) -> str:
+        """Return who tries to command the arm and why it cannot, '' if nobody does."""
+        ends = self._node.get_publishers_info_by_topic(self._topic)
+        names = sorted({endpoint_name(end) for end in ends} - {'', self._own})
+        text = ''
+        if names:
+            text = (
+                f'{" and ".join(names)} cannot command the arm from this host: joint_command does '
+                'not pass to the drone, where a late command damps the arm. Run the controller '
+                'on the drone; AERARM_NETWORK=open on both hosts allows it here'
+            )
+        if names != self._known:
+            self._known = names
+            if text:
+                self._node.get_logger().warning(text)
+        return text
+
+    @property
+    def _own(self) -> str:
+        return str(self._node.get_fully_qualified_name())
 
 
 class GroundWatchdog:

@@ -39,6 +39,7 @@ RECORDING, STORED, FETCHING, COMPLETE, FAILED = STATES = (
 
 METADATA = 'metadata.yaml'
 _REPORT_PERIOD = 0.5  # [s]
+_MATCHING_TIME = 5.0  # [s] for the recorder to find a bridge
 _SILENCE_MAX = 600.0  # [s] of the ground, after which the drone completes the bag
 _BURST = 3  # datagrams of blocks per step: what the socket's buffer holds
 _START_LIFETIME = 2.0  # [s] in which a request to record must reach the drone
@@ -68,7 +69,9 @@ class DroneRecordings:
         self._server: FileServer | None = None
         self._places: deque[bytes] = deque(maxlen=512)
         self._number = int(time.time()) & 0xFFFF
-        self._report_due = inf
+        self._report_due = self._patience = inf
+        self._status = RawReader(node, topics.RECORDER_STATUS)
+        self._has_states = self._is_ending = False
 
     def take_request(self, content: bytes) -> None:
         """Do what the ground requests."""
@@ -92,11 +95,11 @@ class DroneRecordings:
             return
         if self._process.returncode is not None:
             self._end()
-        elif 0.0 < now - last_received - _SILENCE_MAX < inf:
+        elif not self._is_ending and 0.0 < now - last_received - _SILENCE_MAX < inf:
             self._node.get_logger().warning(
                 f'the ground has been silent for {_SILENCE_MAX:g} s: completing bag {self._name}'
             )
-            self._process.ask_to_end()
+            self._ask_to_end()
         elif now > self._report_due:
             is_recording = self._is_recording()
             self._report_due = now + (2.0 if is_recording else 0.1)
@@ -132,6 +135,7 @@ class DroneRecordings:
             self._process.stop()
         if self._server is not None:
             self._server.close()
+        self._status.destroy()
 
     def _record(self, name: str) -> None:
         if self._process is not None:
@@ -158,20 +162,38 @@ class DroneRecordings:
         # It inherits the real-time priority of this process, and must not compete with the loop.
         with suppress(OSError):
             os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
-        self._name = name
-        self._report_due = 0.0
+        self._name, self._has_states, self._is_ending = name, False, False
+        self._report_due, self._patience = 0.0, inf
         self._node.get_logger().info(f'recording {bag} for the ground')
 
     def _is_recording(self) -> bool:
-        """Tell whether the recorder has begun, which takes a second: it makes its bag then."""
-        return (self._folder / self._name / METADATA).is_file()
+        """Tell whether the recorder has begun and found the bridge, which takes a second or two.
+
+        Without a bridge it counts as recording after a while.
+        """
+        bag = self._folder / self._name
+        message = self._status.take_newest()
+        if message is not None and not self._has_states:
+            status = json.loads(deserialize_message(message[0], String).data)
+            states = self._node.resolve_topic_name(topics.JOINT_STATES.name)
+            self._has_states = status['bag'] == str(bag) and states in status['matched']
+        if not (bag / METADATA).is_file():
+            return False
+        self._patience = min(self._patience, time.monotonic() + _MATCHING_TIME)
+        return self._has_states or time.monotonic() > self._patience
 
     def _finish(self, name: str) -> None:
         if self._process is not None and name == self._name:
-            if self._is_recording():
-                self._process.ask_to_end()
+            if (self._folder / name / METADATA).is_file():
+                self._ask_to_end()
         else:
             self._offer(name)
+
+    def _ask_to_end(self) -> None:
+        """Let the recorder complete its bag; a second signal would end it at once."""
+        if self._process is not None and not self._is_ending:
+            self._is_ending = True
+            self._process.ask_to_end()
 
     def _end(self) -> None:
         assert self._process is not None

@@ -17,7 +17,7 @@ from aerarm_ros.ros.link.recordings import COMPLETE, FAILED, FETCHING, FINISH, R
 from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClientError
 
-_DISCOVERY_TIME = 1.5  # [s] for a bridge or a ground_link of this host to be found
+_DISCOVERY_TIME = 4.0  # [s] at most for a bridge or a ground_link of this host to be found
 _ASK_AGAIN = 0.5  # [s]
 _PATIENCE = 30.0  # [s] for the drone's recorder to start
 _SILENT = 1.5  # [s] of the drone that is reported
