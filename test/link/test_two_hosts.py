@@ -14,8 +14,8 @@ from aerarm_msgs_py.bags.bag_reader import topics
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / 'benchmarks'))
 
+from radio.rig import Loop, Rig, wait_for_text  # noqa: E402
 from radio.two_hosts import missing_rights  # noqa: E402
-from two_hosts import Loop, Rig, wait_for_text  # noqa: E402
 
 PROBLEM = missing_rights()
 pytestmark = pytest.mark.skipif(bool(PROBLEM), reason=f'two hosts: {PROBLEM}')
@@ -116,11 +116,17 @@ def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
     rig.listen_on_ground()
     for rate in ('2mbit', '8kbit'):
         rig.hosts.set_rate(rate)
-        result: list[Loop] = []
-        kbits, packets = rig.traffic(lambda result=result: result.append(rig.loop(3.0)))
-        (loop,) = result
-        assert loop.lost < 0.02, (rate, loop)
-        assert loop.gaps == 0, (rate, loop)
+        loops: list[Loop] = []
+
+        def is_steady(loops: list[Loop] = loops) -> bool:
+            loops.append(rig.loop(2.0))
+            return loops[-1].lost < 0.005 and loops[-1].gaps == 0
+
+        # Other programs on this machine cost cycles now and then; a radio that stops the loop costs
+        # 29 to 100 % of them all the time.
+        kbits, packets = rig.traffic(lambda is_steady=is_steady: any(is_steady() for _ in range(5)))
+        assert min(loop.lost for loop in loops) < 0.005, (rate, loops)
+        assert min(loop.gaps for loop in loops) == 0, (rate, loops)
         assert kbits < 300.0
         assert packets < 100.0
     rig.hosts.set_rate('')
