@@ -32,46 +32,46 @@ export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
-	@echo 'make experiment  the controllers, the drone still, tilted and moving'
-	@echo 'make energy      100 random moves, planned for least energy beside quintics and trapezoids'
-	@echo 'make flight      how far the arm moves its drone, by what is fed forward, with a replay'
-	@echo '                 (DRONES="hexarotor tilted_hexarotor": one that pushes sideways, too;'
-	@echo '                 AUTOPILOT=px4 PX4=<folder of a build> or AUTOPILOT=betaflight: that firmware flies it)'
-	@echo 'make calibration tool error of emulated arms, as drawn and calibrated, on held-out postures'
-	@echo 'make world       how well the tool is held in the world while wind moves the drone, with a replay'
-	@echo 'make view        the running arm in a browser'
-	@echo 'make test        lint, type check and all tests'
-	@echo 'make attacks     hundreds of attacks on the bridge in virtual time, and their worst figures'
+	@echo 'make experiment  compare the controllers under a resting, a tilted and a moving drone'
+	@echo 'make energy      energy of 100 random moves: planned, quintic and trapezoidal'
+	@echo 'make flight      hover error caused by arm motion, per feed-forward, with a replay'
+	@echo '                 (DRONES="hexarotor tilted_hexarotor": a drone with tilted rotors as well;'
+	@echo '                 AUTOPILOT=px4 PX4=<folder of a build> or AUTOPILOT=betaflight: flown by that firmware)'
+	@echo 'make calibration tool error of emulated arms on held-out postures, nominal and calibrated'
+	@echo 'make world       tool error in the world while wind moves the drone, with a replay'
+	@echo 'make view        show the running arm in a browser'
+	@echo 'make test        run lint, type check and all tests'
+	@echo 'make attacks     run hundreds of attacks on the bridge in virtual time, print the worst results'
 	@echo 'make same        compare motion, frames and figures with a stored record, byte for byte'
 	@echo '                 (RECORD=1 writes the record; DATASETS=DIR adds the measured bags of that folder)'
-	@echo 'make commissioning  emulated arms, healthy and wrongly assembled, through the guided procedure'
-	@echo 'make fuzz        20,000 damaged and hostile bags'
-	@echo 'make mutants     mutation testing of what stands between a command and a motor'
-	@echo 'make compiled-test  the tests of the hardware room with the cycle as machine code'
-	@echo 'make two-hosts   drone and ground as two hosts: slow and lossy radios, cuts, e-stop times (root)'
-	@echo 'make bench       benchmarks beside a baseline or a peer'
-	@echo 'make docs        the documentation site, into output/docs'
-	@echo 'make pictures    the graphs and the moving picture in docs/images (graphviz, chromium)'
-	@echo 'make setup       only install into $(VENV) what all of it needs but tests and benchmarks'
-	@echo 'make develop     that, and what tests and benchmarks need'
-	@echo 'make clean       remove what make and the tests leave'
+	@echo 'make commissioning  commission emulated arms, correctly and wrongly assembled'
+	@echo 'make fuzz        read 20,000 damaged and malicious bags'
+	@echo 'make mutants     mutation testing of the code between a command and a motor'
+	@echo 'make compiled-test  run the tests of the hardware package with the compiled cycle'
+	@echo 'make two-hosts   simulate slow and lossy radios between drone and ground host, measure e-stops (root)'
+	@echo 'make bench       run the benchmarks and compare with a baseline or another tool'
+	@echo 'make docs        build the documentation site in output/docs'
+	@echo 'make pictures    draw the graphs and the moving picture in docs/images (graphviz, chromium)'
+	@echo 'make setup       install the requirements of all programs into $(VENV)'
+	@echo 'make develop     make setup, plus the requirements of tests and benchmarks'
+	@echo 'make clean       remove the files that make and the tests have written'
 
 setup: $(VENV)/.ready
 
 develop: $(VENV)/.developed
 
 $(VENV)/.ready: setup.py pyproject.toml setup.cfg
-	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", make takes $(PYTHONS)$(WHY): set PYTHON, as in make PYTHON=python3.12 ...")'
-	@echo 'Installing into $(VENV), once: $(SIZE)'
+	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(0 if v in "$(PYTHONS)".split() else "$(PYTHON) is Python " + v + ", but make needs $(PYTHONS)$(WHY): set PYTHON, for example make PYTHON=python3.12 ...")'
+	@echo 'Installing into $(VENV) (only once, $(SIZE))'
 	@# Made anew for another Python: one laid over the other is neither.
 	@[ "$$($(BIN)/python -c '$(WHICH)' 2>&1)" = "$$($(PYTHON) -c '$(WHICH)')" ] || { rm -f $(VENV)/.developed $(VENV)/.documented; $(PYTHON) -m venv --clear $(VENV_FLAGS) $(VENV); }
 	@$(PIP) --editable '.[$(EXTRAS)]'
-	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: with the ROS of apt it comes from there, sudo apt install ros-jazzy-pinocchio'; exit 1; }
-	@$(PIP) --quiet 'spidev>=3.5,<4' || echo 'spidev was not built (C compiler, Python headers?): its tests are skipped'
+	@$(BIN)/python -c 'import pinocchio' || { echo 'Pinocchio is missing: sudo apt install ros-jazzy-pinocchio (with ROS from apt)'; exit 1; }
+	@$(PIP) --quiet 'spidev>=3.5,<4' || echo 'spidev was not built, so its tests are skipped: check that a C compiler and the Python headers are installed'
 	@touch $@
 
 $(VENV)/.developed: $(VENV)/.ready
-	@echo 'Installing what tests and benchmarks need, once: $(MORE)'
+	@echo 'Installing the requirements of tests and benchmarks (only once, $(MORE))'
 	@$(PIP) --editable '.[$(EXTRAS),dev]'
 	@touch $@
 
@@ -88,7 +88,7 @@ calibration: setup
 	$(BIN)/python benchmarks/calibration.py
 
 flight: setup
-	$(if $(filter-out px4 betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT): px4 and betaflight are known; leave it out for the drone's own controller))
+	$(if $(filter-out px4 betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT) is unknown: set px4 or betaflight, or omit AUTOPILOT for flight_control))
 	$(BIN)/python benchmarks/$(or $(AUTOPILOT),flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
 
 world: setup

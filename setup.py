@@ -2,6 +2,7 @@
 
 import os
 from glob import glob
+from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
@@ -53,36 +54,8 @@ DOCS = [
     'sphinx-copybutton>=0.5.2,<1',
 ]
 
-EXECUTABLES = [
-    'arm',
-    'base_reaction',
-    'calibrator',
-    'computed_torque',
-    'contact_estimator',
-    'demo',
-    'excitation',
-    'excitation_designer',
-    'experiment',
-    'fake_hardware',
-    'flight_control',
-    'gravity_compensation',
-    'ground_link',
-    'hardware_bridge',
-    'identifier',
-    'impedance_control',
-    'kinematic_control',
-    'mavlink_feedforward',
-    'mavros_feedforward',
-    'motion_planner',
-    'motor_bench',
-    'payload_estimator',
-    'px4_feedforward',
-    'px4_imu',
-    'recorder',
-    'tool_path',
-    'view',
-    'world_control',
-]
+# Each file of `nodes` and `nodes/controllers` is a command.
+EXECUTABLES = sorted(path.stem for path in Path(PACKAGE, 'nodes').rglob('[a-z]*.py'))
 
 
 # What the bridge runs in every millisecond, and nothing that waits, reads files or knows ROS.
@@ -111,8 +84,8 @@ def compiled() -> list[Extension]:
         from mypyc.build import mypycify
     except ImportError:
         raise SystemExit(
-            "AERARM_COMPILE: mypyc is not installed; pip install 'mypy>=1.8,<3', and give pip "
-            'install the option --no-build-isolation, so that it is found'
+            "AERARM_COMPILE: mypyc is not installed: pip install 'mypy>=1.8,<3', and pass "
+            '--no-build-isolation to pip install, so that pip finds it'
         ) from None
     # Not by the rules of `make lint`: types of NumPy and others differ from version to version, and
     # their stubs need not be there.
@@ -133,8 +106,8 @@ class BuildMachineCode(build_ext):
         super().finalize_options()
         if self.inplace and self.extensions:
             raise SystemExit(
-                'AERARM_COMPILE: an installation that follows its sources would go on running the '
-                'machine code of today: leave out --symlink-install or --editable'
+                'AERARM_COMPILE: an editable installation would keep running the machine code of '
+                'today after changes of the sources: remove --symlink-install or --editable'
             )
 
 

@@ -1,4 +1,4 @@
-"""Live topics as raw messages, taken from a wait set or an executor, with their gaps."""
+"""Live topics as raw messages, from a wait set or an executor, with counts of lost messages."""
 
 import ctypes
 from collections import deque
@@ -28,13 +28,13 @@ _ARRAY_CALLS = (
 
 
 class _Allocator(ctypes.Structure):
-    """As rcutils has it: four functions and a state."""
+    """Allocator struct of rcutils: four functions and a state."""
 
     _fields_ = [('functions', ctypes.c_void_p * 4), ('state', ctypes.c_void_p)]
 
 
 class _ByteArray(ctypes.Structure):
-    """As rcutils has it."""
+    """Byte array struct of rcutils."""
 
     _fields_ = [
         ('buffer', ctypes.c_void_p),
@@ -45,7 +45,7 @@ class _ByteArray(ctypes.Structure):
 
 
 class _MessageInfo(ctypes.Structure):
-    """As rmw of ROS 2 Jazzy has it."""
+    """Message info struct of rmw in ROS 2 Jazzy."""
 
     _fields_ = [
         ('source_timestamp', ctypes.c_int64),
@@ -60,19 +60,20 @@ class _MessageInfo(ctypes.Structure):
 
 
 class IdentifiedTake:
-    """Takes messages from subscriptions through rcl, whose message info names the publisher.
+    """Take messages from subscriptions through rcl, whose message info contains the publisher.
 
-    rclpy's own leaves it out, and without it the messages of several publishers, each of which
-    numbers its own, cannot be told apart for sure.
+    rclpy's message info omits the publisher. Each publisher numbers its own messages, so without
+    the publisher lost messages cannot be counted exactly.
 
     Raises
     ------
     OSError, AttributeError
-        If this ROS lacks what is needed, see `available`.
+        If this ROS lacks the functions, see `available`.
     """
 
     def __init__(self) -> None:
-        # They are loaded already, by rclpy; calls are short and keep the interpreter's lock.
+        # rclpy has already loaded the library; the calls are short and keep the interpreter's
+        # lock.
         self._take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
         arrays = ctypes.PyDLL('librcutils.so')
         allocator = arrays.rcutils_get_default_allocator
@@ -83,11 +84,11 @@ class IdentifiedTake:
         if arrays.rcutils_uint8_array_init(
             ctypes.byref(self._array), ctypes.c_size_t(4096), ctypes.byref(self._memory)
         ):
-            raise OSError('no memory for a message')
+            raise OSError('no memory left for a message')
 
     @staticmethod
     def available() -> bool:
-        """Return whether this ROS version has the required calls and known message layouts."""
+        """Return whether this ROS version has the required calls and known struct layouts."""
         try:
             rcl, arrays = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
             jazzy = version('rclpy').startswith('7.1.')
@@ -100,7 +101,7 @@ class IdentifiedTake:
         )
 
     def take(self, subscription: Any) -> RawMessage | None:
-        """Take the oldest waiting message of rclpy's handle of a subscription, with its info.
+        """Take the oldest waiting message of a subscription's rclpy handle, with its info.
 
         The info has the keys of rclpy's, and `publisher`, 16 bytes.
         """
@@ -126,19 +127,19 @@ class IdentifiedTake:
 
 
 class ExecutorSource:
-    """Subscriptions of a helper node, spun by an executor of its own.
+    """Subscriptions of a helper node, spun by its own executor.
 
-    Same use as WaitSetSource, public API only, and about 15 us slower a message. The helper
-    node keeps the executor from running anything else of the caller's node.
+    The interface is that of WaitSetSource, with public API only, and about 15 us slower per
+    message. The helper node keeps the executor from running callbacks of the caller's node.
 
     Parameters
     ----------
     node
-        Node whose name space and context the helper shares.
+        Node whose namespace and context the helper shares.
     topics
-        What to subscribe to.
+        Topics to subscribe to.
     identify
-        Of no effect: rclpy does not tell who published a message.
+        No effect, because rclpy does not report the publisher of a message.
     """
 
     def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
@@ -168,7 +169,7 @@ class ExecutorSource:
     def take(self, index: int) -> RawMessage | None:
         """Take the oldest waiting message of a topic, with its message info."""
         waiting = self._waiting[index]
-        # One spin runs one callback, of whichever topic comes first.
+        # One spin runs one callback, of any topic.
         for _ in range(sum(queue.maxlen or 0 for queue in self._waiting)):
             if waiting:
                 break
@@ -188,16 +189,17 @@ def _append_to(waiting: deque[RawMessage]) -> Callable[[bytes, dict[str, int]], 
     return append
 
 
-"""Numbers that mean "not numbered": rosbag2 stores 0, a middleware without numbers gives the
-largest uint64, of which MCAP keeps 32 bits."""
-"""More are one that numbers backwards, or damage: each costs time with every message."""
+"""Sequence numbers of messages without a number: rosbag2 stores 0; a middleware without numbers
+gives the largest uint64, of which MCAP stores 32 bits.
+"""
+"""Largest number of publishers; more indicate damage, and each one costs time for every message."""
 
 
 _WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 'wait', 'is_ready')
 
 
 class HiddenFromExecutors(CallbackGroup):
-    """Group that no executor may run, so an executor on the same node takes no message."""
+    """Callback group that no executor runs, so that executors of the node take no messages."""
 
     def can_execute(self, entity: Any) -> bool:
         """Return False: no executor runs these callbacks."""
@@ -208,28 +210,28 @@ class HiddenFromExecutors(CallbackGroup):
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Do nothing: nothing was executed."""
+        """Do nothing: no callback was executed."""
 
 
 class WaitSetSource:
-    """Subscriptions of a node that are waited for and taken from directly.
+    """Subscriptions of a node that are read directly through a wait set.
 
-    An executor builds and walks lists of all entities of a node at each wake-up; a wait
-    set with one subscription doesn't. `rclpy.wait_for_message` is built on the same two
-    calls of the implementation module, `WaitSet` and `take_message`. They aren't public,
-    so they are used here only, and `available` tells whether this rclpy has them.
+    An executor builds and walks lists of all entities of a node at each wake-up; a wait set with
+    one subscription does not. `rclpy.wait_for_message` uses the same two functions of the
+    implementation module, `WaitSet` and `take_message`. These functions are not public, so only
+    this class uses them, and `available` returns whether the installed rclpy has them.
 
-    SIGINT and SIGTERM end a wait early, through the guard condition that rclpy's signal
-    handlers trigger.
+    SIGINT and SIGTERM end a wait early, through the guard condition that rclpy's signal handlers
+    trigger.
 
     Parameters
     ----------
     node
-        Owner of the subscriptions; it may be spun by an executor in another thread.
+        Owner of the subscriptions; an executor in another thread may spin it.
     topics
-        What to subscribe to.
+        Topics to subscribe to.
     identify
-        Whether the info of messages shall name their publishers, where this ROS can.
+        Whether the message info contains the publisher, if this ROS supports it.
     """
 
     def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
@@ -252,7 +254,7 @@ class WaitSetSource:
 
     @staticmethod
     def available() -> bool:
-        """Return whether this rclpy version has the required calls."""
+        """Return whether the installed rclpy has the required calls."""
         wait_set = getattr(rclpy_implementation, 'WaitSet', None)
         subscription = getattr(rclpy_implementation, 'Subscription', None)
         return hasattr(subscription, 'take_message') and all(
@@ -276,7 +278,7 @@ class WaitSetSource:
             return self._identified.take(self._handles[index])
         message: RawMessage | None
         message = self._handles[index].take_message(self._types[index], True)
-        if message is not None and 'publisher_gid' in message[1]:  # an rclpy after Jazzy's
+        if message is not None and 'publisher_gid' in message[1]:  # rclpy after Jazzy
             message[1]['publisher'] = bytes(message[1]['publisher_gid'])
         return message
 
@@ -292,7 +294,7 @@ class WaitSetSource:
 
 
 def _ignore(_: bytes) -> None:
-    """Stand in for a callback; never called."""
+    """Stand in for a callback that is never called."""
 
 
 Source = WaitSetSource | ExecutorSource
@@ -304,27 +306,27 @@ _DEFAULT_SOURCE: Callable[..., Source] = (
 
 
 class RawReader:
-    """Waits for and takes serialized messages of one or more topics.
+    """Wait for serialized messages of one or more topics, and take them.
 
-    A controller waits for its state topic and takes the newest message; the bridge takes
-    the newest command without waiting; the recorder waits for all topics and takes every
-    message. The message info is rclpy's: `source_timestamp` and `received_timestamp` [ns],
+    A controller waits for its state topic and takes the newest message. The bridge takes the
+    newest command without waiting. The recorder waits for all topics and takes every message. The
+    message info is rclpy's: `source_timestamp` and `received_timestamp` [ns],
     `publication_sequence_number`.
 
     Parameters
     ----------
     node
-        Owner of the subscriptions. An executor may spin it in another thread; the reader's
-        messages stay with the reader.
+        Owner of the subscriptions. An executor may spin it in another thread without taking the
+        reader's messages.
     topics
-        What to read. All methods name a topic by its place in this list.
+        Topics to read. All methods refer to a topic by its index in this list.
     source
-        Way to the messages; by default a wait set, or an executor where this rclpy
-        lacks what the wait set needs.
+        Source of the messages; by default a wait set, or an executor if rclpy lacks the functions
+        for the wait set.
     identify
-        Whether to ask who published each message: a bit slower, and lost messages of several
-        publishers are then counted exactly. The info has `publisher`, 16 bytes, where this ROS
-        knows.
+        Whether to read the publisher of each message. Reading it is slower, but counts lost
+        messages of several publishers exactly. The info then has `publisher`, 16 bytes, if this
+        ROS supports it.
 
     Raises
     ------
@@ -350,7 +352,7 @@ class RawReader:
     def wait(self, timeout: float) -> bool:
         """Wait up to `timeout` [s]; return whether a topic has a message.
 
-        Ends early, with False, on SIGINT and SIGTERM.
+        SIGINT and SIGTERM end the wait early, with False.
         """
         return self._source.wait(timeout)
 
@@ -365,25 +367,25 @@ class RawReader:
     def take_newest(self, index: int = 0) -> RawMessage | None:
         """Take all waiting messages and return the last, or None."""
         if self._keeps_one[index]:
-            return self.take(index)  # the middleware has replaced the others already
+            return self.take(index)  # the middleware has already replaced older messages
         newest = None
         while (message := self.take(index)) is not None:
             newest = message
         return newest
 
     def count(self, index: int = 0) -> int:
-        """Return how many messages were taken."""
+        """Return the number of messages taken."""
         return self._counts[index]
 
     def lost(self, index: int = 0) -> int | None:
-        """Return how many messages never arrived; None where the middleware doesn't number them.
+        """Return the number of lost messages; None if the middleware does not number them.
 
-        With a history of depth 1, messages that a newer one replaced count as lost too.
+        With a queue of depth 1, messages that a newer one replaced count as lost too.
         """
         return self._gaps[index].lost
 
     def publishers(self, index: int = 0) -> int:
-        """Return how many publishers are matched."""
+        """Return the number of matched publishers."""
         return int(self._source.subscriptions[index].get_publisher_count())
 
     def destroy(self) -> None:

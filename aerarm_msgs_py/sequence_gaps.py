@@ -13,35 +13,35 @@ _MOST_PUBLISHERS = 64
 
 
 class SequenceGaps:
-    """Counts the numbers missing from a stream of publication sequence numbers.
+    """Count the gaps in a stream of publication sequence numbers.
 
-    Each publisher numbers its own messages 1, 2, 3... and the stream doesn't say which
-    publisher a message is from. A message continues the publisher with the highest number
-    below its own; if there is none, it is from a publisher not heard before (or restarted).
-    A number that turns up inside a gap counted earlier shows that the gap was a jump from
-    one publisher to another, as one publisher's messages stay in order: it is uncounted.
+    Each publisher numbers its own messages 1, 2, 3... and the stream does not contain the
+    publisher. A message is assigned to the publisher with the highest number below its own.
+    Without such a publisher the message starts a new or restarted publisher. A number inside an
+    earlier gap shows that the gap was a change of publisher, because one publisher's messages stay
+    in order. The gap is then not counted as a loss.
     """
 
     def __init__(self) -> None:
         self._newest: list[int] = []  # last number of each publisher
-        self._current = -1  # index of the publisher heard last
+        self._current = -1  # index of the last message's publisher
         self._gaps: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED_GAPS)
         self._lost = 0
 
     @property
     def lost(self) -> int | None:
-        """Missing numbers so far; None if no message had a number."""
+        """Number of missing messages so far; None if no message had a number."""
         return self._lost if self._newest else None
 
     def add(self, number: int) -> None:
-        """Take the number of the next message."""
+        """Process the number of the next message."""
         if self._current >= 0 and number == self._newest[self._current] + 1:
             self._newest[self._current] = number
         elif number not in UNNUMBERED:
             self._add_out_of_step(number)
 
     def add_all(self, numbers: Iterable[int]) -> None:
-        """Take many numbers in order."""
+        """Process many numbers in order."""
         for number in numbers:
             self.add(number)
 
@@ -71,11 +71,11 @@ class SequenceGaps:
 
 
 class PublisherGaps:
-    """Counts the numbers missing from each publisher's sequence.
+    """Count the gaps in each publisher's sequence numbers.
 
-    With publishers that are told apart the count is exact: from the first message of each, every
-    number that did not come when a later one did is a lost message. Where the middleware's info
-    does not name them, `SequenceGaps` guesses who a message is from.
+    With known publishers the count is exact: every number that is missing after the first message
+    of its publisher, although a later one arrived, is a lost message. Without the publisher in the
+    middleware's message info, `SequenceGaps` estimates it.
     """
 
     def __init__(self) -> None:
@@ -85,15 +85,15 @@ class PublisherGaps:
 
     @property
     def lost(self) -> int | None:
-        """Missing numbers so far; None if no message had a number."""
+        """Number of missing messages so far; None if no message had a number."""
         return self._lost if self._newest else self._guess.lost
 
     def add(self, number: int, publisher: bytes | None) -> None:
-        """Take number and publisher of the next message; None is an unknown publisher."""
+        """Process number and publisher of the next message; None is an unknown publisher."""
         if publisher is None:
             self._guess.add(number)
         elif number not in UNNUMBERED:
             newest = self._newest.get(publisher, number - 1)
-            if number > newest:  # else it came twice
+            if number > newest:  # otherwise a repeated message
                 self._lost += number - newest - 1
                 self._newest[publisher] = number

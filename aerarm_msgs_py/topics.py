@@ -1,8 +1,8 @@
-"""Topic names and quality of service, in one place.
+"""Topic names and quality of service of the suite.
 
-`TOPICS` is the table of the architecture; a node asks for `JOINT_STATES` instead of
-writing a name, a type and a profile again. The profiles are those of the suite's
-subscriptions; its publishers use `Topic.offered`, so that everybody can listen.
+Nodes import a topic, such as `JOINT_STATES`, instead of repeating its name, type and profile. The
+profiles are those of the suite's subscriptions. Publishers use `Topic.offered`, so that all
+subscriptions match.
 """
 
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic as every node of the suite knows it.
+    """A topic of the suite.
 
     Attributes
     ----------
     name
-        Relative name, so that a namespace moves the whole arm; `/diagnostics` is absolute
-        because the tools that read it expect it there.
+        Relative name, so that a namespace applies to the whole arm; `/diagnostics` is absolute, as
+        tools expect.
     type
         Message class.
     qos
@@ -40,7 +40,7 @@ class Topic:
     qos: QoSProfile
 
     def queued(self, depth: int) -> 'Topic':
-        """Return the topic with a queue of that depth, for subscribers that need every message."""
+        """Return the topic with a queue of `depth`, for subscribers that need every message."""
         qos = QoSProfile(
             depth=depth, reliability=self.qos.reliability, durability=self.qos.durability
         )
@@ -50,9 +50,10 @@ class Topic:
     def offered(self) -> QoSProfile:
         """Profile of the suite's publishers: that of its subscriptions, but always reliable.
 
-        A reliable publisher reaches subscriptions of either kind, a best-effort one only its own.
-        With a last history it never waits for a slow subscriber: what that has not taken is
-        replaced. A best-effort subscription is served as before, and costs no more.
+        A reliable publisher matches reliable and best-effort subscriptions, a best-effort
+        publisher only best-effort ones. With a keep-last history a reliable publisher never waits
+        for a slow subscriber, whose old messages are replaced. Best-effort subscriptions work as
+        before, at no extra cost.
         """
         return QoSProfile(
             history=self.qos.history,
@@ -63,7 +64,7 @@ class Topic:
 
     @property
     def type_name(self) -> str:
-        """Type as ROS writes it, for example 'sensor_msgs/msg/JointState'."""
+        """Type name in ROS, for example 'sensor_msgs/msg/JointState'."""
         package, folder, *_ = self.type.__module__.split('.')
         return f'{package}/{folder}/{self.type.__name__}'
 
@@ -79,68 +80,69 @@ def _keep_last(
     )
 
 
-# A 1 kHz stream: a late value is worthless, only the newest counts.
+# A 1 kHz stream, of which only the newest value counts.
 NEWEST = _keep_last(1, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
-# What a user or planner sends once and expects to arrive.
+# A single message of a user or planner that must arrive.
 RELIABLE = _keep_last(10, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
-# A state that whoever comes later must still learn.
+# A state that late subscribers also need.
 LATCHED = _keep_last(1, ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
-# A sensor read by someone who can use a few old values.
+# A sensor whose subscribers can use a few old values.
 SENSOR = _keep_last(5, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 
 JOINT_STATES = Topic('joint_states', JointState, NEWEST)
 MOTOR_STATES = Topic('motor_states', JointState, NEWEST)
 MOTOR_POWER = Topic('motor_power', Float64MultiArray, NEWEST)
-# Joules, a row a cause and a column a joint, as the layout's labels say.
+# Energies [J], one row per cause and one column per joint, with labels in the layout.
 ENERGY = Topic('energy', Float64MultiArray, NEWEST)
 JOINT_COMMAND = Topic('joint_command', JointState, NEWEST)
 JOINT_TRAJECTORY = Topic('joint_trajectory', JointTrajectory, RELIABLE)
-# What a controller will do in the next 0.1 s, from the stamp of a state on.
+# Planned motion of a controller in the next 0.1 s after the stamp of a state.
 PLANNED_MOTION = Topic('planned_motion', JointTrajectory, NEWEST)
-# Where a planner is to bring the joints, or the tool; and what came of it, a JSON object.
+# Goals for the joints or the tool of a planner, and its result as a JSON object.
 JOINT_GOAL = Topic('joint_goal', JointState, RELIABLE)
 TOOL_GOAL = Topic('tool_goal', PointStamped, RELIABLE)
 PLAN_STATUS = Topic('plan_status', String, LATCHED)
 SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
-# A timed path of the tool in the odometry's frame: one transform a point.
+# A timed path of the tool in the odometry's frame, with one transform per point.
 TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
-# How far the base may move until the tool is out of reach: along x, y, z of the world, against them
-# [m], and the time until then at its present velocity [s].
+# Distances that the base can move along x, y, z of the world, and against them, before the tool is
+# out of reach [m]. The last entry is the time until then at the base's present velocity [s].
 ARM_REACH = Topic('arm_reach', Float64MultiArray, NEWEST)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
 # Pose of the drone's body in the world, and its twist in body axes.
 ODOMETRY = Topic('odometry', Odometry, SENSOR)
-# Of an emulated drone: its true state, and what a camera or motion capture beside it makes of it.
+# Odometry of an emulated drone: its true state, and the measurement of an external camera or
+# motion capture.
 TRUE_ODOMETRY = Topic('true_odometry', Odometry, SENSOR)
 EXTERNAL_ODOMETRY = Topic('external_odometry', Odometry, SENSOR)
-# Thrust of each rotor [N] as effort, by the rotors' names; stamped as the odometry that it answers.
+# Thrust of each rotor [N] as effort, by rotor name, with the stamp of the answered odometry.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
-# Where the drone shall hover, or go in time.
+# Place at which the drone hovers, and timed path.
 FLIGHT_TRAJECTORY = Topic('flight_trajectory', MultiDOFJointTrajectory, RELIABLE)
 FLIGHT_SET_POINT = Topic('flight_set_point', PoseStamped, RELIABLE)
 BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
 ARM_INERTIA = Topic('arm_inertia', InertiaStamped, NEWEST)
 ARM_COM = Topic('arm_com', PointStamped, NEWEST)
-# What the last link carries, in its frame; and friction, a row a kind and a column a joint.
+# Payload of the last link, in its frame; and friction, one row per kind and one column per joint.
 PAYLOAD = Topic('payload', InertiaStamped, NEWEST)
 JOINT_FRICTION = Topic('joint_friction', Float64MultiArray, NEWEST)
 ARM_MODE = Topic('arm_mode', String, LATCHED)
-# What a client that commissions the arm wants of the bridge, again and again, and the answer: JSON
-# objects, see `aerarm_ros.hardware.boards.commissioning_probe`.
+# Repeated request of a commissioning client to the bridge, and its answer: JSON objects, see
+# `aerarm_ros.hardware.boards.commissioning_probe`.
 COMMISSIONING_REQUEST = Topic('commissioning_request', String, RELIABLE)
 COMMISSIONING_REPORT = Topic('commissioning_report', String, RELIABLE)
 TOOL_PATH = Topic('tool_path', Path, LATCHED)
 DISTURBANCE = Topic('disturbance', JointState, NEWEST)
-# Of the arm on its drone: its weight along the thrust, and what the joints' motion does; the
-# acceleration that rotors add against the latter. Stamped with the time that they are about.
+# Wrenches of the arm on its drone: weight along the thrust, and joint motion; and the acceleration
+# by the rotors against the latter. The stamp is the time of the described load.
 WEIGHT_WRENCH = Topic('base_wrench_weight', WrenchStamped, NEWEST)
 MOTION_WRENCH = Topic('base_wrench_motion', WrenchStamped, NEWEST)
 FEEDFORWARD_ACCELERATION = Topic('feedforward_acceleration', AccelStamped, NEWEST)
-# Of what else touches drone or arm.
+# Wrench of other contacts with drone or arm.
 CONTACT_WRENCH = Topic('contact_wrench', WrenchStamped, NEWEST)
-# Of an arm on any base: torque beyond drives and model; contact yes or no, its confidence, force.
+# External torque beyond drives and model; contact (yes or no), its confidence and force.
 EXTERNAL_TORQUE = Topic('external_torque', JointState, NEWEST)
 CONTACT = Topic('contact', Bool, NEWEST)
 CONTACT_CONFIDENCE = Topic('contact_confidence', Float64, NEWEST)
@@ -152,9 +154,9 @@ RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
 # `aerarm_ros.ros.link.recordings`.
 RECORD_REQUEST = Topic('record_request', String, RELIABLE)
 RECORD_REPORT = Topic('record_report', String, LATCHED)
-# Stamp of the newest joint state that the recorder has.
+# Stamp of the newest joint state that the recorder has received.
 RECORDED_UNTIL = Topic('recorded_until', Time, NEWEST)
-# Of an emulated world, for nodes with use_sim_time.
+# Simulation time, for nodes with use_sim_time.
 CLOCK = Topic('/clock', Clock, NEWEST)
 DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, RELIABLE)
 

@@ -1,8 +1,8 @@
-"""The installed commands: each runs the `main` of its module in `aerarm_ros.nodes`.
+"""Run the installed commands: each calls `main` of its module in `aerarm_ros.nodes`.
 
-What a node needs takes some tenths of a second to import, and a Ctrl-C meanwhile is an ordinary
-end too. So the commands come through here, where nothing is imported beforehand. `python -m
-aerarm_ros.executables NAME` is the same without an installed command.
+Importing a node's libraries takes some tenths of a second. A Ctrl-C in that time must end the
+program normally too, so this module imports nothing heavy. `python -m aerarm_ros.executables NAME`
+runs a command that is not installed.
 """
 
 import atexit
@@ -25,8 +25,8 @@ from aerarm_ros.ros.process.process_end import (
     print_error,
 )
 
-# They have something to finish, and are ended before that by a signal. All others serve until
-# they are asked to end, so that a signal is how they end well, at any time.
+# These commands finish a task; a stop signal before that interrupts the task. All other commands
+# run until a stop signal, so a signal ends them with exit status 0.
 _TASKS = frozenset(
     (
         'arm',
@@ -41,12 +41,28 @@ _TASKS = frozenset(
 )
 
 _HELP = ('-h', '--help')
-_COMPLETING = '_ARGCOMPLETE'  # of a shell that asks for completions
-# What most nodes import, and no help needs: together they take longer than all else.
+_COMPLETING = '_ARGCOMPLETE'  # set by a shell that asks for completions
+# Most nodes import these libraries, but --help does not need them. Importing these libraries takes
+# most of the start-up time.
 _HEAVY = ('mujoco', 'pinocchio')
-# What ROS 2 brings; `calibrator`, `identifier`, `excitation_designer` and `experiment` run
-# without it.
+# Modules of ROS 2. `calibrator`, `identifier`, `excitation_designer` and `experiment` run without
+# them.
 _ROS = re.compile(r'rclpy|rpyutils|ament_|ros|rcl_|[a-z]+_(msgs|srvs|interfaces)$')
+
+
+_NODES = Path(__file__).parent / 'nodes'
+
+
+def command_modules() -> dict[str, str]:
+    """Return the module of each command, from the files in `nodes` and `nodes/controllers`."""
+    paths = sorted(_NODES.rglob('[a-z]*.py'), key=lambda path: path.stem)
+    root = Path(__file__).parents[1]
+    return {p.stem: '.'.join(p.relative_to(root).with_suffix('').parts) for p in paths}
+
+
+def controllers() -> tuple[str, ...]:
+    """Return the names of the controllers, which are the files in `nodes/controllers`."""
+    return tuple(sorted(path.stem for path in (_NODES / 'controllers').glob('[a-z]*.py')))
 
 
 def __getattr__(name: str) -> Callable[[], int]:
@@ -59,14 +75,14 @@ def __getattr__(name: str) -> Callable[[], int]:
 def _run(name: str) -> int:
     has_task = name in _TASKS
     run = _do if has_task else _serve
-    status = 1  # of a traceback
+    status = 1  # after a traceback
     try:
         die_with_launch()
         if _COMPLETING in os.environ or any(argument in _HELP for argument in sys.argv[1:]):
             sys.modules.update((name, _Unloaded(name)) for name in _HEAVY)
         status = run(name)
     except KeyboardInterrupt:
-        # Of who serves, one that comes before its own handlers are there.
+        # A stop signal before a node installed its handlers.
         status = INTERRUPTED if has_task else 0
     except ModuleNotFoundError as error:
         if not _ROS.match(error.name or ''):
@@ -74,16 +90,16 @@ def _run(name: str) -> int:
         status = USER_ERROR
         print_error(
             name,
-            f'needs ROS 2 Jazzy ({error.name} is missing): source /opt/ros/jazzy/setup.bash, or '
-            "install its wheels with pip install '.[ros]'",
+            f'ROS 2 Jazzy is not found ({error.name} is missing): source '
+            "/opt/ros/jazzy/setup.bash, or install its wheels with pip install '.[ros]'",
         )
     except SystemExit as end:
-        if end.code is None or isinstance(end.code, int):  # argparse's
+        if end.code is None or isinstance(end.code, int):  # exit status of argparse
             status = end.code or 0
         raise
     finally:
         StopSignals.ignore()
-        # From when Python has waited for its threads, in which something may be left to do.
+        # Python first waits for its threads, which may have work left.
         atexit.register(exit_within, status)
     return status
 
@@ -91,7 +107,7 @@ def _run(name: str) -> int:
 def _serve(name: str) -> int:
     early = _Early()
     with StopSignals(early, is_last=True):
-        main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
+        main = importlib.import_module(command_modules()[name]).main
         early.is_over = True
         try:
             status: int = main()
@@ -103,17 +119,17 @@ def _serve(name: str) -> int:
 def _do(name: str) -> int:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
-        # Extension modules make an ImportError of a KeyboardInterrupt, and there is nothing to
-        # leave in order yet.
+        # Extension modules turn a KeyboardInterrupt into an ImportError, so exit directly. Nothing
+        # needs cleaning up yet.
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
-    main = importlib.import_module(f'aerarm_ros.nodes.{name}').main
+    main = importlib.import_module(command_modules()[name]).main
     signal.signal(signal.SIGINT, before)
     status: int = main()
     return status
 
 
 class _Unloaded(ModuleType):
-    """Stands for a module until something of it is used, if ever."""
+    """Placeholder of a module, which is imported when it is first used."""
 
     def __getattr__(self, attribute: str) -> object:
         if attribute.startswith('__'):
@@ -124,24 +140,24 @@ class _Unloaded(ModuleType):
 
 
 class _Early:
-    """What a stop signal does before `main` has begun: there is nothing to leave in order yet."""
+    """Handler of stop signals that arrive before `main` begins, when nothing needs cleaning up."""
 
     def __init__(self) -> None:
         self.is_over = False
 
     def __call__(self) -> None:
-        # An exception would not do: extension modules make an ImportError of it.
+        # Exit directly: extension modules turn an exception into an ImportError.
         if not self.is_over:
             os._exit(0)
 
 
 def _run_named() -> int:
     """Run the command that the first argument names."""
-    names = sorted(module.stem for module in (Path(__file__).parent / 'nodes').glob('[a-z]*.py'))
+    names = command_modules()
     name = sys.argv[1] if sys.argv[1:] else ''
     if name not in names:
-        wrong = f"'{name}' is no command" if name else 'the name of a command comes first'
-        print_error('executables', f'{wrong}: give one of {", ".join(names)}')
+        wrong = f"'{name}' is not a command" if name else 'no command is given'
+        print_error('executables', f'{wrong}: choose one of {", ".join(names)}')
         return USER_ERROR
     sys.argv[:2] = [name]
     return _run(name)

@@ -1,6 +1,6 @@
-"""What the launch files have in common.
+"""Arguments, parameters and actions that the launch files share.
 
-Only they import this module: nothing else needs ROS's launch, which not every host has.
+Only launch files import this module, because not every host has ROS's launch.
 """
 
 from __future__ import annotations
@@ -33,21 +33,15 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from aerarm_ros.executables import controllers
 from aerarm_ros.launch_requirements import missing, packaged_files
 from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 from aerarm_ros.ros.process.node_process import STOP_TIMEOUT
 from aerarm_ros.ros.process.process_end import INTERRUPTED
 
 SHARE = FindPackageShare('aerarm_ros')
-CONTROLLERS = (
-    'gravity_compensation',
-    'computed_torque',
-    'impedance_control',
-    'kinematic_control',
-    'world_control',
-)
 WAIT_FOR_A_PERSON = 600.0  # [s]
-# Exit status that asyncio's child watcher makes up for a process that it has not seen end.
+# Exit status that asyncio's child watcher reports if it missed the end of a process.
 _UNKNOWN = 255
 ON_SPI = EqualsSubstitution(LaunchConfiguration('hardware'), 'spi')
 IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
@@ -56,37 +50,37 @@ IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
 def switch_argument(
     name: str, description: str, default: SomeSubstitutionsType = 'false'
 ) -> DeclareLaunchArgument:
-    """Return an argument that is true or false."""
+    """Return a launch argument that is true or false."""
     return DeclareLaunchArgument(
         name, default_value=default, choices=['true', 'false'], description=description
     )
 
 
 def drone_argument() -> DeclareLaunchArgument:
-    """Return the argument that names the drone."""
+    """Return the launch argument with the drone's file."""
     return DeclareLaunchArgument(
         'drone_file',
         default_value='',
-        description='drone that carries the arm, for example config/drone.yaml; none if empty',
+        description='drone that carries the arm, for example config/drone.yaml; no drone if empty',
     )
 
 
 def drone_parameter() -> dict[str, ParameterValue]:
-    """Return the parameter that names the drone; an empty text stays one."""
+    """Return the node parameter with the drone's file; an empty text stays a text."""
     return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
 def arm_parameters(
     *others: str, urdf: SomeSubstitutionsType | None = None
 ) -> dict[str, SomeSubstitutionsType | ParameterValue]:
-    """Return the parameters that name the arm, and those of other arguments.
+    """Return the parameters that describe the arm, plus those that launch arguments set.
 
     Parameters
     ----------
     others
-        Names of launch arguments that are names of parameters too.
+        Launch arguments that set parameters of the same name.
     urdf
-        Instead of the argument `urdf`.
+        URDF that replaces the launch argument `urdf`.
     """
     prefix = ParameterValue(LaunchConfiguration('tf_prefix'), value_type=str)
     given = {**arguments_as_parameters('config', 'urdf', *others), 'tf_prefix': prefix}
@@ -94,21 +88,21 @@ def arm_parameters(
 
 
 def enable_argument(default: SomeSubstitutionsType = 'false') -> DeclareLaunchArgument:
-    """Return the argument that enables the motors."""
+    """Return the launch argument that enables the motors."""
     what = (
-        'switch the motors on when the boards are there, and home an arm whose zeros are unknown: '
-        'THE ARM MOVES, from its home configuration'
+        'switch the motors on once the boards respond, and home an arm with unknown zeros: THE '
+        'ARM MOVES, from its home configuration'
     )
     return switch_argument('enable', what, default)
 
 
 def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
-    """Return the argument that chooses the controller."""
+    """Return the launch argument that selects the controller."""
     return DeclareLaunchArgument(
         'controller',
         default_value=default,
-        choices=['none', *CONTROLLERS],
-        description='law to run',
+        choices=['none', *controllers()],
+        description='controller to run',
     )
 
 
@@ -118,12 +112,13 @@ def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
         'base_motion',
         default_value=default,
         choices=['none', 'attitude', 'full', 'free'],
-        description='how the base moves: as the IMU says, or free, as the drone_file says',
+        description='base motion that the controller uses: none; attitude or full, both from the '
+        'IMU; free, from the drone in drone_file',
     )
 
 
-# Of the launch files that move the arm by themselves. Only emulated motors are switched on
-# unasked; and two nodes that command would fight, so there is no controller to choose.
+# For launch files that move the arm without a controller. Only emulated motors are enabled
+# automatically. A controller cannot be selected, because two nodes must not command the arm.
 MOTION_ARGUMENTS = (
     enable_argument(
         PythonExpression(
@@ -138,26 +133,26 @@ MOTION_ARGUMENTS = (
         'controller',
         default_value='none',
         choices=['none'],
-        description='none: the arm is moved by what is started here',
+        description='always none: the programs of this launch file move the arm',
     ),
     DeclareLaunchArgument(
         'excitation_config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
-        description='surroundings of the arm and usable shares of its limits',
+        description='surroundings of the arm and usable fractions of its limits',
     ),
 )
 
 
 def check_first(*packages: str) -> OpaqueFunction:
-    """Return what comes before all processes: nothing starts unless everything can.
+    """Return the action that checks all requirements before any process starts.
 
-    Arguments that name a packaged file become its path. What is started then ends when launch is
-    gone, however that ends.
+    The action replaces the name of a packaged file by its path. Every process that starts
+    afterwards ends when launch ends, even if launch is killed.
 
     Parameters
     ----------
     packages
-        Of ROS, that the launch file needs whatever its arguments.
+        ROS packages that the launch file always needs.
     """
 
     def check(context: LaunchContext) -> list[Action]:
@@ -174,10 +169,10 @@ def check_first(*packages: str) -> OpaqueFunction:
 def _keep_launch_from_being_interrupted() -> None:
     """Leave SIGINT to launch's event loop.
 
-    Launch reads signals from its wakeup file descriptor and leaves Python's own handler in place.
-    That handler raises KeyboardInterrupt in whichever task of launch runs: launch then waits for
-    that task for ever, or misses the end of a process. Where SIGINT is ignored, as for what a
-    script starts in the background, nothing reaches the descriptor.
+    Launch reads signals from its wakeup file descriptor but keeps Python's own handler. Python's
+    handler raises KeyboardInterrupt in any task of launch. Launch then waits for that task for
+    ever, or misses the end of a process. A process that ignores SIGINT, such as a background job
+    of a script, writes nothing to the descriptor.
     """
     ours = threading.current_thread() is threading.main_thread()
     if ours and signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_IGN):
@@ -185,17 +180,17 @@ def _keep_launch_from_being_interrupted() -> None:
 
 
 def bringup() -> IncludeLaunchDescription:
-    """Return bringup.launch.py, with the arguments that are set where it is included."""
+    """Include bringup.launch.py with the arguments that are set in the including launch file."""
     return IncludeLaunchDescription(PathJoinSubstitution([SHARE, 'launch', 'bringup.launch.py']))
 
 
 def node(
     executable: SomeSubstitutionsType, parameters: Mapping[str, Any] | None = None, **options: Any
 ) -> Node:
-    """Return a node of this package with the parameter file's values, then the given ones.
+    """Return a node of this package with the parameter file's values, overridden by `parameters`.
 
-    Launch asks a second time after `sigterm_timeout` [s], and a node asked twice ends at once: that
-    is 5 s where nobody says otherwise, in which a recorder on a busy host is not done with its bag.
+    After `sigterm_timeout` [s] launch sends a second signal, which ends a node at once. The
+    default of 5 s is too short for a recorder that completes its bag on a busy host.
     """
     return Node(
         sigterm_timeout=LaunchConfiguration('sigterm_timeout', default=str(STOP_TIMEOUT)),
@@ -208,22 +203,22 @@ def node(
 
 
 def arguments_as_parameters(*names: str) -> dict[str, LaunchConfiguration]:
-    """Return parameters that have the values of the launch arguments of the same names."""
+    """Return parameters with the values of the launch arguments of the same names."""
     return {name: LaunchConfiguration(name) for name in names}
 
 
 def end(reason: str) -> EmitEvent:
-    """Return the end of everything, with exit status 0."""
+    """Return the action that shuts launch down with exit status 0."""
     return EmitEvent(event=Shutdown(reason=reason))
 
 
 def after(
     process: Action, what: str, if_good: Action | None = None, condition: Condition | None = None
 ) -> RegisterEventHandler:
-    """Let an action follow a process; if that fails, launch ends with exit status 1.
+    """Run an action after a process ends; if the process fails, launch ends with exit status 1.
 
-    To be cut short is no failure while launch itself is being ended. Nor is a status that launch
-    does not know: where a Ctrl-C interrupts what awaits a process, asyncio calls that 255.
+    A process that is stopped while launch shuts down has not failed. Exit status 255 is not a
+    failure either: asyncio reports it if a Ctrl-C interrupts the task that awaits the process.
     """
 
     def choose(event: ProcessExited, context: LaunchContext) -> Action | None:
@@ -238,5 +233,5 @@ def after(
 
 
 def _fail(context: LaunchContext, problem: str) -> None:
-    # An exception is the one thing that changes launch's exit status.
+    # Only an exception changes launch's exit status.
     raise RuntimeError(problem)

@@ -1,8 +1,8 @@
-"""What the arguments of a launch file need: files, packages and modules.
+"""Check the files, packages and modules that the arguments of a launch file need.
 
-A launch file starts its processes one after the other, and does not stop the first ones where a
-later one cannot start: the bridge would go on alone, with the motors on. So all arguments are
-checked before anything starts. This module needs no ROS launch.
+A launch file starts its processes in turn and keeps the first ones running if a later one cannot
+start. The bridge would then run alone with enabled motors. So all arguments are checked before any
+process starts. This module does not need ROS's launch.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from aerarm_ros.description.config_reader import DescriptionError, check_prefix
 from aerarm_ros.description.resources import find_file
 
-# Launch arguments that name a file, where they name anything.
+# Launch arguments whose value, unless empty, is a file name.
 FILES = (
     'params_file',
     'config',
@@ -29,11 +29,12 @@ FILES = (
 )
 
 
-# Those of them that may name a packaged file; `trajectory` and `identified` are results of a run.
+# Arguments that also accept the name of a packaged file. `trajectory` and `identified` are results
+# of a run, so the package has none.
 PACKAGED = ('params_file', 'config', 'urdf', 'plant_urdf', 'drone_file', 'excitation_config')
 
 
-# Argument and value: what that needs of ROS, and of Python.
+# ROS packages and Python modules that a value of an argument needs.
 _PACKAGES = {('rviz', 'true'): ('rviz2', 'robot_state_publisher')}
 
 
@@ -54,14 +55,14 @@ _HOW = {
 
 
 def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[str]:
-    """Return what a launch file's arguments need and is not there, with what to do.
+    """Return one message for each file, package or module that the launch arguments lack.
 
     Parameters
     ----------
     arguments
         Values of the launch file's arguments, as text.
     packages
-        Of ROS, that it needs whatever its arguments.
+        ROS packages that the launch file always needs.
     """
     needed = [('', package) for package in packages]
     needed += [
@@ -80,9 +81,9 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
 
 
 def packaged_files(arguments: Mapping[str, str]) -> dict[str, str]:
-    """Return the paths of the packaged files that arguments give by name, by argument.
+    """Return the path of each packaged file that an argument names, by argument.
 
-    ROS's launch reads the URDFs, and ROS the parameter file, from a path only.
+    ROS reads the parameter file, and its launch the URDFs, only from a path.
     """
     given = {name: arguments.get(name, '').strip("'") for name in PACKAGED}
     found = {name: str(find_file(path)) for name, path in given.items() if path}
@@ -100,7 +101,8 @@ def _missing_drone(arguments: Mapping[str, str]) -> Iterator[str]:
     if arguments.get('base_motion') == 'free' and not arguments.get('drone_file', '').strip("'"):
         yield (
             'drone_file is missing: name the drone that carries the arm, for example '
-            'drone_file:=config/drone.yaml; or set base_motion:=full on a driven or heavy base'
+            'drone_file:=config/drone.yaml, or set base_motion:=full on a heavy or ground-driven '
+            'base'
         )
 
 
@@ -109,16 +111,16 @@ def _missing_files(arguments: Mapping[str, str]) -> Iterator[str]:
     for name in FILES:
         path = packaged.get(name, arguments.get(name, '').strip("'"))
         if path and not os.path.isfile(path):
-            yield f'{name}: there is no file {path}'
+            yield f'the file {path} of {name} does not exist: check the path'
         elif path and not os.access(path, os.R_OK):
-            yield f'{name}: {path} may not be read'
+            yield f'the file {path} of {name} is not readable: check its permissions'
 
 
 def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
     for what_for, package in needed:
         try:
             get_package_prefix(package)
-        except (PackageNotFoundError, OSError):  # OSError: no environment is sourced
+        except (PackageNotFoundError, OSError):  # OSError: no ROS environment is sourced
             apt = f'ros-jazzy-{package.replace("_", "-")}'
             yield f'{what_for}{package} is not installed: sudo apt install {apt}'
 
@@ -126,4 +128,4 @@ def _missing_packages(needed: Sequence[tuple[str, str]]) -> Iterator[str]:
 def _missing_modules(arguments: Mapping[str, str]) -> Iterator[str]:
     for (name, value), module in _MODULES.items():
         if arguments.get(name) == value and find_spec(module) is None:
-            yield f'{name}:={value}: {module} is not installed: {_HOW[module]}'
+            yield f'{name}:={value} needs the Python package {module}: {_HOW[module]}'

@@ -1,7 +1,7 @@
-"""Many runs of one function on processes of this computer, or on Ray's of several.
+"""Run one function many times, in processes of this computer or of a Ray cluster.
 
-A run that raises, or whose process is killed, costs nothing but itself: it comes back as a
-`Failure`. Results come as they are finished, so that the caller can keep each at once.
+A run that raises, or whose process is killed, yields a `Failure` and does not affect other runs.
+Each result is yielded as soon as the run ends.
 """
 
 from __future__ import annotations
@@ -25,21 +25,22 @@ Item = TypeVar('Item')
 Result = TypeVar('Result')
 
 LOCAL = 'local'
-"""Ray's address of a cluster that is started for the runs, on this computer."""
-_TASKS = 25  # of a process before a new one takes its place, so that its memory has an end
+"""Ray's address of a cluster that is started on this computer for the runs."""
+_TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
 _GIB = 2**30
-_KILLED = 'the process was killed twice: check the free memory, and what else may end processes'
+_KILLED = (
+    'a process was killed twice: check the free memory, and whether another program ends processes'
+)
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a run has no result.
+    """Reason why a run has no result.
 
     Attributes
     ----------
-    reason : str
     is_final : bool
-        Whether it would fail again; False for a run whose process was ended from outside.
+        Whether a repetition would fail too; False if the process was ended from outside.
     """
 
     reason: str
@@ -52,26 +53,26 @@ def run_each(
     workers: int = 0,
     memory: float = 0.0,
 ) -> Iterator[tuple[int, Result | Failure]]:
-    """Yield the number and the result of each run, as they are finished.
+    """Yield the number and the result of each run as soon as the run ends.
 
-    Leaving the iteration early ends the processes after their present runs.
+    If the caller leaves the iteration early, the processes end after their present runs.
 
     Parameters
     ----------
     function : callable
         Picklable, without side effects: the run of a killed process is repeated.
     items : sequence
-        Picklable; one for each run.
+        Picklable arguments of `function`, one per run.
     workers : int
-        Processes; as many as this computer has CPUs if 0.
+        Number of processes; 0 for the number of CPUs.
     memory : float
-        Of each process [GiB]; 0 for no limit.
+        Memory limit of each process [GiB]; 0 for no limit.
     """
     workers = workers or os.cpu_count() or 1
     waiting = deque(range(len(items)))
     suspects: deque[int] = deque()
     while waiting or suspects:
-        # Nobody knows whose process of those that ran was killed: each is tried again, alone.
+        # Which of the concurrent runs was killed is unknown, so each is repeated alone.
         alone = bool(suspects)
         source, count = (suspects, 1) if alone else (waiting, workers * _TASKS)
         batch = deque(source.popleft() for _ in range(min(count, len(source))))
@@ -99,19 +100,19 @@ def run_each(
 def run_each_on_ray(
     function: Callable[[Item], Result], items: Sequence[Item], address: str = LOCAL
 ) -> Iterator[tuple[int, Result | Failure]]:
-    """Yield the same as `run_each`, from the computers of a Ray cluster.
+    """Yield the number and the result of each run on a Ray cluster.
 
     Parameters
     ----------
     function, items
-        As in `run_each`. What items name, such as files, must be there on every computer.
+        As for `run_each`. Files that items name must exist on every computer.
     address : str
-        Of an existing cluster, as Ray wants it; 'local' starts one on this computer.
+        Ray's address of an existing cluster; 'local' starts a cluster on this computer.
 
     Raises
     ------
     RuntimeError
-        If Ray is not installed, or the cluster does not answer.
+        If Ray is not installed or the cluster does not answer.
     """
     try:
         import ray
@@ -127,7 +128,9 @@ def run_each_on_ray(
             logging_level=logging.WARNING,
         )
     except (ConnectionError, ValueError, RuntimeError) as error:
-        raise RuntimeError(f'Ray at {address}: {error}: check that the cluster runs') from None
+        raise RuntimeError(
+            f'Ray at {address} does not respond ({error}): check that the cluster runs'
+        ) from None
     try:
 
         def run(item: Item) -> Result:
@@ -149,7 +152,7 @@ def run_each_on_ray(
 
 
 def _here() -> dict[str, Any]:
-    """Return where Ray's processes on this computer find modules: where this one does."""
+    """Return Ray's runtime environment with this process's module search path."""
     return {'env_vars': {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}}
 
 
@@ -158,7 +161,7 @@ def _outcome(future: Future[Result]) -> Result | Failure:
         return future.result()
     except BrokenProcessPool:
         raise
-    except Exception as error:  # whatever a run raises is its own
+    except Exception as error:  # Any exception of a run belongs to that run.
         return Failure(_reason(error))
 
 
@@ -168,13 +171,13 @@ def _reason(error: BaseException) -> str:
 
 
 def _pool(workers: int, memory: float) -> ProcessPoolExecutor:
-    # Started afresh rather than forked: the parent may have threads (BLAS, a ROS context).
+    # Spawn instead of fork: the parent may have threads (BLAS, a ROS context).
     context = multiprocessing.get_context('spawn')
     return ProcessPoolExecutor(workers, context, _prepare, (memory,))
 
 
 def _prepare(memory: float) -> None:
-    """Prepare a process: the parent decides on Ctrl-C, and memory has a limit."""
+    """Prepare a worker process: ignore Ctrl-C, which the parent handles, and limit the memory."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     use_one_thread()
     if memory > 0.0:

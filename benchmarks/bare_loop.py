@@ -1,8 +1,8 @@
-"""What the machine itself keeps of a period: the operating system's own figure, beside ours.
+"""Timing accuracy of the machine itself: a bare periodic loop and cyclictest.
 
-Used by the benchmarks that measure time, and a program of its own. A loop that does nothing but
-sleep to its next deadline, at the priority of a bridge; and cyclictest (package rt-tests), the
-operating system's own test, where it is installed.
+Benchmarks that measure time use this module, and it can be run alone. The bare loop only sleeps to
+its next deadline, at the priority of a bridge. cyclictest (package rt-tests) is a standard latency
+test of the operating system, used if installed.
 """
 
 import argparse
@@ -21,7 +21,7 @@ PRIORITY = 80
 
 
 def run_loop(seconds: float) -> dict[str, float]:
-    """Return shares and times of a bare loop: missed [%], lateness p50, p99.9, max [us]."""
+    """Return figures of a bare loop: missed cycles [%], lateness p50, p99.9, max [us]."""
     set_fifo(PRIORITY)
     freeze_garbage_collector()
     loop = PeriodicLoop(PERIOD)
@@ -42,12 +42,12 @@ def run_loop(seconds: float) -> dict[str, float]:
 
 
 class BareLoops:
-    """Runs the bare loop, and cyclictest if it is there, in processes beside a measurement.
+    """Run the bare loop, and cyclictest if installed, in processes parallel to a measurement.
 
     Parameters
     ----------
     seconds
-        How long.
+        Duration [s].
     """
 
     def __init__(self, seconds: float) -> None:
@@ -61,12 +61,12 @@ class BareLoops:
             )
 
     def lines(self) -> list[str]:
-        """Wait for their end; return a line for each."""
+        """Wait for the processes to end; return one line for each."""
         figures = json.loads(self._loop.communicate()[0])
         lines = [
-            f'{"bare loop beside it":38}{figures["missed"]:8.2f} % missed, woken '
-            f'{figures["p50"]:.0f} us late (median), {figures["p99.9"]:.0f} us (99.9 %), '
-            f'{figures["max"]:.0f} us at most'
+            f'{"bare loop beside it":38}{figures["missed"]:8.2f} % missed, wake-up latency '
+            f'{figures["p50"]:.0f} us (median), {figures["p99.9"]:.0f} us (p99.9), '
+            f'{figures["max"]:.0f} us (largest)'
         ]
         if self._cyclic is not None:
             text = self._cyclic.communicate()[0]
@@ -78,8 +78,8 @@ class BareLoops:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='length of the run')
-    parser.add_argument('--json', action='store_true', help='the bare loop alone, as JSON')
+    parser.add_argument('--seconds', type=float, default=10.0, help='duration of the run')
+    parser.add_argument('--json', action='store_true', help='run only the bare loop and print JSON')
     options = parser.parse_args()
     if options.json:
         print(json.dumps(run_loop(options.seconds)))

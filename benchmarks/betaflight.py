@@ -1,9 +1,10 @@
-"""How far the arm's motion moves a drone that Betaflight flies, by what is fed forward.
+"""Hover error caused by arm motion under Betaflight, for several feed-forward methods.
 
-The firmware, built as a program of this host, has attitude, angular velocity and mixer;
-`flight_control` leads it by its sticks: angle mode, the position loop, what is fed forward. It does
-not wait for anybody, so the emulated world keeps up with real time where the host can, and figures
-count on a host that is quiet: its load is printed. `make flight AUTOPILOT=betaflight` runs it.
+The firmware runs as a program on this host and contains attitude control, rate control and mixer.
+`flight_control` provides the position loop and feed-forward, and commands the firmware by its
+sticks in angle mode. The firmware does not wait for the simulation, so the emulated world follows
+real time as far as the host can. The figures are valid only on a quiet host; the host's load is
+printed. `make flight AUTOPILOT=betaflight` runs this benchmark.
 """
 
 import argparse
@@ -34,7 +35,7 @@ WAYS = {
     'integral': FlightWay('integral'),
     'posture, motion, lead': FlightWay('integral', posture=True, motion=True, lead=0.04),
 }
-# Cycles of 2 ms leave two cores some room; softer joints bear what is late then.
+# Cycles of 2 ms leave a margin on two cores; softer joints tolerate the resulting delay.
 WORLD = (('pace', 'keep_up'), ('period', 0.002))
 LAW = (('kp', [100.0]), ('kd', [20.0]))
 GAINS = {'position_frequency': 1.6, 'position_damping': 0.9, 'position_integral': 0.3}
@@ -43,7 +44,7 @@ GAINS = {'position_frequency': 1.6, 'position_damping': 0.9, 'position_integral'
 def fly(
     node: Node, program: Path, arm: ArmModel, ways: list[str], parts: list[str]
 ) -> dict[str, FlightRecord | str]:
-    """Return what the drone did in some ways, or why it did not; each begins with a new start."""
+    """Return each method's record, or the reason of a failure; each restarts the firmware."""
     drone, found = load_drone(DRONE), {}
     for name in ways:
         flight = {**GAINS, 'loops': 'betaflight', **WAYS[name].switches}
@@ -70,7 +71,7 @@ def main() -> int:
     parser.add_argument('--out', type=Path, help='folder for the page')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     options = parser.parse_args()
     program = find_betaflight()
     if program is None:
@@ -89,8 +90,8 @@ def main() -> int:
         results = FlightResults(flown, {DRONE: records}, arm.law.get('urdf'))
     load = os.getloadavg()[0]
     note = (
-        f'A drone of 3 kg that carries an arm of 1.5 kg, the arm {arm.name}, flown by Betaflight, '
-        f'the world at the pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
+        f'A drone of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by Betaflight; '
+        f'simulation pace keep_up; load of the host {load:.1f} on {os.cpu_count()} cores.'
     )
     print(f'{note}\n{results.text()}')
     if options.out:

@@ -1,9 +1,9 @@
-"""The bridge at 1 kHz: cost of its cycle, and how it keeps its time with a controller attached.
+"""Cost of the bridge's 1 kHz cycle, and its timing accuracy with a controller attached.
 
-First, in this process: the frame codec, the cycle with emulated boards, and 100,000 cycles of
-it, whose memory and cost must not grow. Then three processes over real DDS: fake_hardware,
-computed_torque, and a client that gets and sets parameters of the bridge ten times a second,
-while the emulated world goes on in real time; beside them a loop that does nothing, and cyclictest.
+The first part measures, in this process, the frame codec, the cycle with emulated boards, and
+100,000 cycles, whose memory and cost must not grow. The second part runs three processes over real
+DDS in real time: fake_hardware, computed_torque, and a client that gets and sets parameters of the
+bridge ten times per second. A bare loop and cyclictest run in parallel.
 """
 
 import argparse
@@ -53,7 +53,7 @@ def codec_costs() -> None:
 
 
 def cycle_costs(cycles: int) -> None:
-    """Run a bridge on emulated boards as fast as it goes; compare its beginning and its end."""
+    """Run a bridge on emulated boards at full speed; compare its beginning and end."""
     config = load_arm_config().with_encoders('absolute')
     boards = make_emulated_transport(config, load_robot(), 1)
     cycle = BridgeCycle(config, boards)

@@ -1,12 +1,12 @@
-"""A command on hosts that are hard on it: how long it takes there, and whether it ends well.
+"""Duration and success of a command on hosts with difficult conditions.
 
     python benchmarks/busy_host.py --host paused --runs 3 --command 'make test'
 
-By default `make demo`, once on each host:
+By default the command is `make demo`, run once per host:
 
-busy    beside four programs that do nothing but compute, in a session of their own;
-paused  all processes of its session are stopped for 50 to 500 ms, and a second later again;
-bare    as `nohup ... &` in a cron job: nearly no environment, no terminal, standard input
+busy    in parallel with four computing programs in another session;
+paused  all processes of its session are stopped for 50 to 500 ms, again after a second;
+bare    as `nohup ... &` in a cron job: almost no environment, no terminal, standard input
         closed, SIGHUP, SIGINT and SIGQUIT ignored.
 """
 
@@ -27,14 +27,14 @@ PAUSE = (0.05, 0.5)  # [s]
 BETWEEN = 1.0  # [s]
 PROGRAMS = 4
 TAIL = 15
-PATIENCE = 5.0  # [s]
-_GONE = 'TtXZ'  # states of a process that cannot be stopped: it is, or has ended
+PATIENCE = 5.0  # [s] for the processes of a session to end
+_GONE = 'TtXZ'  # states of a process that cannot be stopped or has ended
 
 
 def beside_others(command: Sequence[str], log: Path, run: int) -> int:
-    """Run a command beside programs that compute; return its exit status."""
+    """Run a command in parallel with computing programs; return its exit status."""
     endless = [sys.executable, '-c', 'while True: pass']
-    # In one session, as the kernel shares processors among sessions first.
+    # In one session, because the kernel first shares processors among sessions.
     together = f'for i in $(seq {PROGRAMS}); do "$@" & done; wait'
     others = subprocess.Popen(['sh', '-c', together, 'sh', *endless], start_new_session=True)
     try:
@@ -46,7 +46,7 @@ def beside_others(command: Sequence[str], log: Path, run: int) -> int:
 
 
 def with_pauses(command: Sequence[str], log: Path, run: int) -> int:
-    """Run a command and stop it with all that it has started, again and again."""
+    """Run a command, and repeatedly stop and continue all its processes."""
     chance = random.Random(run)
     with started(command, log) as process:
         while process.poll() is None:
@@ -64,7 +64,7 @@ def with_pauses(command: Sequence[str], log: Path, run: int) -> int:
 
 
 def as_cron(command: Sequence[str], log: Path, run: int) -> int:
-    """Run a command as `nohup ... &` in a cron job, with standard input closed."""
+    """Run a command like `nohup ... &` in a cron job, with standard input closed."""
     bare = {'HOME': os.environ.get('HOME', '/'), 'PATH': '/usr/local/bin:/usr/bin:/bin'}
     deaf = 'trap "" HUP INT QUIT; exec "$@" <&-'
     with started(['sh', '-c', deaf, 'sh', *command], log, bare) as process:
@@ -75,7 +75,7 @@ def as_cron(command: Sequence[str], log: Path, run: int) -> int:
 def started(
     command: Sequence[str], log: Path, environment: dict[str, str] | None = None
 ) -> 'Iterator[subprocess.Popen[bytes]]':
-    """Start a command in a session of its own; what it prints goes to a file."""
+    """Start a command in a new session; its output goes to a file."""
     with (
         log.open('wb') as out,
         subprocess.Popen(
@@ -89,27 +89,29 @@ def started(
     ):
         try:
             yield process
-        except BaseException:  # a Ctrl-C does not reach another session
+        except BaseException:  # Ctrl-C does not reach another session
             for pid in session(process.pid):
                 send(pid, signal.SIGTERM)
             process.wait()
             raise
-    # Helpers of multiprocessing end once they notice that who started them has.
+    # Helper processes of multiprocessing end once they notice the end of their parent.
     end = time.monotonic() + PATIENCE
     while (left := session(process.pid)) and time.monotonic() < end:
         time.sleep(0.1)
     for pid in left:
-        print(f'still there after the command has ended: {pid} {command_of(pid)}', flush=True)
+        print(
+            f'process {pid} still runs after the command has ended: {command_of(pid)}', flush=True
+        )
 
 
 def session(leader: int) -> list[int]:
-    """Return the processes of a session, parents first as a rule."""
+    """Return the processes of a session, usually parents first."""
     found = (int(entry.name) for entry in Path('/proc').iterdir() if entry.name.isdigit())
     return sorted(pid for pid in found if state(pid)[1] == leader)
 
 
 def state(pid: int) -> tuple[str, int]:
-    """Return the state of a process, as one letter, and its session."""
+    """Return the state of a process as one letter, and its session."""
     try:
         fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     except OSError:
@@ -118,7 +120,7 @@ def state(pid: int) -> tuple[str, int]:
 
 
 def command_of(pid: int) -> str:
-    """Return the command line of a process, '' if it has ended."""
+    """Return the command line of a process, '' if the process has ended."""
     try:
         return Path(f'/proc/{pid}/cmdline').read_text().replace('\0', ' ')
     except OSError:
@@ -139,7 +141,7 @@ HOSTS: dict[str, Callable[[Sequence[str], Path, int], int]] = {
 
 
 def measure(host: str, command: Sequence[str], log: Path, run: int) -> bool:
-    """Run the command on a host, print a line, and more where it failed; return if it did not."""
+    """Run a command on a host, print the result and details of a failure; return the success."""
     begun = time.monotonic()
     status = HOSTS[host](command, log, run)
     took = time.monotonic() - begun
@@ -153,14 +155,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument('--host', choices=HOSTS, action='append', help='by default all')
-    parser.add_argument('--runs', type=int, default=1, help='on each host')
-    parser.add_argument('--logs', type=Path, help='directory for what the command prints')
-    parser.add_argument('--command', default='make demo', help='by default: make demo')
+    parser.add_argument(
+        '--host', choices=HOSTS, action='append', help='hosts to run on (default: all)'
+    )
+    parser.add_argument('--runs', type=int, default=1, help='number of runs on each host')
+    parser.add_argument('--logs', type=Path, help='directory for the output of the command')
+    parser.add_argument(
+        '--command', default='make demo', help='command to run (default: make demo)'
+    )
     options = parser.parse_args()
     command = shlex.split(options.command)
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: sys.exit(1))  # and let nothing run on, or stay stopped
+        # end all child processes, including stopped ones
+        signal.signal(number, lambda *_: sys.exit(1))
     with tempfile.TemporaryDirectory() as temporary:
         logs = options.logs or Path(temporary)
         logs.mkdir(parents=True, exist_ok=True)

@@ -1,8 +1,8 @@
 """Tool error of emulated arms before and after calibration, on held-out postures.
 
-Each arm is made otherwise than drawn: joint zeros by 10 mrad, lengths by 1 mm, axes by 2 mrad, a
-mount that is tilted by 20 mrad. A motion capture with 0.2 mm of noise and hidden markers, or a
-camera that sees an optical marker, measures it in chosen postures.
+Each arm deviates from its nominal geometry: joint zeros by 10 mrad, lengths by 1 mm, axes by 2
+mrad, and the mount is tilted by 20 mrad. In chosen postures the arm is measured by a motion capture
+system with 0.2 mm of noise and hidden markers, or by a camera that sees an optical marker.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ Array = NDArray[np.float64]
 ROBOT, CONFIG = load_robot(), load_arm_config()
 LINK = ROBOT.link_names[-1]
 HELD_OUT = 60
-FRAMES = 50  # of a rest of half a second at 100 Hz
-LIMIT = 0.5  # [mm] on held-out postures, by the motion capture
+FRAMES = 50  # in a rest of half a second at 100 Hz
+LIMIT = 0.5  # [mm] on held-out postures, with motion capture
 
 
 @dataclass
 class Arm:
-    """A made arm, and what measures it."""
+    """Emulated arm with geometric errors, and its measurement systems."""
 
     seed: int
 
     def __post_init__(self) -> None:
-        """Make it."""
+        """Generate the geometric errors."""
         self.made = MadeGeometry.of(ROBOT, self.seed)
         parameters = PlantParameters.nominal(CONFIG, self.made.robot)
         self.plant = ArmPlant(self.made.robot, parameters)
@@ -56,11 +56,11 @@ class Arm:
         self.camera = EmulatedCamera(LINK, self.seed)
 
     def put(self, q: Array) -> None:
-        """Put it where its encoders show a posture."""
+        """Move the arm until its encoders show a posture."""
         self.plant.reset(q + self.made.offsets)
 
     def markers(self, q: Array) -> MarkerSource:
-        """Return means of what the motion capture sees."""
+        """Return mean marker positions measured by motion capture."""
         position = np.full((len(q), len(MARKERS), 3), np.nan)
         for k, row in enumerate(q):
             self.put(row)
@@ -70,7 +70,7 @@ class Arm:
         return MarkerSource('mocap', self.mocap.names, position)
 
     def poses(self, q: Array) -> PoseSource:
-        """Return what the camera sees: the mean of ten frames."""
+        """Return the marker pose measured by the camera, the mean of ten frames."""
         rotation, position = np.full((len(q), 3, 3), np.nan), np.full((len(q), 3), np.nan)
         for k, row in enumerate(q):
             self.put(row)
@@ -82,7 +82,7 @@ class Arm:
         return PoseSource('camera', rotation, position)
 
     def truth(self, q: Array) -> Array:
-        """Return where the markers are in the motion capture's frame, (M, K, 3) [m]."""
+        """Return true marker positions in the motion capture frame, (M, K, 3) [m]."""
         found = []
         for row in q:
             self.put(row)
@@ -90,23 +90,23 @@ class Arm:
         return np.array(found)
 
     def as_drawn(self, q: Array) -> Array:
-        """Return where drawing and drawn mount put the markers, (M, K, 3) [m]."""
+        """Return marker positions by the nominal geometry and mount, (M, K, 3) [m]."""
         geometry = ArmGeometry(ROBOT, LINK)
         poses = geometry.poses(q, np.zeros(len(geometry.names)))
         in_base = poses.position[:, None] + np.einsum('mij,kj->mki', poses.rotation, MARKERS)
-        # The base is where mount_shift and mount_turn have put it: the drawing is without them.
+        # The nominal base pose is the true one without mount_shift and mount_turn.
         turn = rotation_about(self.made.mount_turn)
         in_world = (in_base - self.made.mount_shift) @ turn
         return np.asarray(in_world @ self.mocap.rotation.T + self.mocap.translation)
 
 
 def rms(error: Array) -> float:
-    """Return the root mean square of vectors [mm]."""
+    """Return the RMS of vectors [mm]."""
     return 1e3 * float(np.sqrt(np.mean(np.sum(error**2, axis=-1))))
 
 
 def free_postures(checker: ClearanceChecker, count: int, seed: int) -> Array:
-    """Return random postures that keep the clearances."""
+    """Return random postures that keep the required clearances."""
     low, high = ROBOT.posture_range
     random = np.random.default_rng(seed)
     found: list[Array] = []
@@ -118,16 +118,21 @@ def free_postures(checker: ClearanceChecker, count: int, seed: int) -> Array:
 
 
 def calibrated(arm: Arm, chain: Chain, q: Array, with_camera: bool) -> Calibration:
-    """Return the calibration by the motion capture, or by the camera alone."""
+    """Return the calibration by motion capture, or by the camera only."""
     source = arm.poses(q) if with_camera else arm.markers(q)
     return calibrate(chain, Observations(q, (source,)))
 
 
 def main() -> int:
-    """Print a table; return 1 if an arm is not within the limit."""
+    """Print a table; return 1 if an arm exceeds the limit."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--arms', type=int, default=5, help='number of arms (default: 5)')
-    parser.add_argument('--postures', type=int, default=40, help='of a calibration (default: 40)')
+    parser.add_argument(
+        '--postures',
+        type=int,
+        default=40,
+        help='number of postures of a calibration (default: 40)',
+    )
     options = parser.parse_args()
     surroundings = load_excitation_config()
     checker = ClearanceChecker(
@@ -167,7 +172,7 @@ def main() -> int:
 
 
 def _camera_error(arm: Arm, found: Calibration, held: Array) -> float:
-    """Return the error of the optical marker's position in held-out postures [mm]."""
+    """Return the position error of the optical marker in held-out postures [mm]."""
     rotation, position = np.full((len(held), 3, 3), np.nan), np.full((len(held), 3), np.nan)
     for k, row in enumerate(held):
         arm.put(row)

@@ -1,10 +1,11 @@
-"""What `base_reaction` takes for contact while nothing touches the drone, and of known forces.
+"""Contact force error of `base_reaction`, without contact and under known forces.
 
-`fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes, in
-lockstep. The drone hovers, and `zero_contact` is called (not with `--raw`); then the arm swings
-slowly, fast, and in fast motion is pulled at its tool by 2, 5 and 10 N. The force told is compared
-in the world with the true one: while nothing touches it, RMS and largest; of a pull, from 1.5 s
-after it began, the error of the mean over a second and the largest (`contact_bandwidth` 1 Hz).
+`fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes in
+lockstep. The drone hovers, and `zero_contact` is called (except with `--raw`). Then the arm swings
+slowly, then fast, and during fast motion its tool is pulled with 2, 5 and 10 N. The published force
+is compared in the world frame with the true one. Without contact the RMS and maximum errors are
+printed. For a pull, the error of the mean over one second and the maximum error are printed, from
+1.5 s after its start (`contact_bandwidth` 1 Hz).
 """
 
 import argparse
@@ -37,7 +38,7 @@ from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 
 RAMP = 1.0  # [s]
 ZEROING = 3.0  # [s]
-SLOW, FAST, PULL = 3.0, 3.0, 2.5  # [s] of each
+SLOW, FAST, PULL = 3.0, 3.0, 2.5  # [s] duration of each motion
 SETTLED = 1.5  # [s]
 PULLS = ([2.0, 0.0, 0.0], [0.0, -5.0, 0.0], [0.0, 0.0, -10.0])  # [N] in the world
 NOISY = ('odometry_noise', [0.01, 0.02, 0.005, 0.01])
@@ -60,7 +61,7 @@ def swings() -> MotionSequence:
 def fly(
     node: Node, name: str, arm: ArmModel, case: dict[str, object], is_zeroed: bool
 ) -> list[str]:
-    """Return a case's figures."""
+    """Return the figures of one case."""
     drone, way = load_drone(name), WAYS['posture, motion, lead']
     flight = tuple(way.parameters(name).items())
     wanted = FlightCase(drone.mass, 'free', drone=drone, flight=flight, is_told=True, **case)
@@ -68,7 +69,7 @@ def fly(
         bench = FlightBench(stack, node, Path(folder), wanted, arm)
         begin, told = pull(bench, node, is_zeroed)
         record = bench.listener.record().shifted(begin)
-    known, rows = np.unique(record.times, return_index=True)  # some is told again
+    known, rows = np.unique(record.times, return_index=True)  # drop republished forces
     turned = Slerp(known, Rotation.from_quat(record.attitudes[rows]))
     inside = [(t - begin, f) for t, f in told if known[0] <= t - begin <= known[-1]]
     times = np.array([time for time, _ in inside])
@@ -77,7 +78,7 @@ def fly(
 
 
 def pull(bench: FlightBench, node: Node, is_zeroed: bool) -> tuple[float, Words]:
-    """Return when the swings began [s], and what was told of contact, in base axes."""
+    """Return the start of the swings [s], and the published contact forces in base axes."""
     reader = RawReader(node, topics.CONTACT_WRENCH)
     bench.wait_until_still()
     zeroed, _ = bench.listener.next()
@@ -107,12 +108,12 @@ def pull(bench: FlightBench, node: Node, is_zeroed: bool) -> tuple[float, Words]
 
 
 def pull_begin(index: int) -> float:
-    """Return when a pull begins [s]."""
+    """Return the start time of a pull [s]."""
     return SLOW + 3.0 * RAMP + FAST + PULL * index
 
 
 def figures(times: np.ndarray, forces: np.ndarray) -> list[str]:
-    """Return what was told in each part."""
+    """Return the force errors in each part."""
     cells = []
     fast = SLOW + 3.0 * RAMP
     for begin, end in ((RAMP, RAMP + SLOW), (fast + 1.0, fast + FAST)):
@@ -133,7 +134,7 @@ def main() -> int:
     parser.add_argument('--raw', action='store_true', help='without zero_contact beforehand')
     parser.add_argument('--cases', nargs='*', default=list(CASES), choices=list(CASES))
     options = parser.parse_args()
-    print(f'{options.drone}, the arm {options.model}, forces in N')
+    print(f'{options.drone} with the arm {options.model}; forces in N')
     print('| | slow | fast | 2 N | 5 N | 10 N |')
     with tempfile.TemporaryDirectory() as folder:
         arm = ArmModel.true()

@@ -1,4 +1,4 @@
-"""Time of one update of each control law, beside Pinocchio's bare calls."""
+"""Duration of one update of each control law, compared with bare Pinocchio calls."""
 
 import argparse
 from collections.abc import Callable
@@ -36,13 +36,13 @@ from aerarm_ros.motion.signals import ArmState, JointReference, TaskReference
 UPDATES = 5000
 CYCLE = 1e-3
 Q, DQ, DDQ = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 4)) + [[0.0, 1.2, 0.0, 0.5]] * 3
-BUDGET = 30.0  # [us] a control update with RNEA
+BUDGET = 30.0  # [us] for a control update with RNEA
 IMU_CYCLES = 4  # 250 Hz
-FREE_GOAL = 2.0  # times the law on a fixed base
+FREE_GOAL = 2.0  # largest ratio to the law on a fixed base
 
 
 def measure(call: Callable[[], Any]) -> tuple[float, float]:
-    """Return median and 99 % quantile of a call's duration [us]."""
+    """Return median and p99 of a call's duration [us]."""
     for _ in range(200):
         call()
     times = np.empty(UPDATES)
@@ -108,7 +108,7 @@ def laws() -> dict[str, Callable[[], Any]]:
 
 
 def whole_loops() -> dict[str, Callable[[], Any]]:
-    """Return updates of a node's whole loop: trajectory, law, limits, and the observer."""
+    """Return updates of a node's complete loop: trajectory, law, limits and observer."""
     config, robot = load_arm_config(), load_robot()
     limits = JointLimits.from_config(config)
     calls = {}
@@ -144,9 +144,9 @@ def _endless_motion(
 
 
 def free_over_fixed() -> tuple[float, float]:
-    """Return how much longer computed torque takes on a free base: the law, a whole cycle.
+    """Return the cost ratios of computed torque on a free to a fixed base, for law and cycle.
 
-    The cycle holds what the law is told: IMU samples and rotor commands at 250 Hz, and their
+    The cycle includes the inputs of the law: IMU samples and rotor commands at 250 Hz, and their
     comparison with the model.
     """
     config, robot, drone = load_arm_config(), load_robot(), load_drone_config()
@@ -174,7 +174,7 @@ def free_over_fixed() -> tuple[float, float]:
 
 
 class FlightSound:
-    """What a drone in hover tells an estimator of its base: IMU and rotor commands."""
+    """Messages of a hovering drone for an estimator of its base: IMU and rotor commands."""
 
     def __init__(self, base: FreeBaseEstimator, names: tuple[str, ...], thrust: float) -> None:
         self._base, self._names, self._thrust = base, names, thrust
@@ -182,7 +182,7 @@ class FlightSound:
         self._cycle = 0
 
     def hear(self, now: float) -> None:
-        """Tell what is due at `now` [s]."""
+        """Pass the messages due at `now` [s] to the estimator."""
         self._cycle += 1
         if self._cycle % IMU_CYCLES:
             return
@@ -195,7 +195,7 @@ class FlightSound:
 
 
 def _over(first: Callable[[], Any], second: Callable[[], Any]) -> float:
-    """Return how much longer the second call takes on average, measured in turns."""
+    """Return the ratio of the mean durations of two calls, measured alternately."""
     ratios = []
     for _ in range(200):
         times = []

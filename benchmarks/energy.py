@@ -1,12 +1,12 @@
-"""What motions of least energy take, beside quintics and trapezoids of the same duration.
+"""Energy of least-energy motions, compared with quintics and trapezoids of equal duration.
 
-`fake_hardware`, `computed_torque`, `motion_planner` and `recorder` run as processes, in lockstep,
-so that the figures do not depend on the host. Moves are drawn evenly over the joints' ranges, there
-and back, and each is played in three shapes. Joules are those that the supply gave for the motors,
-until 0.2 s after the motion, from joint_states (see `BalanceMeter`); braking power is lost. The arm
-differs from its drawing; planner and controller know it by what `identifier` made of a recorded
-excitation (`--model true`: it is as drawn, and known). `make energy` makes 100 moves and writes a
-page.
+`fake_hardware`, `computed_torque`, `motion_planner` and `recorder` run as processes in lockstep, so
+the figures do not depend on the host. Moves are drawn uniformly over the joints' ranges, and each
+is played back and forth in three shapes. The energy is that drawn from the supply for the motors
+until 0.2 s after the motion, computed from joint_states (see `BalanceMeter`); braking energy is
+lost. The arm deviates from its model. Planner and controller use the parameters that `identifier`
+estimates from a recorded excitation (with `--model true` the arm equals its model). `make energy`
+plays 100 moves and writes a page.
 """
 
 import argparse
@@ -38,12 +38,12 @@ from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.planner.motion_plan import PlanError
 from aerarm_ros.planner.motion_planner import MotionPlanner
 
-BATCH = 10  # pairs of moves in one bag
-PACK = 100.0  # [Wh]
+BATCH = 10  # pairs of moves per bag
+PACK = 100.0  # [Wh] energy of the battery
 
 
 def known(arm: ArmModel) -> tuple[EnergyModel, MotionPlanner]:
-    """Return the model that the nodes have, and a planner like theirs."""
+    """Return the model of the nodes, and a planner with the same settings."""
     config = load_arm_config()
     robot = load_robot(arm.law.get('urdf'), joint_names=config.joint_names)
     model = EnergyModel(config, robot, arm.law.get('rotor_inertia'), arm.law['load_friction'])
@@ -52,7 +52,7 @@ def known(arm: ArmModel) -> tuple[EnergyModel, MotionPlanner]:
 
 
 def play(bench: EnergyBench, planner: MotionPlanner, pairs: list[tuple[int, Move]]) -> None:
-    """Play moves there and back, in every shape."""
+    """Play moves back and forth in every shape."""
     here = np.array(load_arm_config().rest_position)
     for number, move in pairs:
         try:
@@ -68,7 +68,7 @@ def play(bench: EnergyBench, planner: MotionPlanner, pairs: list[tuple[int, Move
 
 @contextmanager
 def bench_node() -> Iterator[Node]:
-    """Give a node that hears nothing of what another one listened to."""
+    """Yield a node that receives no messages intended for earlier nodes."""
     node = rclpy.create_node('bench')
     try:
         yield node
@@ -77,7 +77,7 @@ def bench_node() -> Iterator[Node]:
 
 
 def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Taken], list[str]]]:
-    """Give the results of some moves after the other, and refusals."""
+    """Yield results of the moves so far, and rejected moves."""
     arm = ArmModel.true()
     if options.model == 'identified':
         with bench_node() as node:
@@ -98,12 +98,12 @@ def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Ta
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--moves', type=int, default=4, help='how many, an even number')
-    parser.add_argument('--first', type=int, default=0, help='how many of them are left out')
-    parser.add_argument('--seed', type=int, default=1, help='of the moves')
+    parser.add_argument('--moves', type=int, default=4, help='number of moves, even')
+    parser.add_argument('--first', type=int, default=0, help='number of moves to omit')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the moves')
     parser.add_argument('--durations', type=float, nargs=2, default=[2.0, 4.0], help='[s]')
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the arm')
     parser.add_argument('--out', type=Path, help='folder for the page and the results')
     options = parser.parse_args()
     os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
@@ -117,7 +117,7 @@ def main() -> int:
         for part, reasons in measure(Path(folder), options):
             results += part
             refused += reasons
-            if options.out:  # what is measured is kept, whatever comes
+            if options.out:  # also keep the results after an error
                 rows = {'moves': [asdict(one) for one in results], 'refused': refused}
                 (options.out / 'energy.json').write_text(json.dumps(rows))
     rclpy.shutdown()
@@ -125,7 +125,7 @@ def main() -> int:
     standby = load_arm_config().power_stage.standby
     note = (
         f'{len(found.by_shape["planned"])} random moves of {options.durations[0]:g} to '
-        f'{options.durations[1]:g} s, the arm {options.model}; a pack of {PACK:g} Wh.'
+        f'{options.durations[1]:g} s with the arm {options.model}; battery capacity {PACK:g} Wh.'
     )
     print(f'{note}\n{found.text(standby, PACK)}')
     for reason in refused:

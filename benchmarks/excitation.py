@@ -1,13 +1,12 @@
-"""Design of excitation trajectories: quality, speed, safety.
+"""Design of excitation trajectories: quality, computing time, safety.
 
 1. Condition number (5.2) and expected deviations of designed and of random trajectories.
 2. Standard deviations of the parameters identified from the emulated arm after playing them.
-3. A thousand random trajectories around a drone's landing gear: what is let through, checked
-   in MuJoCo, which shares nothing with the checker but the URDF.
-
+3. A thousand random trajectories around a drone's landing gear: accepted trajectories are checked
+   in MuJoCo, which shares only the URDF with the checker.
 4. FIGAROH's trajectory generator on the same arm (excitation_peers.py), unless --no-peers is given.
 
-Each goal stands beside its figure. Ends with status 1 if anything unsafe is let through.
+Each figure is printed with its goal. The exit status is 1 if an unsafe trajectory is accepted.
 """
 
 import argparse
@@ -50,7 +49,7 @@ RANDOM = 21
 IDENTIFIED_RANDOM = 5
 CHECKED = 1000
 STARTS = 8
-# What is promised of a designed trajectory.
+# Goals for a designed trajectory.
 LARGEST_CONDITION = 25.0
 LONGEST_DESIGN = 60.0  # [s] on two cores
 SMALLEST_GAIN = 2.0
@@ -70,8 +69,9 @@ def design(setup: ExcitationSetup) -> tuple[DesignResult, list[DesignResult]]:
     conditions = [result.quality.condition_number for result in random]
     deviation = float(np.median([result.quality.log_deviation for result in random]))
     print(
-        f'{RANDOM} random trajectories: condition (5.2) median {np.median(conditions):.1f}, '
-        f'{min(conditions):.1f} to {max(conditions):.1f}; the thesis has 47'
+        f'{RANDOM} random trajectories: condition number (5.2) median '
+        f'{np.median(conditions):.1f}, {min(conditions):.1f} to {max(conditions):.1f}; 47 in the '
+        'thesis'
     )
     began = time.monotonic()
     best = None
@@ -94,11 +94,11 @@ def design(setup: ExcitationSetup) -> tuple[DesignResult, list[DesignResult]]:
 
 
 class EmulatedRun:
-    """Plays trajectories on emulated boards faster than real time.
+    """Emulated boards that play trajectories faster than real time.
 
     Parameters
     ----------
-    setup, arm, robot : the arm.
+    setup, arm, robot : setup, configuration and model of the arm.
     """
 
     def __init__(self, setup: ExcitationSetup, arm: ArmConfig, robot: Robot) -> None:
@@ -106,7 +106,7 @@ class EmulatedRun:
         self._arm = arm.with_encoders('absolute')
 
     def play(self, name: str, trajectory: FourierTrajectory) -> Recording:
-        """Return what joint_states would have held over two periods with run-in and run-out."""
+        """Return the joint_states of two periods with run-in and run-out."""
         boards = make_emulated_transport(self._arm, self._robot, 7, alignment=QUICK_ALIGNMENT)
         bridge = BridgeCycle(self._arm, boards)
         now = self._bring_up(bridge)
@@ -127,7 +127,7 @@ class EmulatedRun:
         return Recording(name, tuple(names), time_, q, dq, tau, np.zeros(4, dtype=bool))
 
     def _bring_up(self, bridge: BridgeCycle) -> float:
-        """Connect, enable and align; return the time reached [s]."""
+        """Connect, enable and align the boards; return the time reached [s]."""
         now = 100.0
         for cycle in range(2500):
             if cycle == 30:
@@ -140,7 +140,7 @@ class EmulatedRun:
 
 
 def chosen_friction(arm: ArmConfig, robot: Robot, recording: Recording) -> str:
-    """Return which of the two friction models the identifier comes to unless it is told one."""
+    """Return which of the two friction models the identifier chooses automatically."""
     result = identify(robot, arm, [recording], [], IdentificationOptions(), Stopwatch())
     return 'load' if result.fit.model.depends_on_load else 'coulomb'
 
@@ -148,7 +148,7 @@ def chosen_friction(arm: ArmConfig, robot: Robot, recording: Recording) -> str:
 def identified_deviations(
     arm: ArmConfig, robot: Robot, recording: Recording, friction: str
 ) -> np.ndarray:
-    """Return the standard deviations of the base parameters by the data alone, no prior."""
+    """Return the standard deviations of the base parameters by the data alone, without a prior."""
     options = IdentificationOptions(friction=friction)
     result = identify(robot, arm, [recording], [], options, Stopwatch())
     system = result.fit.regression.system(result.fit.noise.information_weights)
@@ -159,18 +159,18 @@ def identified_deviations(
 def compare_identified(
     setup: ExcitationSetup, arm: ArmConfig, robot: Robot, best: DesignResult, random: list
 ) -> None:
-    """Identify from the emulated arm after the designed and after random trajectories."""
+    """Identify from the emulated arm after designed and after random trajectories."""
     run = EmulatedRun(setup, arm, robot)
     designed = run.play('designed', best.trajectory)
-    # The middle ones of the random trajectories, by what they promise.
+    # Random trajectories of median predicted quality.
     ranked = sorted(random, key=lambda result: result.quality.log_deviation)
     middle = len(ranked) // 2 - IDENTIFIED_RANDOM // 2
     others = [
         run.play(f'random{i}', result.trajectory)
         for i, result in enumerate(ranked[middle : middle + IDENTIFIED_RANDOM])
     ]
-    # The emulated gears' friction depends on load: a model without it leaves a residual that
-    # grows with the torque, and what designs gain is partly lost to it.
+    # The emulated gears' friction depends on load. A model without it has a residual that grows
+    # with the torque, which cancels part of the design's benefit.
     used = chosen_friction(arm, robot, designed)
     for friction in ('load', 'coulomb'):
         deviations = [
@@ -192,7 +192,7 @@ def compare_identified(
 
 
 def with_landing_gear(robot: Robot) -> Robot:
-    """Return the arm on a base with four legs around it."""
+    """Return the arm on a base surrounded by four legs."""
     legs = ''.join(
         f'<collision name="leg{i}"><origin xyz="{x} {y} 0.1"/>'
         '<geometry><box size="0.03 0.03 0.5"/></geometry></collision>'
@@ -203,7 +203,7 @@ def with_landing_gear(robot: Robot) -> Robot:
 
 
 def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) -> int:
-    """Judge random trajectories twice; return how many unsafe ones are let through."""
+    """Check random trajectories twice; return the number of unsafe ones that are accepted."""
     legged = with_landing_gear(robot)
     config = setup.config
     setup = ExcitationSetup.of_arm(legged, arm, config)
@@ -228,7 +228,7 @@ def check_independently(arm: ArmConfig, robot: Robot, setup: ExcitationSetup) ->
 
 
 def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: MujocoArm) -> bool:
-    """Return whether MuJoCo finds every limit kept on a grid of 5 ms."""
+    """Return whether all limits are satisfied in MuJoCo on a grid of 5 ms."""
     config, limits = setup.config, setup.usable_limits
     motion = RampedExcitation(trajectory, 1, config.ramp_time)
     states = motion.evaluate(np.arange(0.0, motion.duration, 5e-3))
@@ -253,7 +253,9 @@ def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: Mujoco
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--no-peers', action='store_true', help='no other generator beside it')
+    parser.add_argument(
+        '--no-peers', action='store_true', help='no comparison with other generators'
+    )
     options = parser.parse_args()
     arm, config = load_arm_config(), load_excitation_config()
     robot = load_robot(gravity_in_base=arm.gravity_in_base)
@@ -262,7 +264,7 @@ def main() -> int:
     compare_identified(setup, arm, robot, best, random)
     unsafe = check_independently(arm, robot, setup)
     if not options.no_peers:
-        # Imported here: with --no-peers nothing is to be installed.
+        # Local import, because --no-peers must not install anything.
         from excitation_peers import main as peers
 
         peers()

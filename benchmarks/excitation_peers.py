@@ -1,7 +1,7 @@
-"""What FIGAROH's trajectory generator makes of the same arm, judged by the same figures.
+"""Trajectory of FIGAROH's generator for the same arm, evaluated by the same figures.
 
-It runs in a virtual environment of its own, see peers/peer.py; pip builds cyipopt there, for which
-IPOPT has to be on the machine. Without it the line says which packages to install.
+It runs in a separate virtual environment, see peers/peer.py. pip builds cyipopt there, which
+requires IPOPT on the machine; without IPOPT a line names the packages to install.
 """
 
 import argparse
@@ -41,7 +41,7 @@ STARTS = 4
 
 
 def judge_figaroh(designer: TrajectoryDesigner, random: Quality) -> None:
-    """Print what its trajectory is worth, and what it asks of the arm."""
+    """Print the quality of FIGAROH's trajectory, and its use of the arm's limits."""
     setup = designer.specification.setup
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'states.npz'
@@ -58,7 +58,7 @@ def judge_figaroh(designer: TrajectoryDesigner, random: Quality) -> None:
 
 
 def demands(setup: ExcitationSetup, states: JointReference) -> str:
-    """Return the largest share of each limit that a motion reaches, and its clearance."""
+    """Return the largest fraction of each limit used by a motion, and its clearance."""
     limits, effort = setup.limits, setup.effort_model.effort(*states)
     shares = {
         'velocity': states.dq / limits.velocity,

@@ -1,8 +1,8 @@
-"""Processor time of a node that answers requests, by the executor that serves it.
+"""Processor time of a node that responds to requests, by executor.
 
-Each executor serves one node in a second thread of a process of its own, as beside a control loop.
-A client asks for a parameter, again and again; the node says how much of the processor that took.
-A subscription in a group that lets nothing run stands for one that the loop reads itself.
+Each executor serves one node in a second thread of a separate process, as next to a control loop. A
+client repeatedly requests a parameter, and the node reports the processor time used. A subscription
+in a callback group that never runs represents one that the loop reads itself.
 """
 
 import argparse
@@ -29,22 +29,22 @@ PATIENCE = 60.0  # [s]
 
 
 class Closed(CallbackGroup):
-    """Lets nothing run."""
+    """Callback group that never runs a callback."""
 
     def can_execute(self, entity: object) -> bool:
-        """Return False."""
+        """Return False, so that no callback runs."""
         return False
 
     def beginning_execution(self, entity: object) -> bool:
-        """Return False."""
+        """Return False, so that no callback runs."""
         return False
 
     def ending_execution(self, entity: object) -> None:
-        """Do nothing: nothing began."""
+        """Do nothing, because no callback runs."""
 
 
 def serve(kind: str) -> None:
-    """Answer requests until standard input ends."""
+    """Respond to requests until standard input ends."""
     rclpy.init(args=[])
     node = rclpy.create_node('server')
     taken: list[object] = []
@@ -59,7 +59,7 @@ def serve(kind: str) -> None:
         with BackgroundExecutor(node):
             sys.stdin.read()
     else:
-        # Not by spin(): that of EventsExecutor never returns and holds the interpreter.
+        # Not spin(), because that of EventsExecutor never returns and blocks the interpreter.
         executor = SingleThreadedExecutor() if kind == 'rclpy' else EventsExecutor()
         executor.add_node(node)
         end = threading.Event()
@@ -73,13 +73,13 @@ def serve(kind: str) -> None:
 
 
 def spin(executor: Executor, end: threading.Event) -> None:
-    """Spin until the end, which is looked at ten times a second."""
+    """Spin until the event, which is checked ten times per second."""
     while not end.is_set():
         executor.spin_once(timeout_sec=0.1)
 
 
 def ask(node: Node, future: rclpy.Future) -> object:
-    """Return an answer."""
+    """Return the response to a request."""
     rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
     if not future.done():
         raise TimeoutError('no answer')
@@ -87,7 +87,7 @@ def ask(node: Node, future: rclpy.Future) -> object:
 
 
 def measure(node: Node, kind: str, count: int) -> str:
-    """Return what a server with this executor needs for each request, and what else it did."""
+    """Return the processor time per request of a server with this executor, and its other work."""
     command = [sys.executable, __file__, '--serve', kind]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ros_environment()
@@ -96,7 +96,7 @@ def measure(node: Node, kind: str, count: int) -> str:
         parameters = AsyncParameterClient(node, '/server')
         publisher = node.create_publisher(String, '/server/read_by_loop', 10)
         if not (cost.wait_for_service(PATIENCE) and parameters.wait_for_services(PATIENCE)):
-            raise TimeoutError(f'{kind} is not there')
+            raise TimeoutError(f'{kind} was not found')
         wait_until(lambda: publisher.get_subscription_count() == 1)
 
         def spent() -> tuple[float, int]:
@@ -116,13 +116,14 @@ def measure(node: Node, kind: str, count: int) -> str:
         said, _ = server.communicate('', timeout=PATIENCE)
         end = time.monotonic() - begin
     return (
-        f'{kind:8} {1e3 * (after - before) / count:6.2f} ms a request, {taken} of 5 messages taken '
-        f'from the loop, ended after {end:.1f} s with {server.returncode} {said.strip()}'
+        f'{kind:8} {1e3 * (after - before) / count:6.2f} ms per request, {taken} of 5 messages '
+        f'taken from the loop, ended after {end:.1f} s with status {server.returncode} '
+        f'{said.strip()}'
     )
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    """Wait until a condition holds."""
+    """Spin until a condition is true."""
     deadline = time.monotonic() + PATIENCE
     while not condition():
         if time.monotonic() > deadline:
@@ -131,7 +132,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 
 
 def main() -> None:
-    """Measure all executors."""
+    """Measure all executors and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--count', type=int, default=1000, help='requests')
     parser.add_argument('--serve', choices=KINDS, help=argparse.SUPPRESS)

@@ -1,11 +1,11 @@
-"""How a fleet's bags are identified: 200 bags of ten arms, a worker killed in the middle.
+"""Identification of a fleet: 200 bags of ten arms, with one worker killed during the run.
 
 Usage: python benchmarks/fleet.py [--folder output/fleet] [--bags 200] [--workers 2]
 
-Writes bags of simulated arms that differ as built ones do (rigid links, rotors, friction, noise):
-joint 2 of arm3 gets more friction from month to month, the last link of arm7 carries 60 g.
-Then runs `identifier --each`, kills one of its workers after a third of the rows, and prints time,
-memory and what the page found.
+The benchmark writes bags of simulated arms with realistic deviations (rigid links, rotors,
+friction, noise). The friction of joint 2 of arm3 grows from month to month, and the last link of
+arm7 carries 60 g. Then it runs `identifier --each`, kills one worker after a third of the rows, and
+prints time, memory and the findings of the page.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _POINT = np.array([1.0, 0.08, 0, 0, 0, 0, 0.0064, 0, 0, 0.0064])  # a mass 80 mm
 
 
 def main() -> int:
-    """Make the bags that are missing, and identify from them."""
+    """Create missing bags, and identify from all bags."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--folder', type=Path, default=Path('output/fleet'))
     parser.add_argument('--bags', type=int, default=200)
@@ -92,7 +92,7 @@ def motion(n: int, random: np.random.Generator) -> tuple[np.ndarray, ...]:
 
 
 def identify(bags: Path, out: Path, count: int, workers: int) -> int:
-    """Run the identifier, kill one of its workers, and print what came of it."""
+    """Run the identifier, kill one worker, and print the result."""
     command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', '--each', str(bags)]
     command += ['--workers', str(workers), '--holdout', '0.3', '--out', str(out)]
     begin, killed, most = time.monotonic(), 0, 0.0

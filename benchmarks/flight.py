@@ -1,12 +1,12 @@
-"""How far the arm's motion moves the drone that carries it, over topics, by what is fed forward.
+"""Hover error caused by arm motion, over topics, for several feed-forward methods.
 
-`fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes, in
-lockstep, so that the figures do not depend on the host. The drone hovers at a place while the arm
-swings slowly, reaches out by 90 degrees in 1.5 s, swings fast, plays an excitation, and picks up
-0.2 kg that nobody told of. Each way to bear that flies with gains that benchmarks/flight_gains.py
-found (flying/gains.yaml). The arm differs from its drawing; all nodes know it by what `identifier`
-made of a recorded excitation (`--model true`: it is as drawn, and known). The sensors are ideal
-unless `--latency` says otherwise. `make flight` writes a page besides.
+`fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes in
+lockstep, so the figures do not depend on the host. The drone hovers while the arm swings slowly,
+reaches out by 90 degrees in 1.5 s, swings fast, plays an excitation, and picks up an undeclared
+payload of 0.2 kg. Each method uses gains from benchmarks/flight_gains.py (flying/gains.yaml). The
+arm deviates from its model; all nodes use parameters that `identifier` estimates from a recorded
+excitation (with `--model true` the arm equals its model). The sensors have no delay unless
+`--latency` is given. `make flight` also writes a page.
 """
 
 import argparse
@@ -33,22 +33,22 @@ from rclpy.node import Node
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 Records = dict[str, FlightRecord | str]
-# A flight in lockstep waits for its slowest process, and leaves cores idle meanwhile.
+# A flight in lockstep waits for its slowest process, which leaves cores idle.
 AT_ONCE = (os.cpu_count() or 1) + 1
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How all drones fly.
+    """Settings common to all drones.
 
     Attributes
     ----------
     parts : tuple of str
-        Of the program.
+        Parts of the flight program.
     latency : float
-        Of odometry and IMU [s].
+        Delay of odometry and IMU [s].
     frequencies : tuple of float
-        Of position and attitude [rad/s], in place of those that were found; none to keep them.
+        Position and attitude frequencies [rad/s] that replace the tuned ones; empty to keep them.
     """
 
     parts: tuple[str, ...]
@@ -63,7 +63,7 @@ class Settings:
 
     @property
     def gains(self) -> dict[str, object]:
-        """Parameters of the flight controller in place of those that were found."""
+        """Parameters of the flight controller that replace the tuned ones."""
         if not self.frequencies:
             return {}
         position, attitude = self.frequencies
@@ -72,7 +72,7 @@ class Settings:
 
 
 def open_ros(number: int) -> Node:
-    """Return a node in the domain of a number, which nobody else who runs now may have."""
+    """Return a node in a ROS domain by number, which no concurrent run may use."""
     os.environ['ROS_DOMAIN_ID'] = str(1 + number % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])
@@ -80,7 +80,7 @@ def open_ros(number: int) -> Node:
 
 
 def identify(number: int, folder: Path, seed: int) -> ArmModel:
-    """Return an arm and what is found out of it."""
+    """Return an emulated arm with its identified parameters."""
     try:
         return ArmModel.identified(open_ros(number), folder, seed)
     finally:
@@ -88,9 +88,9 @@ def identify(number: int, folder: Path, seed: int) -> ArmModel:
 
 
 def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
-    """Return drones and ways that fly one after the other, those that take longest first.
+    """Return drones with their methods in order, longest flights first.
 
-    What differs between ways of the same gains can be switched in flight.
+    Methods with equal gains differ only in settings that can be switched in flight.
     """
     found: dict[tuple[str, str], list[str]] = {}
     for name in names:
@@ -102,7 +102,7 @@ def jobs(names: list[str], ways: list[str]) -> list[tuple[str, list[str]]]:
 
 
 def fly(number: int, name: str, ways: list[str], arm: ArmModel, settings: Settings) -> Records:
-    """Return what one drone did in some ways, or why it did not."""
+    """Return the records of one drone's flights, or the reason of a failure."""
     node = open_ros(number)
     found: Records = {}
     try:
@@ -116,7 +116,7 @@ def fly(number: int, name: str, ways: list[str], arm: ArmModel, settings: Settin
 def fly_until_lost(
     node: Node, name: str, ways: list[str], arm: ArmModel, settings: Settings, found: Records
 ) -> None:
-    """Fly in one world, until all is flown or the drone is lost."""
+    """Fly in one world, until all methods are flown or the drone is lost."""
     drone, program = load_drone(name), FlightProgram(parts=settings.parts)
     flown, first = ways[0], WAYS[ways[0]]
     flight = {**first.parameters(name), **settings.gains, **arm.drawing}
@@ -142,19 +142,34 @@ def main() -> int:
     parser.add_argument('--drones', nargs='*', default=['hexarotor'], choices=list(DRONES))
     parser.add_argument('--ways', nargs='*', default=list(WAYS), choices=list(WAYS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
-    parser.add_argument('--wrong', type=float, default=0.0, help='share by which every link is '
-                        'believed to be another [-]')  # fmt: skip
-    parser.add_argument('--wrong-seed', type=int, default=1, help='draws what is too large of it')
-    parser.add_argument('--latency', type=float, default=0.0, help='of odometry and IMU [s]')
-    parser.add_argument('--frequencies', nargs=2, type=float, default=(), metavar='RAD_PER_S',
-                        help='of position and attitude, for all ways')  # fmt: skip
+    parser.add_argument(
+        '--wrong',
+        type=float,
+        default=0.0,
+        help="relative error of each link's mass, centre of mass and inertia in the model [-]",
+    )
+    parser.add_argument(
+        '--wrong-seed',
+        type=int,
+        default=1,
+        help='seed that draws the signs of these errors',
+    )
+    parser.add_argument('--latency', type=float, default=0.0, help='delay of odometry and IMU [s]')
+    parser.add_argument(
+        '--frequencies',
+        nargs=2,
+        type=float,
+        default=(),
+        metavar='RAD_PER_S',
+        help='bandwidths of position and attitude, for all controllers',
+    )
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
     settings = Settings(tuple(options.parts), options.latency, tuple(options.frequencies))
     arm, program = ArmModel.true(), FlightProgram(parts=options.parts)
-    first = os.getpid()  # those of workers may differ by as much as their flights' numbers
+    first = os.getpid()  # process ids of workers may differ by less than the number of flights
     context = get_context('spawn')
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -177,8 +192,8 @@ def main() -> int:
         }
         results = FlightResults(program, records, arm.law.get('urdf'))
     note = (
-        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {arm.name}; '
-        f'sensors {1e3 * options.latency:g} ms late.'
+        f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}); delay of the sensors '
+        f'{1e3 * options.latency:g} ms.'
     )
     print(f'{note}\n{results.text()}')
     if options.out:

@@ -1,8 +1,9 @@
-"""Tunes a flight controller with each way to bear the arm's motion, all by the same search.
+"""Tuning of a flight controller for each feed-forward method, by the same search.
 
-The drone hovers while its arm reaches out by 90 degrees, comes back and swings fast, with noise on
-all sensors and 8 ms of latency. Nelder and Mead's search, as many flights for each, from the same
-two pairs of frequencies; the cost is the RMS position error. Prints what flying/gains.yaml holds.
+The drone hovers while its arm reaches out by 90 degrees, returns, and swings fast, with noise on
+all sensors and 8 ms of latency. The search is Nelder and Mead's, with an equal number of flights
+for each method, from the same two pairs of frequencies; the cost is the RMS position error. The
+output is the content of flying/gains.yaml.
 """
 
 import argparse
@@ -23,20 +24,20 @@ from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, Inc
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 
 LEAD = 0.028  # [s]
-# From where the searches begin: position, attitude [rad/s], and the third number by kind.
+# Initial values of the searches: position and attitude frequency [rad/s], third number by kind.
 STARTS = (2.0, 9.0), (5.0, 8.0)
 INTEGRALS = 'integral', 'feed_forward'
 THIRD = {'integral': 0.25, 'observer': 8.0, 'indi': 20.0, 'feed_forward': 0.25}
 PX4_STARTS = [[1.0, 6.5, 3.0], [1.5, 8.0, 4.0]]
 KINDS = [*THIRD, 'px4', 'px4_feed_forward']
-# The search knows the arm's weight; a wrong one has to be found within seconds.
+# The search uses the arm's exact weight; a wrong weight must be compensated within seconds.
 INTEGRAL_MIN = 0.1
 SIMPLEX = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.5]])
 LOST = 1e3  # [mm]
 
 
 def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarray):
-    """Return controller and feed-forward of a kind with frequencies and third number."""
+    """Return controller and feed-forward of a kind, with frequencies and the third number."""
     position, attitude, third = values.tolist()
     arm = ArmFeedForward(drone, flight.body, lead=LEAD) if 'feed_forward' in kind else None
     if 'px4' in kind:
@@ -55,7 +56,7 @@ def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarr
 
 
 def tune(kind: str, drone: DroneConfig, flight: RigidFlight, flights: int) -> dict[str, object]:
-    """Return the best numbers of a search, and what they reach."""
+    """Return the best parameters of a search, and their cost."""
     tried = []
 
     def cost(logarithms: np.ndarray) -> float:
@@ -95,7 +96,7 @@ def main() -> None:
         flight = RigidFlight(drone, motion)
         for kind in options.kinds:
             if 'px4' in kind and drone.is_fully_actuated:
-                continue  # PX4's loops do not know of such a drone
+                continue  # PX4's loops do not support such a drone
             best = tune(kind, drone, flight, options.flights)
             print(yaml.safe_dump({f'{name}/{kind}': best}, sort_keys=False), end='', flush=True)
 

@@ -1,11 +1,11 @@
-"""Joint error of an arm under a drone as light as itself, over topics, beside a fixed base.
+"""Joint error of an arm under a drone of similar mass, over topics, compared with a fixed base.
 
-`fake_hardware`, `computed_torque` and `flight_control` run as processes, in lockstep, so that the
-figures do not depend on the host. Drones of other masses are the packaged ones, scaled. The arm
+`fake_hardware`, `computed_torque` and `flight_control` run as processes in lockstep, so the figures
+do not depend on the host. Drones of other masses are scaled versions of the packaged ones. The arm
 hangs down; "slow" swings its joints by 0.4 to 0.5 rad at 0.2 to 0.35 Hz, "fast" by 0.5 to 0.8 rad
-at 0.5 to 0.9 Hz. Errors are taken from joint_states, each against the reference at its own stamp.
-The arm is as drawn and the controller knows it; at the end it is another arm, which the controller
-knows by what `identifier` made of a recorded excitation.
+at 0.5 to 0.9 Hz. Errors are computed from joint_states, relative to the reference at each state's
+stamp. The arm equals the controller's model. In the last cases the arm deviates from its model, and
+the controller uses parameters that `identifier` estimates from a recorded excitation.
 """
 
 import argparse
@@ -31,14 +31,14 @@ MASSES = (1.3, 2.0, 3.0, 5.0, 10.0)
 WHAT = [case.wrong for case in FlightCase(1.0, 'free').variants()]
 BASES = ('none', 'attitude', 'full', 'free')
 LINE = '{:>7} {:9} {:23} {:10} {:5} {:>10} {:>6} {:>6} {:>6}'
-HEADINGS = ('drone', 'uses', 'what is wrong', 'arm', '', 'RMS [mrad]', 'max', 'growth', 'mm off')
+HEADINGS = ('drone', 'uses', 'model error', 'arm', '', 'RMS [mrad]', 'max', 'growth', 'mm off')
 GOALS = {'true': 1.3, 'identified': 2.0}
 SHORTEST = 3.0 * RAMP  # [s]
-LOST = 1.0  # [m] off its place a drone does not hold, and the errors say nothing of the law
+LOST = 1.0  # [m] error above which the drone is lost, and joint errors are meaningless
 
 
 def growth(times: np.ndarray, errors: np.ndarray) -> float:
-    """Return the RMS of the last third over that of the first third."""
+    """Return the ratio of the RMS in the last third to the RMS in the first third."""
     first, last = np.quantile(times, [1 / 3, 2 / 3])
     parts = errors[times < first], errors[times > last]
     return float(np.sqrt((parts[1] ** 2).mean() / (parts[0] ** 2).mean()))
@@ -46,15 +46,14 @@ def growth(times: np.ndarray, errors: np.ndarray) -> float:
 
 @dataclass
 class Campaign:
-    """Cases, one after the other, each printed when it is done.
+    """Sequence of cases, each printed when finished.
 
     Attributes
     ----------
-    node : Node
     lengths : dict
-        Of the motions [s].
+        Durations of the motions [s].
     results : dict
-        RMS error [mrad] and growth by arm, case and motion; infinite where it failed.
+        RMS error [mrad] and growth by arm, case and motion; infinite after a failure.
     """
 
     node: Node
@@ -74,7 +73,7 @@ class Campaign:
                     rms, grown = float(np.sqrt((errors**2).mean())), growth(times, errors)
                     away = bench.listener.farthest
                     if away > LOST:
-                        raise ValueError(f'the drone is lost, {away:.1f} m away, in {name} motion')
+                        raise ValueError(f'the drone drifted {away:.1f} m away in {name} motion')
                     self.results[arm.name, case, name] = rms, grown
                     off = f'{1e3 * away:.0f}' if case.mass else ''
                     figures = f'{rms:.2f}', f'{np.abs(errors).max():.1f}', f'{grown:.2f}', off
@@ -84,7 +83,7 @@ class Campaign:
             print(LINE.format(*heading, '', *'----'), text, flush=True)
 
     def summary(self) -> None:
-        """Print what the goals are about."""
+        """Print the figures with goals."""
         over: dict[str, float] = {}
         worse, grown = 0.0, 0.0
         for (arm, case, motion), (rms, growth_of_it) in self.results.items():
@@ -98,28 +97,42 @@ class Campaign:
             if ignored:
                 worse = max(worse, rms / ignored[0])
         for arm, ratio in over.items():
-            print(f'Free base over fixed base, {arm} arm: {ratio:.2f} (goal: {GOALS[arm]:g})')
-        print(f'Free base over an ignored one, whatever is wrong: {worse:.2f} (goal: 1)')
-        print(f'Last third of a motion over its first, free base: {grown:.2f}')
+            print(
+                f'Error with a free base relative to a fixed base, {arm} arm: {ratio:.2f} '
+                f'(goal: {GOALS[arm]:g})'
+            )
+        print(
+            'Error with a free base relative to an ignored base, largest over all model '
+            f'errors: {worse:.2f} (goal: 1)'
+        )
+        print(f'Error in the last third of a motion relative to the first, free base: {grown:.2f}')
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--masses', type=float, nargs='*', default=MASSES, help='of drones [kg]')
+    parser.add_argument(
+        '--masses', type=float, nargs='*', default=MASSES, help='masses of drones [kg]'
+    )
     parser.add_argument('--bases', nargs='*', default=BASES, help='values of base_motion')
     parser.add_argument('--wrong', type=float, nargs='*', default=[1.3, 3.0],
-                        help='masses of drones for which things are wrong [kg]')  # fmt: skip
-    parser.add_argument('--wrong-bases', nargs='*', default=['free'],
-                        help='values of base_motion for which things are wrong')  # fmt: skip
-    parser.add_argument('--what', nargs='*', default=WHAT, choices=WHAT, help='what is wrong')
+                        help='masses of drones for runs with model errors [kg]')  # fmt: skip
+    parser.add_argument(
+        '--wrong-bases', nargs='*', default=['free'],
+                        help='values of base_motion for runs with model errors')  # fmt: skip
+    parser.add_argument(
+        '--what', nargs='*', default=WHAT, choices=WHAT, help='model errors to simulate'
+    )
     parser.add_argument('--identified', type=float, nargs='*', default=MASSES,
                         help='masses of drones with an identified arm [kg]')  # fmt: skip
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument('--seconds', type=float, nargs=2, default=(14.0, 14.0),
-                        help='length of the slow and of the fast motion')  # fmt: skip
+                        help='durations of the slow and of the fast motion')  # fmt: skip
     options = parser.parse_args()
     if min(options.seconds) < SHORTEST:
-        parser.error(f'argument --seconds: {SHORTEST:g} s at least, most of it begins and ends')
+        parser.error(
+            f'argument --seconds must be at least {SHORTEST:g} s, because start and end take '
+            'most of a shorter motion'
+        )
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init(args=[])
@@ -145,9 +158,8 @@ def main() -> None:
                 campaign.run(FlightCase(mass, 'free'), arm)
     campaign.summary()
     law, cycle = free_over_fixed()
-    print(f'Computing time on a free base over that on a fixed one: law {law:.2f} '
-          f'(goal: {FREE_GOAL:g}), '
-          f'whole cycle {cycle:.2f}')  # fmt: skip
+    print(f'Computing time with a free base relative to a fixed base: law {law:.2f} (goal: '
+          f'{FREE_GOAL:g}), whole cycle {cycle:.2f}')  # fmt: skip
     rclpy.shutdown()
 
 

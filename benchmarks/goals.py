@@ -1,10 +1,10 @@
-"""Goals of FollowJointTrajectory that shipped controllers reach, by what removes lasting errors.
+"""Goals of FollowJointTrajectory reached by packaged controllers, by method of offset removal.
 
-In virtual time, on emulated boards, with arms that differ from their drawing (`seed` of
-`fake_hardware`). Each arm is sent five motions from rest to rest of 0.1 to 2 rad, then rests. A
-goal succeeds by the tolerances that ship (0.01 rad within 1 s). It has settled when every true
-joint stays within 0.005 rad and below 0.01 rad/s. A joint in a limit cycle turns back again and
-again at rest: turns of more than 0.2 mrad, some four encoder counts, are counted.
+The benchmark runs in virtual time on emulated boards, with arms that deviate from their model
+(`seed` of `fake_hardware`). Each arm receives five rest-to-rest motions of 0.1 to 2 rad, then
+rests. A goal succeeds by the default tolerances (0.01 rad within 1 s). The arm has settled when
+every true joint stays within 0.005 rad and below 0.01 rad/s. A joint in a limit cycle reverses
+repeatedly at rest; reversals of more than 0.2 mrad, about four encoder counts, are counted.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from goal_runs.identified_files import identified_urdf_file
 
 DISTANCES = (0.1, 0.3, 0.7, 1.3, 2.0)  # [rad]
 SETTLING = 0.5  # [s]
-# What is compared, as parameters in place of the defaults.
+# Methods to compare, as parameters that replace the defaults.
 WAYS: Mapping[str, Mapping[str, Any]] = {
     'shipped': {},
     'nothing': {'compensation': 0.0},
@@ -34,7 +34,7 @@ WAYS: Mapping[str, Mapping[str, Any]] = {
     'observer 0.2, 60/s': {'compensation': 0.2, 'observer_gain': 60.0},
     'observer 0.2, 100/s': {'compensation': 0.2, 'observer_gain': 100.0},
 }
-# What the emulated arm and its host are like, as arguments of the bench.
+# Conditions of the emulated arm and its host, as arguments of the bench.
 CONDITIONS: Mapping[str, Mapping[str, Any]] = {
     'plain': {},
     'payload': {'payload': 0.2},
@@ -68,7 +68,7 @@ def run(
 
 
 def line(names: tuple[str, ...], goals: list[ReachedGoal], rests: list[Rest]) -> str:
-    """Return the figures of one run."""
+    """Return the figures of one run as a line."""
     reached = sum(g.result.state == 'succeeded' for g in goals)
     settled = sum(g.settling <= SETTLING for g in goals)
     rms = 1e3 * float(np.mean([g.tracking for g in goals]))
@@ -92,7 +92,7 @@ def main() -> int:
     parser.add_argument('--ways', nargs='*', default=['shipped', 'nothing'], choices=WAYS)
     parser.add_argument('--models', nargs='*', default=['drawn'], choices=('drawn', 'identified'))
     parser.add_argument('--conditions', nargs='*', default=['plain'], choices=CONDITIONS)
-    parser.add_argument('--seeds', type=int, default=20, help='how many arms')
+    parser.add_argument('--seeds', type=int, default=20, help='number of arms')
     parser.add_argument('--first', type=int, default=0, help='seed of the first arm')
     parser.add_argument('--rest', type=float, default=3.0, help='time at rest after the goals [s]')
     options = parser.parse_args()

@@ -1,11 +1,11 @@
-"""How long each joint bears its largest load, and what braking does to a supply.
+"""Time for which each joint bears its largest load, and effect of braking on a supply.
 
 Usage: python benchmarks/heat.py
 
-Each joint holds, from cold motors, the largest load of the arm with its rated payload,
-however the base is turned. It holds on when less is allowed, as a barrier at a limit does.
-The seeds make emulated motors that differ from the configuration. Braking energy is that of the
-largest inertia at full speed, nothing of it lost in windings and friction.
+Starting with cold motors, each joint holds the largest load of the arm with its rated payload, over
+all base orientations. The joint continues to hold when its torque limit is reduced, like a barrier
+at a limit. The seeds produce emulated motors that deviate from the configuration. The braking
+energy is that of the largest inertia at full speed, without losses in windings and friction.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ EVENTS = ('warning', 'reduced', 'below load', 'stop', 'board error')
 
 
 def times(joint: JointConfig, load: float, seed: int) -> tuple[dict[str, float], float]:
-    """Return when each event comes [s], and the largest error until the stop [K]."""
+    """Return the time of each event [s], and the largest error until the stop [K]."""
     true, limit = EmulatedHeat(joint.motor, seed), ThermalLimit(joint, 25.0, 25.0)
     current, error = load / joint.torque_per_ampere, 0.0
     found = dict.fromkeys(EVENTS, inf)
@@ -58,7 +58,7 @@ def times(joint: JointConfig, load: float, seed: int) -> tuple[dict[str, float],
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the tables of load times and of braking."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     config, robot = load_arm_config(), load_robot()
     loads = JointLoads(config, robot)

@@ -1,13 +1,13 @@
 """Speed and accuracy of the identifier.
 
-Speed: 20 s at 1 kHz with 4 joints, from an MCAP bag to the estimate, and as a whole process.
-The bag is as the recorder leaves one: states, commands, motors, power, diagnostics.
-Memory: the same for recordings of 5 and, with --long, 30 minutes.
-Truth: an arm that differs from its drawing, identified from one motion, compared on another; and
-what it weighs of 0.2 kg in its hand.
-Accuracy: first 60 % of each measured bag to identify, last 40 % held out. The measured bags are
-looked for in the folder that the variable AERARM_DATASETS names. Then all solvers and other tools
-on the same bags (identification_peers.py), unless --no-peers is given.
+Speed: 20 s at 1 kHz with 4 joints, from an MCAP bag to the estimate, and as a whole process. The
+bag contains all topics of the recorder: states, commands, motors, power, diagnostics.
+Memory: the same process for recordings of 5 minutes and, with --long, 30 minutes.
+Truth: an arm that deviates from its model is identified from one motion and compared on another; a
+payload of 0.2 kg is identified as well.
+Accuracy: the first 60 % of each measured bag are used for identification, the last 40 % are held
+out. The measured bags are in the folder given by the variable AERARM_DATASETS. Then all solvers and
+other tools are run on the same bags (identification_peers.py), unless --no-peers is given.
 """
 
 import argparse
@@ -59,7 +59,7 @@ TOPICS = {
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     '/arm_mode': 'std_msgs/msg/String',
 }
-# Filtered torque error on the last 40 % [%]: what others reach on the same bags.
+# Filtered torque error on the last 40 % [%], as achieved by other tools on the same bags.
 MEASURED = {
     'UR10': (
         'ur10_excitation',
@@ -106,7 +106,7 @@ def write_bag(
 def messages(
     robot: Robot, t: np.ndarray, values: tuple[np.ndarray, ...]
 ) -> Iterator[RecordedMessage]:
-    """Yield what the recorder stores at 1 kHz: states, commands, motors, power; and diagnostics."""
+    """Yield the messages that the recorder stores at 1 kHz, and diagnostics."""
     q, dq, tau = values
     joints, motors = JointStateCdr(robot.joint_names), JointStateCdr(robot.joint_names)
     power = Float64ArrayCdr(robot.n)
@@ -128,7 +128,7 @@ def messages(
 
 
 def diagnostics_payload() -> bytes:
-    """Return a DiagnosticArray as large as the bridge's."""
+    """Return a DiagnosticArray of the size of the bridge's."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
     pair, status = (types[f'diagnostic_msgs/msg/{x}'] for x in ('KeyValue', 'DiagnosticStatus'))
@@ -191,7 +191,7 @@ def memory(folder: Path, minutes: Sequence[float]) -> None:
 
 
 def truth(folder: Path) -> None:
-    """Print how near an arm of a known kind comes to the truth, and what it weighs."""
+    """Print the deviation of an identified arm from the truth, and of its payload."""
     robot, config = load_robot(), load_arm_config()
     plant = PlantParameters.nominal(config, robot).perturbed(3)
     carrying = plant.carrying(PAYLOAD, (0.1, 0.01, -0.02), 0.03)
@@ -203,7 +203,7 @@ def truth(folder: Path) -> None:
     result = identify(robot, config, [first], [second], IdentificationOptions(), Stopwatch())
     estimate = result.recommended.estimate
     file = folder / 'truth.yaml'
-    # Torques are written as they are here, not as currents of motors that differ.
+    # Torques are written directly, without currents of deviating motors.
     document = plant.as_dict() | {'measured_per_true_torque': [1.0] * robot.n}
     file.write_text(yaml.safe_dump(document))
     (error,) = inertial_torque_errors(
@@ -226,7 +226,7 @@ def accuracy(folder: Path) -> None:
     print('\nHeld-out torque error [%]      filtered    raw   cut-off  consistent')
     for name, (bag, urdf, options, others) in MEASURED.items():
         if DATASETS is None or not Path(DATASETS, bag).is_dir():
-            print(f'{name}: left out, set AERARM_DATASETS to the folder with {bag}')
+            print(f'{name} was skipped: set AERARM_DATASETS to the folder with {bag}')
             continue
         for cutoff in (None, 5.0, 10.0):
             out = folder / f'{name}_{cutoff}'
@@ -250,8 +250,10 @@ def accuracy(folder: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--long', action='store_true', help='memory of half an hour, too')
-    parser.add_argument('--no-peers', action='store_true', help='no other tools beside it')
+    parser.add_argument(
+        '--long', action='store_true', help='also measure the memory for half an hour of motion'
+    )
+    parser.add_argument('--no-peers', action='store_true', help='no comparison with other tools')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         speed(Path(folder))
@@ -259,7 +261,7 @@ def main() -> None:
         truth(Path(folder))
         accuracy(Path(folder))
     if not options.no_peers:
-        # Imported here: it takes the bags from this file.
+        # Local import, because the module uses this file's bags.
         from identification_peers import main as peers
 
         peers()

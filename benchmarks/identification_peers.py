@@ -1,9 +1,9 @@
-"""What others make of the same motion: FIGAROH, and MuJoCo's system identification.
+"""Identification by other tools from the same motion: FIGAROH, and MuJoCo's system identification.
 
-Everybody gets the identifier's own conditioned samples, first 60 % of each bag to fit and last
-40 % held out, so that models and solvers are compared and not filters. Each peer runs in a
-virtual environment of its own, made with pip on first use in build/peers (or the folder in
-AERARM_PEERS); one that can't be installed is left out, with the reason.
+All tools receive the identifier's conditioned samples, with the first 60 % of each bag to fit and
+the last 40 % held out, so models and solvers are compared independently of filters. Each tool runs
+in a separate virtual environment, created with pip on first use in build/peers (or the folder in
+AERARM_PEERS). A tool that cannot be installed is skipped with the reason.
 """
 
 import argparse
@@ -45,7 +45,7 @@ PEERS = (
 
 
 def bare_urdf(robot: Robot, locked: tuple[str, ...]) -> str:
-    """Return the URDF without shapes, locked joints fixed: the same arm for every tool."""
+    """Return the URDF without shapes and with locked joints fixed: the same arm for every tool."""
     root = ElementTree.fromstring(robot.urdf_text)
     for link in root.findall('link'):
         for child in [c for c in link if c.tag in ('visual', 'collision')]:
@@ -61,7 +61,7 @@ def bare_urdf(robot: Robot, locked: tuple[str, ...]) -> str:
 
 
 def write_samples(path: Path, result: IdentificationResult) -> None:
-    """Write what every tool fits and predicts: usable rows of all joints."""
+    """Write the samples that every tool fits and predicts: usable rows of all joints."""
     parts = {}
     for name, bags in (('fit', result.identification), ('held', result.validation)):
         for field in ('q', 'dq', 'ddq', 'tau'):
@@ -81,7 +81,7 @@ def compare(
     mapping: JointMapping,
     solvers: tuple[str, ...] = ('wls', 'entropic'),
 ) -> None:
-    """Print a table of our solvers and the peers on one bag."""
+    """Print a table of this package's solvers and the other tools on one bag."""
     recording = (
         IdentifierBags('/joint_states', robot.joint_names, mapping).read(bag, title).recording
     )
@@ -115,7 +115,7 @@ def measured_robot(file: str, locked: tuple[str, ...] = ()) -> Robot:
 
 
 def main() -> int:
-    # The neighbour in this folder, which writes the simulated bag.
+    # Module in this folder that writes the simulated bag.
     from identification import DATASETS, write_bag
 
     with tempfile.TemporaryDirectory() as folder:
@@ -123,7 +123,7 @@ def main() -> int:
         write_bag(bag, robot, PlantParameters.nominal(config, robot), 20.0)
         compare('Simulated arm, 20 s', bag, robot, config, JointMapping({}), SOLVERS)
     if DATASETS is None:
-        print('UR10, Panda: left out, set AERARM_DATASETS')
+        print('UR10 and Panda were skipped: set AERARM_DATASETS')
         return 0
     ur10 = measured_robot('ur10_robot.urdf')
     compare('UR10', Path(DATASETS, 'ur10_excitation'), ur10, None, JointMapping({}))

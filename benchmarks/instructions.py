@@ -1,9 +1,9 @@
-"""Instructions and memory traffic of a cycle, counted: what does not depend on the machine's speed.
+"""Instructions and memory traffic per cycle, which are independent of the machine's speed.
 
-Each piece of work runs under valgrind's cachegrind twice, for different numbers of cycles; the
-difference is what a cycle takes, without start-up. The caches are those of a Cortex-A72 of a
-Raspberry Pi 4: 48 KiB for instructions, 32 KiB for data, 1 MiB for both behind them. What a core
-makes of it is an assumption, see docs/reference/raspberry_pi_budget.md.
+Each part of the work runs under valgrind's cachegrind twice, with different numbers of cycles; the
+difference is the cost per cycle without start-up. The caches are those of a Raspberry Pi 4
+(Cortex-A72): 48 KiB for instructions, 32 KiB for data, and a shared second level of 1 MiB. The
+conversion to time is an assumption, see docs/reference/raspberry_pi_budget.md.
 """
 
 import argparse
@@ -36,7 +36,7 @@ class Counts:
 
     @staticmethod
     def of(piece: str, cycles: int) -> 'Counts':
-        """Run a piece so often and count."""
+        """Run a part for a number of cycles under cachegrind, and return its counts."""
         command = ['valgrind', '--tool=cachegrind', '--cachegrind-out-file=/dev/null', *CACHES]
         command += [sys.executable, '-m', 'counting.work', piece, str(cycles)]
         run = subprocess.run(command, cwd=HERE, capture_output=True, text=True)
@@ -52,7 +52,7 @@ class Counts:
         return Counts(found('I *refs'), found('D *refs'), LINE * misses)
 
     def per_cycle(self, less: 'Counts') -> 'Counts':
-        """Return what a cycle takes, of the counts of many and of fewer cycles."""
+        """Return the cost per cycle from the counts of many and of fewer cycles."""
         cycles = MANY - FEW
         return Counts(
             (self.instructions - less.instructions) / cycles,
@@ -63,10 +63,12 @@ class Counts:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--pieces', nargs='*', choices=PIECES, help='all if not given')
+    parser.add_argument(
+        '--pieces', nargs='*', choices=PIECES, help='pieces to count (default: all)'
+    )
     options = parser.parse_args()
     if not shutil.which('valgrind'):
-        print('valgrind is not installed (apt install valgrind): nothing is counted')
+        print('valgrind is not installed, so nothing is counted: apt install valgrind')
         return
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

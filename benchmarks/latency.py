@@ -1,16 +1,16 @@
-"""State-to-command latency and CPU: the nodes that people run, beside the limit of their design.
+"""State-to-command latency and processor load of the nodes, compared with the design's limit.
 
-First two processes written for it, as raw bytes and as plain rclpy, 1 kHz, real DDS: what the
-design allows on this machine at this time. The first publishes joint states; the second
-computes the torques (RNEA) and publishes a joint command. Both latencies count from the
-state's stamp, taken just before it is published: to the finished torque in the controller,
-and to the command back in the bridge, where it can be used: as soon as the middleware has it
-if the bridge takes commands itself, otherwise once the callback was called. The first is told
-from the state's publication too, without its packing: that is how nodes count.
+First two dedicated processes, with raw bytes and with plain rclpy, run at 1 kHz over real DDS. They
+show the limit of the design on this machine at this time. The first process publishes joint states;
+the second computes the torques (RNEA) and publishes a joint command. Both latencies count from the
+state's stamp, taken just before publication. One ends at the computed torque in the controller. The
+other ends at the command's arrival in the bridge: when the middleware has it if the bridge takes
+commands itself, otherwise when the callback is called. The first latency is also given from the
+state's publication, without its packing, as the nodes count.
 
-Then the nodes: `fake_hardware`, and `hardware_bridge` on emulated boards behind a preloaded SPI
-bus, with each controller and with `excitation`, in real time; and with a client of the bridge's
-parameters, 20 requests a second. Figures are medians of repeats.
+Then the nodes run in real time: `fake_hardware`, and `hardware_bridge` on emulated boards behind a
+preloaded SPI bus. Each runs with every controller and with `excitation`, and with a client that
+sends 20 parameter requests per second to the bridge. Figures are medians of repeats.
 """
 
 import argparse
@@ -52,7 +52,7 @@ CONTROLLERS = (
     'impedance_control',
     EXCITATION,
 )
-ASKED = 'computed_torque'  # the one that is measured beside a client of parameters, too
+ASKED = 'computed_torque'  # also measured in parallel with a client of parameters
 NODE_LINE = '{:16}{:29}{:>11}{:>12}{:>10}{:>12}{:>7}{:>9}{:>9}'
 NODE_HEADINGS = (
     'bridge',
@@ -71,25 +71,25 @@ NANOSECONDS = 1_000_000_000
 
 
 class CpuMeter:
-    """Share of a core that this process uses from the first call of `tick` to the last."""
+    """Processor load of this process from the first call of `tick` to the last, per core."""
 
     def __init__(self) -> None:
         self._first: tuple[float, float] | None = None
 
     def tick(self) -> None:
-        """Note the time; call it once a cycle."""
+        """Record the time; call once per cycle."""
         self._last = (time.process_time(), time.monotonic())
         self._first = self._first or self._last
 
     @property
     def share(self) -> float:
-        """Processor time over time passed."""
+        """Return processor time divided by elapsed time."""
         used, passed = np.subtract(self._last, self._first or self._last)
         return float(used / passed) if passed else 0.0
 
 
 def raw_bridge(node: Node, cycles: int) -> dict[str, float]:
-    """Publish packed states on absolute deadlines, and take the newest command."""
+    """Publish packed states at absolute deadlines, and take the newest command."""
     publisher = node.create_publisher(JOINT_STATES.type, JOINT_STATES.name, JOINT_STATES.qos)
     commands = RawReader(node, JOINT_COMMAND)
     cdr, loop, meter = JointStateCdr(NAMES), PeriodicLoop(PERIOD), CpuMeter()
@@ -112,7 +112,7 @@ def raw_bridge(node: Node, cycles: int) -> dict[str, float]:
 
 
 def raw_controller(node: Node, cycles: int) -> dict[str, float]:
-    """Wait for the state alone, and answer with a packed command."""
+    """Wait only for the state, and respond with a packed command."""
     publisher = node.create_publisher(JOINT_COMMAND.type, JOINT_COMMAND.name, JOINT_COMMAND.qos)
     states = RawReader(node, JOINT_STATES)
     cdr, meter, latency = JointStateCdr(NAMES), CpuMeter(), TimingStatistics()
@@ -161,7 +161,7 @@ def plain_bridge(node: Node, cycles: int) -> dict[str, float]:
 
 
 def plain_controller(node: Node, cycles: int) -> dict[str, float]:
-    """Answer message objects in a callback."""
+    """Respond to message objects in a callback."""
     publisher = node.create_publisher(JOINT_COMMAND.type, JOINT_COMMAND.name, JOINT_COMMAND.qos)
     meter, latency = CpuMeter(), TimingStatistics()
     dynamics = Dynamics(load_robot())
@@ -190,7 +190,7 @@ ROLES = {
 
 
 def spin(node: Node, going_on: Callable[[], bool]) -> None:
-    """Spin as `rclpy.spin` does, while a condition holds."""
+    """Spin like `rclpy.spin` while a condition is true."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while going_on():
@@ -215,7 +215,7 @@ def latency_of(statistics: TimingStatistics) -> dict[str, float]:
 
 
 def run_role(pair: str, part: int, cycles: int) -> None:
-    """Be one process of a pair, and print its figures."""
+    """Run one process of a pair, and print its figures."""
     rclpy.init(args=[])
     node = rclpy.create_node(f'part_{part}')
     requests = (keep_cpus_awake(), lock_memory(), freeze_garbage_collector())
@@ -246,7 +246,7 @@ def run_pair(pair: str, cycles: int) -> tuple[dict[str, float], dict[str, float]
 
 
 def median_pair(pair: str, cycles: int, repeats: int) -> tuple[dict[str, float], ...]:
-    """Return the medians of some runs of a pair."""
+    """Return the medians of several runs of a pair."""
     runs = [run_pair(pair, cycles) for _ in range(repeats)]
     return tuple(
         {name: float(np.median([run[part][name] for run in runs])) for name in runs[0][part]}
@@ -261,9 +261,11 @@ def report(pairs: dict[str, tuple[dict[str, float], ...]]) -> None:
         for name in ('p50', 'p99', 'p999')
     ]
     rows.append(
-        ('CPU of the one that sends states', '%', 100.0, [b['cpu'] for b, _ in pairs.values()])
+        ('CPU of the process that sends states', '%', 100.0, [b['cpu'] for b, _ in pairs.values()])
     )
-    rows.append(('CPU of the one that answers', '%', 100.0, [c['cpu'] for _, c in pairs.values()]))
+    rows.append(
+        (('CPU of the process that answers'), '%', 100.0, [c['cpu'] for _, c in pairs.values()])
+    )
     rows.append(('cycles with a command', '%', 100.0, [b['answered'] for b, _ in pairs.values()]))
     print(f'{"":38}' + ''.join(f'{name:>13}' for name in pairs) + f'{"ratio":>8}')
     for label, unit, scale, values in rows:
@@ -272,7 +274,7 @@ def report(pairs: dict[str, tuple[dict[str, float], ...]]) -> None:
 
 
 def report_nodes(seconds: float, repeats: int) -> None:
-    """Run bridges with those that answer them, and print a line for each pair."""
+    """Run bridges with their controllers, and print a line for each pair."""
     print(f'\nNodes: medians of {repeats} runs of {seconds:g} s; [us] p50/p99, [%]')
     print(NODE_LINE.format(*NODE_HEADINGS))
     cases = [(bridge, name, False) for bridge in (EMULATED, REAL) for name in CONTROLLERS]
@@ -282,7 +284,7 @@ def report_nodes(seconds: float, repeats: int) -> None:
             continue
         try:
             runs = [measure(bridge, name, seconds, ask) for _ in range(repeats)]
-        except ArmClientError as error:  # this machine, now, is too slow for a real arm
+        except ArmClientError as error:  # the machine is too slow for a real arm at present
             print(f'{bridge:16}{name:29} {error}', flush=True)
             continue
         f = median(runs)
@@ -306,8 +308,8 @@ def report_nodes(seconds: float, repeats: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='length of each run')
-    parser.add_argument('--repeats', type=int, default=3, help='of each run')
+    parser.add_argument('--seconds', type=float, default=10.0, help='duration of each run')
+    parser.add_argument('--repeats', type=int, default=3, help='number of runs')
     parser.add_argument('--cycles', type=int, help=argparse.SUPPRESS)
     parser.add_argument('--pair', choices=ROLES, help=argparse.SUPPRESS)
     parser.add_argument('--part', type=int, help=argparse.SUPPRESS)
@@ -324,10 +326,13 @@ def main() -> None:
     published = [1e6 * pairs['raw bytes'][1][f'published_{name}'] for name in ('p50', 'p99')]
     print(
         'From its publication, as nodes count, a state of raw bytes became a torque in '
-        f'{published[0]:.0f} us\n(median), {published[1]:.0f} us (99 %).\n'
-        f'A sleeping thread wakes {1e6 * lateness:.0f} us late here (median); in either pair a '
-        'state wakes two on its way.\nGoals: latency p50 at most half, CPU of the one that sends '
-        'states at most a quarter. Everybody\nhas SCHED_FIFO if it is granted.'
+        f'{published[0]:.0f} us\n'
+        f'(median), {published[1]:.0f} us (p99).\n'
+        f'The wake-up latency of a sleeping thread is {1e6 * lateness:.0f} us (median); in '
+        'either pair a state wakes two threads.\n'
+        'Goals: latency p50 at most half, CPU of the process that sends states at most a '
+        'quarter. All\n'
+        'processes have SCHED_FIFO if the system permits it.'
     )
     print(quiet)
     report_nodes(options.seconds, options.repeats)

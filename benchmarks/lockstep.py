@@ -1,8 +1,8 @@
-"""Twenty seconds of excitation in lockstep, recorded: what it takes, and whether it repeats.
+"""Duration and reproducibility of 20 s of recorded excitation in lockstep.
 
-`fake_hardware`, `recorder` and `excitation` run as processes, as people run them. The motion is
-what the commands' stamps span, with approach and return; the time is that of the excitation's
-process, from its start to its end.
+`fake_hardware`, `recorder` and `excitation` run as separate processes, as in normal use. The motion
+spans the commands' stamps, including approach and return. The duration is that of the excitation
+process, from start to end.
 """
 
 import argparse
@@ -21,12 +21,12 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
 TOPICS = (topics.JOINT_STATES.name, topics.JOINT_COMMAND.name)
-PERIODS = 2  # of 10 s
+PERIODS = 2  # of 10 s each
 GOAL = 12.0  # [s]
 
 
 def play(folder: Path, node: Node, priority: int) -> tuple[float, dict[str, dict[float, bytes]]]:
-    """Play the excitation; return how long its process took [s], and what was recorded by topic."""
+    """Play the excitation; return its duration [s], and the recorded messages by topic."""
     folder.mkdir()
     bag, arm = folder / 'bag', ArmClient(node, ['fake_hardware'])
     hardware = {'pace': 'lockstep', 'seed': 3, 'encoders': 'absolute'}
@@ -47,9 +47,9 @@ def play(folder: Path, node: Node, priority: int) -> tuple[float, dict[str, dict
 
 
 def recorded(bag: Path, topic: str) -> dict[float, bytes]:
-    """Return position, velocity and effort of the messages of a bag by their stamps.
+    """Return position, velocity and effort of a bag's messages by their stamps.
 
-    A command is in it twice where the arm did not hear it and told its state again.
+    A command is stored twice if the arm did not receive it and republished its state.
     """
     series = read_joint_states(bag, topic)
     rows = np.column_stack([series.position, series.velocity, series.effort])
@@ -57,15 +57,17 @@ def recorded(bag: Path, topic: str) -> dict[float, bytes]:
 
 
 def repeats(first: dict[float, bytes], second: dict[float, bytes]) -> str:
-    """Say in how many of the messages that two runs have both differ."""
+    """Return a text with the number of common messages in which two runs differ."""
     common = first.keys() & second.keys()
     differ = sum(first[stamp] != second[stamp] for stamp in common)
-    return f'{differ} of {len(common)} differ from those of the first run'
+    return f'{differ} of {len(common)} commands differ from those of the first run'
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--runs', type=int, default=3, help='how often it is played')
+    parser.add_argument(
+        '--runs', type=int, default=3, help='number of times that the motion is played'
+    )
     parser.add_argument('--priority', type=int, default=80, help='SCHED_FIFO, 0 for none')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)

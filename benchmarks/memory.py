@@ -1,13 +1,13 @@
-"""What five nodes at 1 kHz do to memory over time, and how often the page shows the arm move.
+"""Memory growth of five nodes at 1 kHz, and frame rate of the view page.
 
-`fake_hardware`, `computed_torque`, which swings the arm to and fro, `base_reaction`, `recorder` and
-`view`, with somebody who looks at it, run as processes. What each has to itself is read every two
-seconds, and its proportional and resident set size (PSS, RSS: the first also changes with whoever
-else shares its libraries). After a warm-up a line is fitted to each. Its uncertainty is twice the
-standard error, widened for samples that depend on each other. Pictures are counted by who looks.
-For an endurance test: `--minutes 60`. On a computer that others work on: `--priority 0`,
-`--period 0.004`, of which only every fourth message comes, and `--page-only`, which leaves out
-recorder and base_reaction.
+These nodes run as processes: `fake_hardware`, `computed_torque`, which swings the arm back and
+forth, `base_reaction`, `recorder` and `view`, with a connected client. Every two seconds the
+benchmark reads the unshared memory of each process, and its proportional and resident set size
+(PSS, RSS). The PSS also changes with other users of shared libraries. After a warm-up a line is
+fitted to each size. Its uncertainty is twice the standard error, increased for correlated samples.
+The client counts frames. For an endurance test use `--minutes 60`. On a computer with other users
+use `--priority 0`, `--period 0.004` (then only every fourth message is sent), and `--page-only`,
+which omits recorder and base_reaction.
 """
 
 import argparse
@@ -31,20 +31,20 @@ from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
-PERIOD = 2.0  # [s] between two looks
-WARM_UP = 0.25  # share of the run
+PERIOD = 2.0  # [s] between two readings
+WARM_UP = 0.25  # fraction of the run
 SWING = 0.3  # [rad] to each side
 
 
 def memory(pid: int) -> tuple[float, ...]:
-    """Return what a process has to itself, its PSS and its RSS [KiB]."""
+    """Return the unshared memory, the PSS and the RSS of a process [KiB]."""
     lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()[1:]
     sizes = {line.split(':')[0]: float(line.split()[1]) for line in lines}
     return sizes['Private_Clean'] + sizes['Private_Dirty'], sizes['Pss'], sizes['Rss']
 
 
 def processor(pid: int) -> float:
-    """Return what a process has used of the processor so far [s]."""
+    """Return the processor time that a process has used [s]."""
     fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
@@ -52,7 +52,7 @@ def processor(pid: int) -> float:
 def slope(times: np.ndarray, size: np.ndarray) -> tuple[float, float]:
     """Return the slope of (k,) sizes over times (k,), and twice its standard error.
 
-    Samples that follow each other are alike: fewer of them count, by the correlation of
+    Consecutive samples are correlated, so their effective number is reduced by the correlation of
     neighbouring residuals.
     """
     time = times - times.mean()
@@ -67,7 +67,7 @@ def slope(times: np.ndarray, size: np.ndarray) -> tuple[float, float]:
 
 
 class ToAndFro:
-    """Sends all joints to and fro, a little to each side of the arm's home configuration.
+    """Publisher that moves all joints to both sides of the home configuration.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class ToAndFro:
             time.sleep(0.05)
 
     def turn(self) -> None:
-        """Send it to the other side; it is on the way until it is sent back."""
+        """Send the arm to the other side; call again before it arrives."""
         self._side = -self._side
         point = JointTrajectoryPoint(positions=(self._middle + self._side).tolist())
         point.time_from_start = Duration(seconds=1.2 * PERIOD).to_msg()
@@ -94,7 +94,7 @@ class ToAndFro:
 def start(
     node: Node, arm: ArmClient, folder: Path, stack: ExitStack, options: argparse.Namespace
 ) -> tuple[dict[str, NodeProcess], ToAndFro, Onlooker]:
-    """Start the nodes, take hold of the arm, and look at the page."""
+    """Start the nodes, enable the arm, and open the page."""
     with socket.socket() as probe:
         probe.bind(('127.0.0.1', 0))
         port = probe.getsockname()[1]
@@ -128,9 +128,10 @@ def start(
 def watch(
     nodes: dict[str, NodeProcess], node: Node, arm: ArmClient, swing: ToAndFro, minutes: float
 ) -> dict[str, np.ndarray]:
-    """Swing the arm; return (k, 5) of each node: time [min], memory [KiB], processor [s].
+    """Swing the arm; return (k, 5) for each node: time [min], memory [KiB], processor [s].
 
-    An arm that was damped, because commands came late, is held again: what rests is no picture.
+    An arm that was damped because of late commands is held again, because an arm at rest gives no
+    frames.
     """
     held = 0
     samples: dict[str, list[tuple[float, ...]]] = {name: [] for name in nodes}
@@ -142,21 +143,23 @@ def watch(
                 raise SystemExit(f'memory: {name} has ended:\n{process.tail()}')
             samples[name].append((passed, *memory(process.pid), processor(process.pid)))
         if spin_until(node, lambda: arm.mode == 'damping', PERIOD):
-            with suppress(ArmClientError):  # it may be damped no more
+            with suppress(ArmClientError):  # the arm may no longer be damped
                 arm.call('hold')
                 held += 1
-    print(f'the arm is {arm.mode}; it was damped {held} times, and held again')
+    print(f'the arm is {arm.mode} after {held} interruptions with damping')
     return {name: np.array(rows) for name, rows in samples.items()}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--minutes', type=float, default=3.0, help='how long is looked')
-    parser.add_argument('--period', type=float, default=1e-3, help='of the bridge [s]')
+    parser.add_argument('--minutes', type=float, default=3.0, help='duration of the measurement')
+    parser.add_argument('--period', type=float, default=1e-3, help='period of the bridge [s]')
     parser.add_argument(
-        '--priority', type=int, default=80, help='SCHED_FIFO, of the bridge; 0: as all others'
+        '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge; 0 for none'
     )
-    parser.add_argument('--page-only', action='store_true', help='no recorder, no base_reaction')
+    parser.add_argument(
+        '--page-only', action='store_true', help='without recorder and base_reaction'
+    )
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -168,9 +171,9 @@ def main() -> None:
         begun = time.monotonic() + 60.0 * WARM_UP * options.minutes
         samples = watch(nodes, node, arm, swing, options.minutes)
         mean, worst = onlooker.rates(begun)
-        seen = f'{mean:.1f} pictures a second, {worst:.1f} in the worst 10 s'
+        seen = f'{mean:.1f} frames per second, {worst:.1f} in the worst 10 s'
         if not onlooker.is_there:
-            seen = 'who looked was let go: the computer was too busy to count pictures'
+            seen = 'the browser was disconnected, because the computer was too busy to count frames'
         for process in reversed(nodes.values()):
             process.stop()
         for name in ('fake_hardware', 'recorder'):

@@ -1,11 +1,12 @@
-"""What is picked up in motion, weighed by `PayloadEstimator` beside the truth, over many seeds.
+"""Payload estimates of `PayloadEstimator` after a pick-up in motion, compared with the truth.
 
-Emulated arms made by seeds play a random excitation, pick a ball of 0.2 kg up and put it down.
-Each recording is gone through by several estimators, whose model of the arm is as wrong as
-identified ones are: links by 1 % and 0.5 mm, friction by 15 %, each with its own errors. Then the
-recordings are spoiled in all ways and gone through once more: every estimate has to be a body.
+Emulated arms with different seeds play a random excitation, pick up a ball of 0.2 kg and put it
+down. Several estimators process each recording. Their arm models have the errors of identified
+models: links by 1 % and 0.5 mm, friction by 15 %, with random errors for each estimator. Then the
+recordings are corrupted in several ways and processed again; every estimate must be physically
+possible.
 
-Every step is timed, and after it a call that does nothing: what the machine does to both is seen.
+Every step is timed, followed by an empty call, which shows the influence of the machine on both.
 """
 
 import argparse
@@ -36,14 +37,14 @@ STEP_QUANTILES = (0.5, 0.9, 0.99, 0.999, 1.0)
 
 
 def estimator(known: PlantParameters) -> PayloadEstimator:
-    """Return an estimator that takes the arm for a known one."""
+    """Return an estimator with a given arm model."""
     robot = load_robot().with_inertial_parameters(known.inertial_parameters)
     dynamics = MovingBaseDynamics(robot, known.rotor_inertia)
     return PayloadEstimator(dynamics, known.viscous, known.coulomb, known.load_friction)
 
 
 def nothing() -> None:
-    """Take as long as the machine takes for a call."""
+    """Empty call, which measures the machine's overhead."""
 
 
 def weigh(
@@ -51,12 +52,12 @@ def weigh(
 ) -> dict[str, float]:
     """Return errors and whether the stated intervals cover the truth.
 
-    To `times` goes how long each step took, and a call of nothing after it [ns].
+    The duration of each step, and of an empty call after it [ns], is appended to `times`.
     """
     learner = estimator(known)
     true_mass, true_centre = run.payload[0], run.payload[1:4] / run.payload[0]
     found: dict[str, float] = {}
-    clock = time.thread_time_ns  # of the processor: who else runs costs nothing but its caches
+    clock = time.thread_time_ns  # processor time: other processes only affect the caches
     for now, state in run.states():
         began = clock()
         told = learner.update(state, now)
@@ -83,7 +84,7 @@ def weigh(
 
 
 def spoiled(runs: list[CarryingRun], steps: int) -> Iterator[tuple[str, list[ArmState]]]:
-    """Yield recordings spoiled in turn, until there were so many steps."""
+    """Yield corrupted recordings in turn, up to a number of steps."""
     random = np.random.default_rng(0)
     ways: dict[str, Callable[[ArmState], ArmState]] = {
         'as recorded': lambda state: state,
@@ -108,7 +109,7 @@ def spoiled(runs: list[CarryingRun], steps: int) -> Iterator[tuple[str, list[Arm
 
 
 def consistent_steps(runs: list[CarryingRun], steps: int) -> tuple[int, int, float, dict]:
-    """Return steps, estimates, the smallest eigenvalue and changes found in each way."""
+    """Return steps, estimates, the smallest eigenvalue and changes found by type of corruption."""
     count = estimates = 0
     smallest = np.inf
     changes: dict[str, int] = {}
@@ -135,7 +136,7 @@ def report(results: list[dict[str, float]]) -> None:
             quantiles = np.nanquantile(values, [0.5, 0.9, 1.0])
             text = ', '.join(f'{value:.4g}' for value in quantiles)
             missing = int(np.isnan(values).sum())
-            print(f'{name:22} median, 90 %, largest: {text}; missing {missing}')
+            print(f'{name:22} median, p90, largest: {text}; missing {missing}')
     early = [
         result.get('mass early', 1.0) < 0.05 and result.get('centre early', 1.0) < 5e-3
         for result in results
@@ -146,7 +147,7 @@ def report(results: list[dict[str, float]]) -> None:
 
 
 def report_times(times: list[tuple[int, int]]) -> None:
-    """Print quantiles of the steps' and of the empty calls' times."""
+    """Print quantiles of the durations of steps and empty calls."""
     shares = ', '.join(f'{100 * share:g} %' for share in STEP_QUANTILES)
     print(f'{len(times)} steps [us], {shares}:')
     for name, values in zip(('a step', 'nothing'), 1e-3 * np.array(times).T, strict=True):
@@ -156,10 +157,12 @@ def report_times(times: list[tuple[int, int]]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--arms', type=int, default=2, help='recordings that are made')
-    parser.add_argument('--models', type=int, default=2, help='models of each of these arms')
-    parser.add_argument('--steps', type=int, default=20_000, help='steps on spoiled recordings')
-    parser.add_argument('--runs', type=Path, help='folder that keeps the recordings')
+    parser.add_argument('--arms', type=int, default=2, help='number of recordings')
+    parser.add_argument('--models', type=int, default=2, help='number of models per arm')
+    parser.add_argument(
+        '--steps', type=int, default=20_000, help='number of steps on damaged recordings'
+    )
+    parser.add_argument('--runs', type=Path, help='folder for the recordings')
     options = parser.parse_args()
     runs, results = [], []
     times: list[tuple[int, int]] = []
@@ -180,7 +183,10 @@ def main() -> int:
     report(results)
     report_times(times)
     count, estimates, smallest, changes = consistent_steps(runs, options.steps)
-    print(f'{count} spoiled steps: smallest eigenvalue of {estimates} estimates {smallest:.2g}')
+    print(
+        f'{count} steps on damaged recordings: smallest eigenvalue of {estimates} estimates '
+        f'{smallest:.2g}'
+    )
     print(f'changes found: {changes}')
     return 0 if smallest > 0.0 else 1
 

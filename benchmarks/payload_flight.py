@@ -1,10 +1,10 @@
-"""What is picked up under a drone that flies, weighed and handed over by the nodes themselves.
+"""Payload estimation and compensation under a flying drone, by the nodes themselves.
 
-`fake_hardware`, `computed_torque`, `payload_estimator` and `flight_control` run as processes, in
-lockstep, so that the figures do not depend on the host. The arm swings fast while the drone hovers;
-after some seconds it picks 0.2 kg up, carries it for 11 s and puts it down. What `payload` says is
-compared with what was picked up, and the arm's error with that before, once with the payload handed
-over to the controller and once without. `--noise` is the IMU's.
+`fake_hardware`, `computed_torque`, `payload_estimator` and `flight_control` run as processes in
+lockstep, so the figures do not depend on the host. The arm swings fast while the drone hovers.
+After some seconds it picks up 0.2 kg, carries it for 11 s and puts it down. The messages on
+`payload` are compared with the true payload. The arm's error is compared with that before the
+pick-up, with and without payload compensation in the controller. `--noise` sets the IMU noise.
 """
 
 import argparse
@@ -32,21 +32,21 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 
-LOAD = [0.2, 0.1, 0.01, -0.02]  # [kg], and its place in the last joint's frame [m]
+LOAD = [0.2, 0.1, 0.01, -0.02]  # [kg], and its position in the last joint's frame [m]
 BARE = [0.0, *LOAD[1:]]
-OBSERVER = 30.0  # [1/s] gain of the controller's
+OBSERVER = 30.0  # [1/s] gain of the controller's observer
 PICK_UP, CARRIED, AFTER = 6.0, 11.0, 1.0  # [s]
 WAY, DRONE = 'integral', 'tilted_hexarotor'
 
 
 @dataclass(frozen=True)
 class Weighing:
-    """One flight.
+    """Recorded data of one flight.
 
     Attributes
     ----------
     pick_up, put_down : float
-        When the world was told [s].
+        Time of the requests to the world [s].
     told : (K, 5) ndarray
         Time [s], mass [kg] and centre [m] of each message on `payload`.
     errors : (M, 5) ndarray
@@ -75,7 +75,7 @@ class Weighing:
         )
 
     def text(self) -> str:
-        """Return all figures."""
+        """Return all figures as text."""
         carrying = self.told[self.told[:, 1] > 1e-3]
         found = carrying[:1, 0] - self.pick_up
         gone = self.told[(self.told[:, 0] > self.put_down) & (self.told[:, 1] < 1e-3)][:1, 0]
@@ -84,12 +84,15 @@ class Weighing:
             self.error(self.pick_up + begin, self.pick_up + end) for begin, end in ((0, 1), (2, 10))
         )
         lines = [
-            f'found after {_seconds(found)}, put-down after {_seconds(gone - self.put_down)}',
+            (
+                f'pick-up found after {_seconds(found)}, put-down after '
+                f'{_seconds(gone - self.put_down)}'
+            ),
             self.weighed(2.0),
             self.weighed(10.0),
             f'error {bare:.2f} mrad RMS before, {first:.2f} in the first second, {later:.2f} from '
             f'2 to 10 s after the pick-up: {later / bare:.2f} of that before',
-            f'{len(self.told) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates a second',
+            f'{len(self.told) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates per second',
         ]
         return '\n'.join(f'  {line}' for line in lines)
 
@@ -99,7 +102,7 @@ def _seconds(times: np.ndarray) -> str:
 
 
 def weigh(node: Node, arm: ArmModel, noise: Sequence[float], share: float) -> Weighing:
-    """Return what one flight told, with a share of the payload handed over."""
+    """Return the data of one flight, with a fraction of the payload compensated."""
     drone = load_drone(DRONE)
     sensors = (('imu_noise', list(noise)),)
     flight = tuple(WAYS[WAY].parameters(DRONE).items())
@@ -125,7 +128,7 @@ def weigh(node: Node, arm: ArmModel, noise: Sequence[float], share: float) -> We
 
 
 def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
-    """Swing the arm, pick up, carry and put down."""
+    """Swing the arm, pick up the payload, carry it and put it down."""
     begin = bench.wait_until_still() + LEAD
     motion = ArmSwing('fast', PICK_UP + CARRIED + AFTER + 4.0)
     names = load_arm_config().joint_names
@@ -150,7 +153,7 @@ def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--model', choices=('identified', 'true'), default='true')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument(
         '--noise', type=float, nargs=2, default=(0.1, 0.003), help='of the IMU [m/s^2], [rad/s]'
     )
@@ -164,7 +167,10 @@ def main() -> int:
                 arm = ArmModel.identified(node, Path(folder), options.arm_seed)
             for share in options.shares:
                 weighing = weigh(node, arm, options.noise, share)
-                print(f'IMU noise {options.noise}, {100.0 * share:.0f} % handed over:', flush=True)
+                print(
+                    f'IMU noise {options.noise}, payload compensation {100.0 * share:.0f} %:',
+                    flush=True,
+                )
                 print(weighing.text(), flush=True)
     finally:
         rclpy.shutdown()

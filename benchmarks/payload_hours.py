@@ -1,9 +1,9 @@
-"""How often `PayloadEstimator` finds a change of payload where there is none.
+"""Rate of false payload changes detected by `PayloadEstimator`.
 
-Arms of 4 to 7 joints work for hours on the physics engine and carry nothing: random excitation,
-and moves between random postures with rests. The estimator's model of each arm is as wrong as
-identified ones are (links by 1 %, friction by 15 %). Each change that it finds is a false one. At
-the end of each session the arm picks something up and puts it down: that is found, and how fast.
+Arms of 4 to 7 joints work for hours on the physics engine without payload: random excitation, and
+moves between random postures with rests. The estimator's model of each arm has the errors of
+identified models (links by 1 %, friction by 15 %). Each detected change is a false one. At the end
+of each session the arm picks up and puts down a payload; the detection and its delay are measured.
 """
 
 import argparse
@@ -28,19 +28,19 @@ from aerarm_ros.online.payload_estimator import EstimatorSettings, PayloadEstima
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters, Spread
 
 CYCLE = 1e-3  # [s]
-WINDOW = 5  # cycles in which the estimator takes the torque's mean
-SESSION = 600.0  # [s] that one made arm works, beside one model of it
-SEGMENT = 10.0  # [s] of one kind of motion
-PICK_UP, PUT_DOWN, END = 3.0, 7.0, 10.0  # [s] after the work
+WINDOW = 5  # cycles over which the estimator averages the torque
+SESSION = 600.0  # [s] of work of one arm with one model
+SEGMENT = 10.0  # [s] of one type of motion
+PICK_UP, PUT_DOWN, END = 3.0, 7.0, 10.0  # [s] after the end of the work
 MADE = Spread(torque_constant=0.0)
 KNOWN = Spread(0.01, 0.005, 0.0005, 0.15, 0.15, 0.02, 0.0)
-SPEED, ACCELERATION = 2.0, 8.0  # [rad/s], [rad/s^2] of the motions, at most
-PURSUIT = 30.0  # [rad/s] of the position loop
+SPEED, ACCELERATION = 2.0, 8.0  # [rad/s], [rad/s^2] upper bounds of the motions
+PURSUIT = 30.0  # [rad/s] bandwidth of the position loop
 VELOCITY_LAG = 1.6e-3  # [s] of the boards
 CURRENT_NOISE = 0.02  # [A] of the boards
-NOISE = 3e-3  # of the largest gravity load of a joint, where no current is known
+NOISE = 3e-3  # relative to a joint's largest gravity load, if no current is known
 
-# Arms of the package example-robot-data, and what of each is fixed.
+# Arms of the package example-robot-data, and the joint that is fixed.
 EXAMPLES = {5: ('so101.urdf', 'gripper'), 6: ('z1.urdf', 'jointGripper'), 7: ('xarm7.urdf', '')}
 
 Array = np.ndarray
@@ -48,7 +48,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm as drawn, noise of its torques [Nm], what it picks up, what the estimator is given."""
+    """Nominal arm, noise of its torques [Nm], its payload, and settings of the estimator."""
 
     robot: Robot
     drawn: PlantParameters
@@ -58,7 +58,7 @@ class Arm:
 
     @classmethod
     def of(cls, joints: int) -> 'Arm':
-        """Return the packaged arm, or an example of so many joints."""
+        """Return the packaged arm, or an example with a given number of joints."""
         if joints == 4:
             robot, config = load_robot(), load_arm_config()
             drawn = PlantParameters.nominal(config, robot)
@@ -82,7 +82,7 @@ class Arm:
             np.ones(robot.n),
             np.ones(robot.n),
         )
-        # What is known beforehand; the defaults are those of an arm that carries 6 Nm.
+        # Prior knowledge; the defaults are those of an arm that carries 6 Nm.
         scale = load.max() / 6.0
         settings = EstimatorSettings(
             payload_mass=0.5 * scale, tare_mass=0.01 * scale, torque_noise=0.02 * scale
@@ -91,7 +91,7 @@ class Arm:
 
 
 def example(name: str, fixed: str) -> Robot:
-    """Return an arm of example-robot-data, with one joint made a fixed one."""
+    """Return an arm of example-robot-data with one joint fixed."""
     (path,) = [file for file in files('example-robot-data') or () if file.name == name]
     root = ElementTree.parse(str(path.locate())).getroot()
     for joint in root.iter('joint'):
@@ -101,17 +101,17 @@ def example(name: str, fixed: str) -> Robot:
 
 
 class Plant(ArmPlant):
-    """The arm on the physics engine, whose dry friction follows the load once per cycle."""
+    """Arm on the physics engine, whose load-dependent friction is updated once per cycle."""
 
     def cycle(self, effort: Array) -> None:
-        """Advance by a cycle under torques (n,) [Nm]."""
+        """Advance by one cycle with torques (n,) [Nm]."""
         self._effort[:] = self._applied[:] = effort
         mujoco.mj_step(self._model, self._data, nstep=round(CYCLE / SUBSTEP))
         self._set_friction()
 
 
 class Work:
-    """Random motions: position, speed and acceleration (n,) of each cycle."""
+    """Random motions of an arm: position, speed and acceleration (n,) of each cycle."""
 
     def __init__(self, robot: Robot, random: np.random.Generator) -> None:
         low, high = robot.posture_range
@@ -121,7 +121,7 @@ class Work:
         self.start = self._middle.copy()
 
     def play(self) -> Iterator[tuple[Array, Array, Array]]:
-        """Go on for ever, in turn with waves about a posture and moves between postures."""
+        """Yield motions without end, alternating between waves about a posture and moves."""
         q = self.start
         while True:
             for target in self._middle + self._reach * self._random.uniform(-0.5, 0.5, (1, len(q))):
@@ -134,7 +134,7 @@ class Work:
                 yield from [(q, 0.0 * q, 0.0 * q)] * int(self._random.uniform(0.0, 1500.0))
 
     def _move(self, start: Array, end: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield a quintic, from rest to rest."""
+        """Yield a quintic from rest to rest."""
         way, pace = end - start, self._random.uniform(0.2, 1.0)
         least = max(
             1.875 * np.abs(way).max() / SPEED, np.sqrt(5.774 * np.abs(way).max() / ACCELERATION)
@@ -147,7 +147,7 @@ class Work:
         yield from zip(q, dq, ddq, strict=True)
 
     def _waves(self, centre: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """Five waves per joint, which come and go."""
+        """Yield five waves per joint, which fade in and out."""
         n, random = len(centre), self._random
         rate = 2.0 * np.pi * random.uniform(0.1, 1.0, (5, n))
         size = random.uniform(0.2, 1.0, (5, n)) * 0.5 * self._reach
@@ -171,7 +171,7 @@ class Work:
 
 
 class Job(NamedTuple):
-    """A session that is to be: a seed, its work [s], where recordings are kept, a setting."""
+    """Session to run: seed, duration of work [s], folder of recordings, and a setting."""
 
     joints: int
     seed: int
@@ -181,9 +181,9 @@ class Job(NamedTuple):
 
 
 class Session(NamedTuple):
-    """Times of false changes [s], delays of true ones [s], error of the mass before the put-down.
+    """Times of false changes [s], delays of true ones [s], mass error before the put-down.
 
-    A delay is NaN if the change was missed.
+    The delay of a missed change is NaN.
     """
 
     joints: int
@@ -196,7 +196,7 @@ class Session(NamedTuple):
 
 
 def record(arm: Arm, truth: PlantParameters, seed: int, seconds: float) -> Array:
-    """Return position, speed and mean torque of each window (k, 3 n), END after the work too."""
+    """Return position, speed and mean torque of each window (k, 3 n), including END."""
     random = np.random.default_rng(seed)
     work = Work(arm.robot, random)
     plant = Plant(arm.robot, truth, work.start)
@@ -230,7 +230,7 @@ def record(arm: Arm, truth: PlantParameters, seed: int, seconds: float) -> Array
 
 
 def recorded(arm: Arm, truth: PlantParameters, job: Job) -> Array:
-    """Return a session's states, from the folder that keeps them if it has them."""
+    """Return a session's states, from the folder of recordings if available."""
     joints, seed, seconds, folder, _ = job
     path = None if folder is None else folder / f'{joints}_{seed}_{seconds:g}.npy'
     if path is not None and path.exists():
@@ -243,7 +243,7 @@ def recorded(arm: Arm, truth: PlantParameters, job: Job) -> Array:
 
 
 def session(job: Job) -> Session:
-    """Work and estimate for one made arm and one model of it."""
+    """Simulate and estimate one arm with one model."""
     joints, seed, seconds, _, model_error = job
     arm = Arm.of(joints)
     truth = arm.drawn.perturbed(seed, MADE)
@@ -274,13 +274,13 @@ def session(job: Job) -> Session:
 
 
 def main() -> int:
-    """Run the sessions and print what was found."""
+    """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--hours', type=float, default=0.5, help='hours per number of joints')
     parser.add_argument('--joints', type=int, nargs='+', default=[4, 5, 6, 7], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=SESSION, help='of a session')
+    parser.add_argument('--seconds', type=float, default=SESSION, help='duration of a session')
     parser.add_argument('--jobs', type=int, default=1, help='processes')
-    parser.add_argument('--runs', type=Path, help='folder that keeps the recordings')
+    parser.add_argument('--runs', type=Path, help='folder for the recordings')
     parser.add_argument(
         '--model-error', type=float, default=EstimatorSettings().model_error, help='setting'
     )
@@ -301,7 +301,7 @@ def main() -> int:
 
 
 def report(results: list[Session], seconds: float) -> None:
-    """Print a row for each number of joints."""
+    """Print one row per number of joints."""
     for joints in sorted({result.joints for result in results}):
         rows = [result for result in results if result.joints == joints]
         wrong = sum(len(row.wrong) for row in rows)

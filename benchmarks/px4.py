@@ -1,9 +1,9 @@
-"""How far the arm's motion moves a drone that PX4's firmware flies, by what is fed forward.
+"""Hover error caused by arm motion under PX4's firmware, for several feed-forward methods.
 
-The firmware, built as a program of this host (SITL), has estimator, loops and mixer; the emulated
-world is its simulator, in lock-step, so that the figures do not depend on the host.
-`flight_control` is the companion that sends set points. `make flight AUTOPILOT=px4 PX4=<folder of
-a build>` runs it.
+The firmware runs as a program on this host (SITL) and contains estimator, control loops and mixer.
+The emulated world is its simulator in lockstep, so the figures do not depend on the host.
+`flight_control` is the companion that sends set points. `make flight AUTOPILOT=px4 PX4=<folder of a
+build>` runs this benchmark.
 """
 
 import argparse
@@ -45,18 +45,18 @@ WAYS = {
 }
 _LEANS = {'acceleration': False}
 GAINS = (1.5, 6.5, 2.0)  # MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K
-# The position loop of a drone that pushes sideways, on this side.
+# Position loop of a drone with lateral thrust, in `flight_control`.
 POSITION = {'position_frequency': 5.0, 'height_frequency': 5.0}
-# Tilted rotors give ten times the moment about the vertical: at PX4's defaults its loop oscillates.
+# Tilted rotors give ten times the yaw moment, so PX4's default yaw loop would oscillate.
 _FULL_YAW = {'mc_yawrate_p': 0.08, 'mc_yaw_tq_cutoff': 10.0}
 IMU_NOISE = (0.03, 0.002)  # [m/s^2], [rad/s]
-ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as of motion capture
-_INSTANCE = 10 + os.getpid() % 200  # its ports are free while others fly, too
-_SETTLING = 15.0  # [s] PX4's height integrator and hover thrust estimator are slow
+ODOMETRY_NOISE = (0.0005, 0.003, 0.001, 0.001)  # [m], [m/s], [rad], [rad/s] as with motion capture
+_INSTANCE = 10 + os.getpid() % 200  # determines ports that parallel flights do not use
+_SETTLING = 15.0  # [s]; PX4's height integrator and hover thrust estimator are slow
 
 
 def at_rest(drone: DroneConfig, arm: ArmModel) -> MassProperties:
-    """Return drone and arm as one body."""
+    """Return drone and arm at rest as one body."""
     config, robot = load_arm_config(), load_robot(arm.law.get('urdf'))
     rest = np.array(config.rest_position)
     return MassProperties.of(drone, *MovingBaseDynamics(robot).composite_inertia(rest))
@@ -65,7 +65,7 @@ def at_rest(drone: DroneConfig, arm: ArmModel) -> MassProperties:
 def flight_case(
     drone: DroneConfig, way: str, instance: int, options: argparse.Namespace
 ) -> FlightCase:
-    """Return what is flown, and how."""
+    """Return the flight case of a drone and method."""
     xy, attitude, rate = options.gains
     noise = (
         ('imu_noise', list(options.imu_noise)),
@@ -89,7 +89,7 @@ def flying(
     node: Node, build: Path, drone: DroneConfig, way: str, arm: ArmModel,
     options: argparse.Namespace, number: int = 0,
 ) -> Iterator[tuple[FlightBench, Path]]:  # fmt: skip
-    """Lead a drone into the air, by a PX4 that is started for it; yield its bench and PX4's log."""
+    """Start a PX4 and bring the drone into the air; yield its bench and PX4's log."""
     yaw = _FULL_YAW if drone.is_fully_actuated else {}
     setup = Px4Setup(Px4Gains.scaled(*options.gains, **yaw), options.sensors)
     instance = _INSTANCE + number
@@ -105,7 +105,7 @@ def flying(
 def fly(
     node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace
 ) -> dict[str, FlightRecord | str]:
-    """Return what the drone did in some ways, or why it did not; each begins with a new start."""
+    """Return the record of each method, or the reason of a failure; each starts a new PX4."""
     found: dict[str, FlightRecord | str] = {}
     for number, way in enumerate(options.ways):
         begin = time.monotonic()
@@ -114,7 +114,7 @@ def fly(
                 ready = time.monotonic() - begin
                 record = found[way] = bench.fly(FlightProgram(parts=options.parts))
                 print(
-                    f'{name}, {way}: {"lost" if record.is_lost else "flown"}, let go after '
+                    f'{name}, {way}: {"lost" if record.is_lost else "flown"}, released after '
                     f'{ready:.0f} s, ended after {time.monotonic() - begin:.0f} s', flush=True,
                 )  # fmt: skip
         except (ValueError, TimeoutError, ArmClientError) as error:
@@ -123,16 +123,20 @@ def fly(
 
 
 def options_of(parser: argparse.ArgumentParser) -> None:
-    """Add what all flights with PX4 share."""
+    """Add the options common to all flights with PX4."""
     parser.add_argument('--gains', nargs=3, type=float, default=GAINS,
                         metavar=('XY_P', 'ATT_P', 'RATE_K'))  # fmt: skip
     parser.add_argument('--sensors', choices=SENSORS, default=VISION)
     parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
                         help='of IMU, m/s^2 and rad/s')  # fmt: skip
     parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
-                        metavar='DEVIATION', help='of odometry, m, m/s, rad and rad/s')  # fmt: skip
-    parser.add_argument('--hold-heading', action=argparse.BooleanOptionalAction, default=None,
-                        help='default: unless the rotors are in one plane')  # fmt: skip
+                        metavar='DEVIATION', help='noise [m, m/s, rad, rad/s]')  # fmt: skip
+    parser.add_argument(
+        '--hold-heading',
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help='hold the heading (default: unless the rotors are in one plane)',
+    )
 
 
 def main() -> int:
@@ -143,7 +147,7 @@ def main() -> int:
     parser.add_argument('--out', type=Path, help='folder for the page')
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     options_of(parser)
     options = parser.parse_args()
     build = find_px4()
@@ -162,8 +166,8 @@ def main() -> int:
         flown = FlightProgram(parts=options.parts)
         results = FlightResults(flown, records, arm.law.get('urdf'))
     note = (
-        f'Drones of 3 kg that carry an arm of 1.5 kg, the arm {arm.name}, flown by PX4 in '
-        f'lock-step, position by {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
+        f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by PX4 in lockstep, '
+        f'position from {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
         f'{", ".join(f"{gain:g}" for gain in options.gains)}.'
     )
     print(f'{note}\n{results.text()}')

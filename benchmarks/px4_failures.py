@@ -1,7 +1,8 @@
-"""What becomes of a drone that PX4's firmware flies when something fails while its arm moves.
+"""Behaviour of a drone under PX4's firmware when a component fails during arm motion.
 
-Each failure happens in slow motion of the arm, all fed forward, in a flight of its own. It prints
-the largest distance from the drone's place before and after it, and what the firmware reported.
+Each failure occurs during slow motion of the arm with full feed-forward, in a separate flight. The
+output is the largest distance from the drone's place before and after the failure, and the reports
+of the firmware.
 """
 
 import argparse
@@ -29,7 +30,7 @@ from aerarm_ros.ros.requests.arm_client import ArmClientError
 WAY, DRONE = 'posture, motion, lead', 'hexarotor'
 _WHEN, _LENGTH, _RAMP = 3.0, 10.0, 1.0  # [s]
 _AT_TOOL = [0.1, 0.0, 0.0]  # [m]
-# What PX4 prints of a set point that it does not follow, or of a failsafe.
+# PX4's messages on a rejected set point or a failsafe.
 _TOLD = re.compile(r'invalid|unsupported|not supported|[Ff]ailsafe|denied|rejected')
 
 
@@ -43,11 +44,9 @@ def _kill(*names: str) -> Callable[[FlightBench], None]:
 
 FAILURES: dict[str, Callable[[FlightBench], None]] = {
     'nothing': lambda bench: None,
-    'nothing fed forward any more': lambda bench: bench.switch(
-        {'feed_posture': False, 'feed_motion': False}
-    ),
+    'feed-forward stops': lambda bench: bench.switch({'feed_posture': False, 'feed_motion': False}),
     'base_reaction killed': _kill('base_reaction'),
-    'computed_torque killed: the arm is damped and sinks': _kill('computed_torque'),
+    'computed_torque is killed, so the arm is damped and sinks': _kill('computed_torque'),
     'both killed': _kill('base_reaction', 'computed_torque'),
     '0.2 kg picked up': lambda bench: bench.tell_world('payload', [0.2, *_AT_TOOL]),
     '0.5 kg picked up': lambda bench: bench.tell_world('payload', [0.5, *_AT_TOOL]),
@@ -57,7 +56,7 @@ FAILURES: dict[str, Callable[[FlightBench], None]] = {
 def fail(
     node: Node, build: Path, arm: ArmModel, options: argparse.Namespace, name: str
 ) -> str:  # fmt: skip
-    """Return a line on one failure."""
+    """Return a line with the results of one failure."""
     with flying(node, build, load_drone(DRONE), WAY, arm, options) as (bench, log):
         motion = ArmSwing('slow', _LENGTH, _RAMP)
         begin, now, is_done = bench.begin(motion), -np.inf, False

@@ -1,9 +1,10 @@
-"""What a reliable joint_states costs its publisher, beside a best-effort one in the same loop.
+"""Publisher cost of a reliable joint_states topic, compared with best effort in the same loop.
 
-At 1 kHz a process publishes the same states on two topics, first the one, then the other: best
-effort, and reliable with depth 1. Both have a subscriber of the suite (best effort). The reliable
-one may have another: one more of the suite, or a reliable one with depth 10, as tutorials have it,
-that reads all, that reads once a second, or that is stopped (SIGSTOP) as by a debugger.
+At 1 kHz a process publishes the same states on two topics in alternating order: best effort, and
+reliable with depth 1. Both have a subscriber of this package (best effort). The reliable topic may
+have another subscriber: a second one of this package, or a reliable one with depth 10, as in
+tutorials. The latter reads all messages, reads once per second, or is stopped (SIGSTOP) as by a
+debugger.
 """
 
 import argparse
@@ -38,7 +39,7 @@ READERS = ('none', 'best effort', 'reads all', 'reads once a second', 'is stoppe
 
 
 def subscribe(name: str, how: str) -> None:
-    """Be a subscriber until the input ends."""
+    """Subscribe to a topic until standard input ends."""
     rclpy.init(args=[])
     node = Node('subscriber')
     qos = BEST_EFFORT if how in ('suite', 'best effort') else TUTORIAL
@@ -50,28 +51,28 @@ def subscribe(name: str, how: str) -> None:
 
 
 class Clocked:
-    """A publisher that notes how long each message takes it, in time and in processor time."""
+    """Publisher that records elapsed and processor time of each message."""
 
     def __init__(self, node: Node, name: str, qos: QoSProfile) -> None:
         self.publisher: Publisher = node.create_publisher(JointState, name, qos)
         self.took: list[tuple[int, int]] = []
 
     def publish(self, payload: bytes) -> None:
-        """Publish, and note what it took."""
+        """Publish a message and record its cost."""
         begin, begin_cpu = time.perf_counter_ns(), time.thread_time_ns()
         self.publisher.publish(payload)
         end_cpu, end = time.thread_time_ns(), time.perf_counter_ns()
         self.took.append((end - begin, end_cpu - begin_cpu))
 
     def line(self) -> str:
-        """Return quantiles [us]."""
+        """Return quantiles of the cost [us]."""
         wall, cpu = np.array(self.took).T * 1e-3
         p50, p99, p999 = np.percentile(wall, [50.0, 99.0, 99.9])
         return f'{p50:6.1f}{p99:8.1f}{p999:8.1f}{wall.max():9.1f}{np.median(cpu):9.1f}'
 
 
 def run(how: str, cycles: int) -> None:
-    """Publish beside one kind of reader, and print a line for each topic."""
+    """Publish with one type of reader, and print a line for each topic."""
     command = [sys.executable, __file__, '--subscribe']
     others = [('best_effort', 'suite'), ('reliable', 'suite')]
     if how != 'none':
@@ -94,7 +95,7 @@ def run(how: str, cycles: int) -> None:
 
 
 def publish(both: list[Clocked], cycles: int) -> None:
-    """Publish on both topics, in turns as the first."""
+    """Publish on both topics in alternating order."""
     cdr, state, loop = JointStateCdr(NAMES), np.full(4, 0.1), PeriodicLoop(PERIOD)
 
     def cycle(now_ns: int, index: int) -> None:
@@ -108,7 +109,7 @@ def publish(both: list[Clocked], cycles: int) -> None:
 
 
 def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> None:
-    """Wait for a condition; raises TimeoutError."""
+    """Wait until a condition is true; raises TimeoutError."""
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:

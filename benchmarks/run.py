@@ -1,4 +1,4 @@
-"""Run every benchmark of this folder, one after the other, and say which machine it was."""
+"""Run all benchmarks in this folder in sequence, and print a description of the machine."""
 
 import argparse
 import os
@@ -12,7 +12,7 @@ BESIDE_PEERS = ('excitation', 'identification')
 
 
 def machine() -> str:
-    """One line about the machine the figures below were taken on."""
+    """Return one line that describes the machine of the figures."""
     model = next(
         (
             line.split(':')[1].strip()
@@ -35,7 +35,7 @@ def main() -> int:
     print(f'Machine: {machine()}')
     failed = 0
     for script in sorted(HERE.glob('*.py')):
-        # Comparisons with other tools are run by the benchmark they belong to.
+        # The corresponding benchmark runs the comparisons with other tools.
         if script.name == Path(__file__).name or script.stem.endswith('_peers'):
             continue
         print(f'\n== {script.stem} ==', flush=True)

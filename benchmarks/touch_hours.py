@@ -1,10 +1,9 @@
-"""How soon `ContactDetector` finds touches, and how often it finds one where there is none.
+"""Detection delay and false alarm rate of `ContactDetector`.
 
-The made arms of `payload_hours.py` work on the physics engine while a model knows them that is as
-wrong as identified ones are (links by 1 %, friction by 15 %). Thresholds are learnt from a motion
-of their own. Friction drifts, and with `--payload` the arm picks something up and puts it down
-that the model does not declare. Touches are forces on the tool and on the second link, of
-random direction, at random times.
+The arms of `payload_hours.py` work on the physics engine, with a model that has the errors of
+identified models (links by 1 %, friction by 15 %). Thresholds are learned from a separate motion.
+Friction drifts, and with `--payload` the arm picks up and puts down an undeclared payload. Touches
+are forces on the tool and on the second link, with random directions and times.
 """
 
 import argparse
@@ -40,16 +39,16 @@ from aerarm_ros.online.replay import KnownArm
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 GAIN = 60.0  # [1/s]
-LEARNING = 60.0  # [s] of free motion
-HOLD, PAUSE = 0.5, 3.0  # [s] of a touch, and at least between two
-DRIFT = 0.15  # of friction, over DRIFT_TIME
+LEARNING = 60.0  # [s] of motion without contact
+HOLD, PAUSE = 0.5, 3.0  # [s] duration of a touch, and shortest time between two
+DRIFT = 0.15  # relative change of friction over DRIFT_TIME
 DRIFT_TIME = 300.0  # [s]
 PAYLOAD_TIME = 30.0  # [s] between changes of payload
 FORCES = {'tool': 2.0, 'link 2': 4.0}  # [N] on the packaged arm
 
 
 class TouchedPlant(Plant):
-    """The arm with a force on one of its links."""
+    """Arm with an external force on one of its links."""
 
     def touch(self, body: int, point: Array, force: Array) -> None:
         """Apply a force [N] at a point of a body's frame [m] from now on; both in world axes."""
@@ -59,17 +58,17 @@ class TouchedPlant(Plant):
         self._data.xfrc_applied[body] = [*force, *moment]
 
     def bodies(self) -> int:
-        """Return the number of bodies."""
+        """Return the number of bodies in the model."""
         return int(self._model.nbody)
 
     def end_of(self, body: int) -> Array:
-        """Return where a body's child is attached (3,), in its frame [m]."""
+        """Return the attachment point (3,) of a body's child, in the body's frame [m]."""
         children = [c for c in range(self._model.nbody) if self._model.body_parentid[c] == body]
         return np.array(self._model.body_pos[children[0]]) if children else np.array([0.1, 0, 0])
 
 
 class Job(NamedTuple):
-    """One session."""
+    """Settings of one session."""
 
     joints: int
     seed: int
@@ -80,7 +79,7 @@ class Job(NamedTuple):
 
 @dataclass
 class Session:
-    """Delays [s] of touches by place (NaN: missed), the torque each made, and false contacts."""
+    """Delays [s] of touches by place (NaN: missed), the torque of each, and false contacts."""
 
     job: Job
     delays: dict[str, list[float]] = field(default_factory=dict)
@@ -90,7 +89,7 @@ class Session:
 
 
 class Rig:
-    """One made arm under position control."""
+    """Simulated arm under position control."""
 
     def __init__(self, arm: Arm, truth: PlantParameters, seed: int) -> None:
         self.random = np.random.default_rng(seed)
@@ -105,7 +104,7 @@ class Rig:
         self._speed = np.zeros(arm.robot.n)
 
     def window(self) -> ArmState:
-        """Advance by a window and return the state at its end."""
+        """Advance by one window and return the state at its end."""
         mean = np.zeros(len(self._speed))
         share = -np.expm1(-CYCLE / VELOCITY_LAG)
         for _ in range(WINDOW):
@@ -121,7 +120,7 @@ class Rig:
 
 
 def session(job: Job) -> Session:
-    """Learn thresholds, then work."""
+    """Learn thresholds, then run the session."""
     arm = Arm.of(job.joints)
     truth = arm.drawn.perturbed(job.seed, MADE)
     known = truth.perturbed(10_000 + job.seed, KNOWN)
@@ -148,7 +147,7 @@ def session(job: Job) -> Session:
 
 
 def work(job: Job, rig: Rig, found: ContactDetector, truth: PlantParameters, arm: Arm) -> Session:
-    """Play the session and compare what is found with what was done."""
+    """Play the session and compare detected with applied touches."""
     result, dt, n = Session(job), WINDOW * CYCLE, arm.robot.n
     loaded = truth.carrying(arm.mass, (0.06, 0.01, -0.02), 0.03)
     places = {'tool': rig.plant.bodies() - 1, 'link 2': rig.plant.bodies() - n + 1}
@@ -186,11 +185,11 @@ def work(job: Job, rig: Rig, found: ContactDetector, truth: PlantParameters, arm
 
 
 def main() -> int:
-    """Run the sessions and print what was found."""
+    """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--hours', type=float, default=0.05, help='hours per number of joints')
     parser.add_argument('--joints', type=int, nargs='+', default=[4], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=300.0, help='of a session')
+    parser.add_argument('--seconds', type=float, default=300.0, help='duration of a session')
     parser.add_argument('--touches', action='store_true', help='touch the arm')
     parser.add_argument('--payload', action='store_true', help='change the payload')
     parser.add_argument('--jobs', type=int, default=1, help='processes')
@@ -211,7 +210,7 @@ def main() -> int:
 
 
 def report(joints: int, results: list[Session]) -> None:
-    """Print one line per number of joints, and one per place that was touched."""
+    """Print one line per number of joints, and one per touched place."""
     hours = sum(result.job.seconds for result in results) / 3600.0
     false = sum(len(result.false) for result in results)
     payloads, early = (sum(getattr(r, key) for r in results) for key in ('payloads', 'early'))

@@ -1,10 +1,10 @@
-"""Tracking error of computed torque at 1 kHz over topics, the controller knowing the arm's model.
+"""Tracking error of computed torque at 1 kHz over topics, with the exact arm model.
 
 `fake_hardware` and `computed_torque` run as processes, as on a robot, with a five-harmonic
-trajectory of 0.1 to 0.5 Hz, on a still base and on one that swings by 30 degrees at 0.5 Hz.
-The error is taken from joint_states, each against the reference at its own stamp; an encoder
-count is 0.05 to 0.06 mrad at the joint. The same run without topics, in `make experiment`, is
-the floor that a perfect middleware would reach.
+trajectory of 0.1 to 0.5 Hz, on a still base and on one that swings by 30 degrees at 0.5 Hz. The
+error is computed from joint_states, relative to the reference at each state's stamp; an encoder
+count is 0.05 to 0.06 mrad at the joint. The same run without topics, in `make experiment`, gives
+the lower bound that an ideal middleware would reach.
 """
 
 import argparse
@@ -35,7 +35,7 @@ from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import MOVING, STILL
 
 FUNDAMENTAL, HARMONICS, AMPLITUDE = 0.1, 5, 0.15
-# feedback, base_motion_profile of fake_hardware, base_motion of the controller
+# Feedback, base_motion_profile of fake_hardware, base_motion of the controller.
 RUNS = (
     ('host', STILL, NONE),
     ('boards', STILL, NONE),
@@ -44,7 +44,7 @@ RUNS = (
     ('host', MOVING, NONE),
 )
 LINE = '{:9} {:7} {:5} {:28} {:28} {}'
-LEAD = 2.0  # [s] from sending to start
+LEAD = 2.0  # [s] from sending to the start
 GOAL = 1.0  # [mrad]
 
 
@@ -62,7 +62,7 @@ def draw_motion(seed: int, periods: int) -> RampedExcitation:
 def start_arm(
     stack: ExitStack, node: Node, folder: Path, feedback: str, base: str, awareness: str
 ) -> ArmClient:
-    """Start bridge and controller and wait until the one follows the other."""
+    """Start bridge and controller, and wait until the arm follows the controller."""
     config, robot = load_arm_config(), load_robot()
     load_friction = PlantParameters.nominal(config, robot).load_friction.tolist()
     arm = {'seed': -1, 'encoders': 'absolute', 'base_motion_profile': base}
@@ -84,7 +84,7 @@ def start_arm(
 
 
 def require_running(client: ArmClient, folder: Path) -> None:
-    """End the benchmark if the arm was stopped; say why."""
+    """End the benchmark with the reason if the arm was stopped."""
     try:
         client.wait_for_mode(['running'], 2.0)
     except ArmClientError as error:
@@ -93,7 +93,7 @@ def require_running(client: ArmClient, folder: Path) -> None:
 
 
 class ArmStates:
-    """The arm's joint states, whose stamps are the time."""
+    """Joint states of the arm, whose stamps provide the time."""
 
     def __init__(self, node: Node, names: tuple[str, ...]) -> None:
         self._reader = RawReader(node, topics.JOINT_STATES)
@@ -101,11 +101,11 @@ class ArmStates:
 
     @property
     def publishers(self) -> int:
-        """How many publish them."""
+        """Return the number of publishers."""
         return self._reader.publishers()
 
     def next(self) -> JointSample:
-        """Return the next state."""
+        """Return the next joint state of the arm."""
         for _ in range(100):
             message = self._reader.take_newest() if self._reader.wait(0.1) else None
             sample = self._codec.unpack(message[0]) if message else None
@@ -114,7 +114,7 @@ class ArmStates:
         raise SystemExit('tracking: no joint states for 10 s')
 
     def until(self, stamp_ns: int) -> list[JointSample]:
-        """Return the states that come until a time [ns]."""
+        """Return the states that arrive until a time [ns]."""
         samples = [self.next()]
         while samples[-1].stamp_ns < stamp_ns:
             samples.append(self.next())
@@ -122,7 +122,7 @@ class ArmStates:
 
 
 def go_to(node: Node, states: ArmStates, names: tuple[str, ...], q: np.ndarray) -> None:
-    """Send the arm to a posture and give it the time."""
+    """Send the arm to a posture and wait for the motion."""
     publisher = node.create_publisher(JointState, topics.SET_POINT.name, topics.SET_POINT.qos)
     while not publisher.get_subscription_count():
         time.sleep(0.05)
@@ -133,7 +133,7 @@ def go_to(node: Node, states: ArmStates, names: tuple[str, ...], q: np.ndarray) 
 def track(
     motion: RampedExcitation, feedback: str, base: str, awareness: str
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return RMS and largest errors (n,) [mrad], and the share of states recorded."""
+    """Return RMS and maximum errors (n,) [mrad], and the fraction of states recorded."""
     names = load_arm_config().joint_names
     node = rclpy.create_node('tracking')
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
@@ -149,7 +149,9 @@ def track(
         samples = states.until(begin + round(motion.duration * 1e9))
         require_running(client, Path(folder))
         if states.publishers > 1:
-            raise SystemExit('tracking: another bridge is in this ROS domain: try again')
+            raise SystemExit(
+                'tracking: another bridge is in this ROS domain: stop it, and try again'
+            )
     node.destroy_node()
     when = np.array([(sample.stamp_ns - begin) * 1e-9 for sample in samples])
     moving = (when > motion.ramp_time) & (when < motion.duration - motion.ramp_time)
@@ -162,7 +164,7 @@ def track(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
-    parser.add_argument('--periods', type=int, default=1, help='periods of 10 s')
+    parser.add_argument('--periods', type=int, default=1, help='number of periods of 10 s')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -175,8 +177,9 @@ def main() -> None:
         errors = (' '.join(f'{x:.2f}' for x in column) for column in (rms, largest))
         print(LINE.format(*run, *errors, f'{100 * share:.1f} %'), flush=True)
     print(
-        f'Goals: on a still base RMS below {GOAL:g} mrad on every joint; on a moving one at most '
-        '1.5 times\nas much with the IMU, and more without.'
+        f'Goals: on a still base RMS below {GOAL:g} mrad on every joint; on a moving base at '
+        'most 1.5 times\n'
+        'as much with the IMU, and more without the IMU.'
     )
     rclpy.shutdown()
 

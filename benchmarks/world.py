@@ -1,11 +1,11 @@
-"""How well the tool is held in the world while wind moves the drone, over topics.
+"""Tool position error in the world while wind moves the drone, over topics.
 
-`fake_hardware`, `world_control`, `base_reaction` and `flight_control` run as processes, in
-lockstep, so that the figures do not depend on the host. Wind of 1.5 N RMS below 0.5 Hz pushes a
-drone of 3 kg; the arm's controller gets an odometry of 100 Hz that is 10 ms late, with 1 mm and
-5 mm/s of noise. The tool is held where it is, moves on a path of 20 cm, and is held with a poor
-odometry, under light drones, a fully actuated one, and with a wrong model of the arm; beside these,
-with the ordinary Jacobian and with held joints. `make world` writes a page with a replay.
+`fake_hardware`, `world_control`, `base_reaction` and `flight_control` run as processes in lockstep,
+so the figures do not depend on the host. Wind of 1.5 N RMS below 0.5 Hz pushes a drone of 3 kg. The
+arm's controller receives a 100 Hz odometry with a delay of 10 ms and noise of 1 mm and 5 mm/s. The
+cases are: a tool held in place, a tool on a path of 20 cm, a poor odometry, light drones, a fully
+actuated drone, and a wrong model of the arm. For comparison, the ordinary Jacobian and held joints
+are used. `make world` writes a page with a replay.
 """
 
 import argparse
@@ -29,7 +29,7 @@ HEADINGS = ('flight', 'tool mm', 'max', 'drone mm', 'max', 'goal', '')
 
 
 def fly(node: Node, name: str, arm: ArmModel, seconds: float) -> HoldingRecord | str:
-    """Return what a flight was like, or why there was none."""
+    """Return the record of a flight, or the reason of a failure."""
     case = CASES[name]
     try:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
@@ -41,7 +41,7 @@ def fly(node: Node, name: str, arm: ArmModel, seconds: float) -> HoldingRecord |
 
 
 def line(name: str, record: HoldingRecord | str) -> str:
-    """Return the line of a flight."""
+    """Return the line of a flight for the table."""
     if isinstance(record, str):
         return LINE.format(name, *['-'] * 5, record)
     goal = CASES[name].goal
@@ -53,8 +53,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--cases', nargs='*', default=list(CASES), choices=list(CASES))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='of the identified arm')
-    parser.add_argument('--seconds', type=float, default=12.0, help='of each flight')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
+    parser.add_argument('--seconds', type=float, default=12.0, help='duration of each flight')
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
@@ -72,7 +72,7 @@ def main() -> int:
             print(line(name, records[name]), flush=True)
     rclpy.shutdown()
     if options.out:
-        write_page(options.out / 'world.html', records, f'The arm is {arm.name}.')
+        write_page(options.out / 'world.html', records, f'The arm model is {arm.name}.')
     return 0
 
 

@@ -1,17 +1,17 @@
-"""Writes docs/reference/parameters.md from the parameter tables of the nodes.
+"""Write docs/reference/parameters.md from the parameter tables of the nodes.
 
 Usage: python docs/generate_parameters.py
 """
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import importlib
 import io
 from pathlib import Path
 from unittest.mock import patch
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -19,20 +19,22 @@ PAGE = ROOT / 'docs' / 'reference' / 'parameters.md'
 INTRODUCTION = """# Parameters
 
 `docs/generate_parameters.py` writes this page from the parameter tables of the nodes.
-`ros2 param describe` prints the same of a running node. A node rejects a value outside its
-bounds and says which values it accepts.
+`ros2 param describe` prints the description of a parameter of a running node. A node rejects a
+value outside its bounds and prints the allowed values.
 
-- *Live* parameters may change while the node runs: `ros2 param set /NODE NAME VALUE`.
-- A node reads all others when it starts: `ros2 run aerarm_ros NODE --ros-args -p NAME:=VALUE`,
-  or `--params-file FILE`. `ros2 param dump NODE` prints such a file.
+- You can change *live* parameters while the node runs: `ros2 param set /NODE NAME VALUE`.
+- A node reads all other parameters at its start:
+  `ros2 run aerarm_ros NODE --ros-args -p NAME:=VALUE` or `--params-file FILE`.
+- `ros2 param dump NODE` prints a parameter file of a running node.
 
-Several nodes share many parameters. They stand once, below [shared](#shared).
+The section [shared](#shared) contains the parameters that several nodes have in common.
 """
 HEAD = '| name | type | default | allowed | description |\n|---|---|---|---|---|\n'
 
 # Title of each shared group, by the name of its first parameter.
 TITLES = {
-    'config': 'Arm',
+    'config': 'Configuration and prefix of the arm',
+    'urdf': 'URDF of the arm',
     'drone_file': 'Drone',
     'realtime_priority': 'Real time',
     'bridges': 'Bridges to call',
@@ -40,53 +42,47 @@ TITLES = {
     'payload.inertial_parameters': 'Payload, rotors and friction of the model',
     'at_end': 'End of the node',
     'friction_width': 'Friction compensation and disturbance observer',
-    'compensation': 'Limit of the observer',
+    'compensation': 'Limit of the disturbance observer',
+    'feed_lead': 'Preview time of set points',
     'excitation_config': 'Collision checks',
     'frame': 'Cartesian targets',
     'friction_fraction': 'Trajectories and goals',
     'tracking_limit': 'Checks while a motion plays',
     'period': 'Bridge',
-    'rate': 'Autopilot',
+    'rate': 'Set points for the autopilot',
 }
 
 
 class TableFoundError(Exception):
-    """Carries the table that a node was about to declare."""
+    """Interrupts a node when it declares its parameters, and carries them."""
 
     def __init__(self, parameters: list[Parameter]) -> None:
         super().__init__('found')
         self.parameters = parameters
 
 
-def executables() -> list[str]:
-    """Return the executables of setup.py."""
-    tree = ast.parse((ROOT / 'setup.py').read_text())
-    for statement in tree.body:
-        if isinstance(statement, ast.Assign) and statement.targets[0].id == 'EXECUTABLES':
-            return sorted(ast.literal_eval(statement.value))
-    raise ValueError('setup.py has no list EXECUTABLES')
-
-
 def parameters_of(executable: str) -> list[Parameter]:
-    """Return the parameters of an executable; none if it isn't a node with a table.
+    """Return the parameters of an executable, an empty list if it is not a node with a table.
 
-    The node is created up to the point where it declares them, so nothing can be left out. One
-    that ends before (a message package is missing) has its table at the module's top.
+    The function starts the node and interrupts it when it declares its parameters, so that the
+    list is complete. A node that exits earlier, because a message package is missing, has its
+    table PARAMETERS at the top of the module.
     """
-    source = (ROOT / 'aerarm_ros' / 'nodes' / f'{executable}.py').read_text()
+    name = command_modules()[executable]
+    source = (ROOT / f'{name.replace(".", "/")}.py').read_text()
     if 'run_node(' not in source:
         return []
 
     def find(table: ParameterTable, *_: object) -> None:
         raise TableFoundError(list(table._parameters.values()))
 
-    module = importlib.import_module(f'aerarm_ros.nodes.{executable}')
+    module = importlib.import_module(name)
     with patch.object(ParameterTable, 'declare', find), contextlib.redirect_stderr(io.StringIO()):
         try:
             module.main([])
         except TableFoundError as found:
             return found.parameters
-        except SystemExit:  # a command line without its arguments
+        except SystemExit:  # the command line lacks required arguments
             return []
     if isinstance(getattr(module, 'PARAMETERS', None), ParameterTable):
         return list(module.PARAMETERS._parameters.values())
@@ -95,7 +91,7 @@ def parameters_of(executable: str) -> list[Parameter]:
 
 def page() -> str:
     """Return the whole page."""
-    tables = {name: parameters_of(name) for name in executables()}
+    tables = {name: parameters_of(name) for name in command_modules()}
     nodes_of: dict[str, list[str]] = {}
     for name, parameters in tables.items():
         for parameter in parameters:
@@ -110,7 +106,7 @@ def page() -> str:
     parts = [INTRODUCTION, '## Shared\n']
     for nodes, rows in sorted(shared.items(), key=lambda item: -len(item[0])):
         used = ', '.join(f'[{name}](#{name})' for name in nodes)
-        parts.append(f'### {titles[nodes]}\n\nOf {used}.\n\n{HEAD}{"".join(rows)}')
+        parts.append(f'### {titles[nodes]}\n\nNodes: {used}.\n\n{HEAD}{"".join(rows)}')
     for name, parameters in tables.items():
         if parameters:
             of_node = [titles[nodes] for nodes in shared if name in nodes]
@@ -120,11 +116,11 @@ def page() -> str:
 
 def _title(nodes: tuple[str, ...], rows: list[str]) -> str:
     first = rows[0].split('`')[1]
-    return TITLES.get(first, f'Parameters of {" and ".join(nodes)}')
+    return TITLES.get(first, f'Parameters {first} of {len(nodes)} nodes from {nodes[0]}')
 
 
 def _section(executable: str, shared: list[str], rows: list[str]) -> str:
-    links = ', '.join(f'[{title}](#{_anchor(title)})' for title in shared)
+    links = '; '.join(f'[{title}](#{_anchor(title)})' for title in shared)
     text = f'## {executable}\n'
     if shared:
         text += f'\nShared parameters: {links}.\n'

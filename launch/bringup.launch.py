@@ -1,4 +1,4 @@
-"""The arm: bridge, and on request a controller, RViz, the browser view.
+"""Start the bridge and, on request, a controller, RViz and the browser view.
 
 ros2 launch aerarm_ros bringup.launch.py hardware:=fake controller:=gravity_compensation rviz:=true
 """
@@ -47,40 +47,44 @@ from aerarm_ros.launch_parts import (
 
 ARGUMENTS = (
     DeclareLaunchArgument(
-        'hardware', default_value='fake', choices=['fake', 'spi'], description='boards behind it'
+        'hardware',
+        default_value='fake',
+        choices=['fake', 'spi'],
+        description='boards that the bridge uses: emulated (fake) or real (spi)',
     ),
     controller_argument(),
     DeclareLaunchArgument(
         'if_controller_fails',
         default_value='end',
         choices=['end', 'go_on'],
-        description='end: everything ends with it; go_on: the bridge stays, without commands',
+        description="if the controller ends: 'end' stops all nodes, 'go_on' keeps the bridge",
     ),
-    DeclareLaunchArgument('namespace', default_value='', description='in front of every name'),
+    DeclareLaunchArgument('namespace', default_value='', description='ROS namespace of all nodes'),
     DeclareLaunchArgument(
         'tf_prefix',
         default_value='',
-        description='in front of every frame and joint, as left_; frames are then on the tf of all',
+        description='prefix of all link and joint names, for example left_; then frames are on the '
+        'global tf topics',
     ),
     DeclareLaunchArgument(
         'params_file',
         default_value=[SHARE, '/config/parameters_', LaunchConfiguration('hardware'), '.yaml'],
-        description='parameters of every node started here',
+        description='parameter file for every node of this launch file',
     ),
     DeclareLaunchArgument(
         'config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
-        description='drive train of the arm',
+        description='drive train configuration of the arm',
     ),
     DeclareLaunchArgument(
         'urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='what is known of the arm, for example an identified model',
+        description='model of the arm, for example an identified URDF',
     ),
     DeclareLaunchArgument(
         'plant_urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='fake hardware: the arm that is emulated',
+        description='URDF of the simulated arm (fake hardware only)',
     ),
     base_motion_argument(),
     drone_argument(),
@@ -91,31 +95,31 @@ ARGUMENTS = (
 )
 
 ENDS_WITH_CONTROLLER = EqualsSubstitution(LaunchConfiguration('if_controller_fails'), 'end')
-# The arm that moves. An identified model is one of it, and must not become what is emulated.
-# The bridge publishes this URDF as robot_description, the frames come from it, so RViz draws it.
+# URDF of the arm that moves; an identified model must not change the emulated arm. The bridge
+# publishes this URDF as robot_description, from which RViz and the frames are made.
 MOVING_ARM = IfElseSubstitution(
     ON_SPI, LaunchConfiguration('urdf'), LaunchConfiguration('plant_urdf')
 )
-# Without a prefix frames have the same names in every namespace, as in the headers of this
-# package's messages; so each namespace has a tf of its own, and its RViz listens to that.
+# Without a prefix, frames have equal names in every namespace, as in the headers of this package's
+# messages. So each namespace has its own tf topic, to which its RViz subscribes.
 TF_PREFIX = LaunchConfiguration('tf_prefix')
 FRAME_TOPICS = [
     (f'/{name}', IfElseSubstitution(EqualsSubstitution(TF_PREFIX, ''), name, f'/{name}'))
     for name in ('tf', 'tf_static')
 ]
 
-# The emulated arms' worlds have a time each.
+# Each emulated arm has its own simulation time.
 CLOCK = ('/clock', IfElseSubstitution(EqualsSubstitution(TF_PREFIX, ''), '/clock', 'clock'))
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     bridge, controller = _bridge(), _controller()
     nodes = GroupAction(
         [
             PushRosNamespace(LaunchConfiguration('namespace')),
             bridge,
-            # Without it nothing here can work: who waits for the arm would wait in vain.
+            # Nothing in this launch file works without the bridge.
             after(bridge, 'bridge', end('the bridge has ended')),
             _enable(),
             controller,
@@ -129,7 +133,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _discovery_profile() -> SetEnvironmentVariable:
-    """Let processes find each other at once (docs/decisions.md); the user's profile stays."""
+    """Set a Fast DDS profile for quick discovery (docs/decisions.md); a user profile stays."""
     name = 'FASTRTPS_DEFAULT_PROFILES_FILE'
     ours = PathJoinSubstitution([SHARE, 'config', 'fastdds.xml'])
     return SetEnvironmentVariable(name, EnvironmentVariable(name, default_value=ours))
@@ -140,7 +144,7 @@ def _bridge() -> Node:
     return node(
         executable,
         {**arm_parameters(urdf=MOVING_ARM), **drone_parameter()},
-        remappings=[IMU_REMAPPING, CLOCK],  # those of an emulated drone and world
+        remappings=[IMU_REMAPPING, CLOCK],  # IMU and clock of an emulated drone and world
     )
 
 
@@ -170,7 +174,7 @@ def _view() -> Node:
 
 
 def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
-    """Return the node that turns joint states into frames, where it is installed."""
+    """Return robot_state_publisher, which turns joint states into frames, if it is installed."""
     try:
         get_package_prefix('robot_state_publisher')
     except PackageNotFoundError:
@@ -181,7 +185,7 @@ def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
     drone_file = LaunchConfiguration('drone_file').perform(context)
     if drone_file:
         urdf = with_drone(urdf, load_drone_config(drone_file), prefix)
-    # It latches its URDF too: robot_description is left to the bridge, which is always there.
+    # robot_state_publisher latches its URDF too, but the bridge publishes robot_description.
     own_copy = ('robot_description', '~/robot_description')
     return [
         Node(

@@ -1,7 +1,7 @@
-"""Follows joint trajectories by inverse dynamics, thesis (2.21).
+"""Follow joint trajectories by inverse dynamics, thesis (2.21).
 
-ros2 launch aerarm_ros computed_torque.launch.py enable:=true view:=true
-Takes the arguments of bringup.launch.py.
+ros2 launch aerarm_ros computed_torque.launch.py enable:=true view:=true Accepts the arguments of
+bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -10,5 +10,5 @@ from aerarm_ros.launch_parts import bringup, controller_argument
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     return LaunchDescription([controller_argument('computed_torque'), bringup()])

@@ -1,7 +1,7 @@
-"""The arm under a drone: a controller that knows how the drone answers, and what the drone feels.
+"""Start the arm, a controller that models the drone's reaction, and the publishers for the drone.
 
 ros2 launch aerarm_ros drone.launch.py hardware:=spi autopilot:=px4 drone_file:=my_drone.yaml
-Takes the arguments of bringup.launch.py.
+Accepts the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -26,7 +26,7 @@ from aerarm_ros.launch_parts import (
 
 ON_PX4 = EqualsSubstitution(LaunchConfiguration('autopilot'), 'px4')
 BY_OURSELVES = EqualsSubstitution(LaunchConfiguration('autopilot'), 'flight_control')
-# What world_control answers to the drone must not be told to it.
+# The drone must not receive the motion with which world_control reacts to the drone.
 NOT_BY_REACTION = ParameterValue(
     PythonExpression(["'", LaunchConfiguration('controller'), "' != 'world_control'"]),
     value_type=bool,
@@ -47,8 +47,8 @@ ARGUMENTS = (
             ]
         ),
         choices=['flight_control', 'mavros', 'px4'],
-        description="whose IMU it is; px4: PX4's own topics, which px4_imu then converts; "
-        'flight_control: this package hovers an emulated drone',
+        description='autopilot whose IMU is used: mavros; px4, whose own topics px4_imu '
+        'converts; or flight_control, with which this package flies an emulated drone',
     ),
     DeclareLaunchArgument(
         'imu_topic',
@@ -59,16 +59,16 @@ ARGUMENTS = (
                 "' == 'mavros' else 'imu'",
             ]
         ),
-        description="the autopilot's IMU, as MAVROS or px4_imu publishes it",
+        description="topic of the autopilot's IMU, as MAVROS or px4_imu publishes it",
     ),
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     reaction = node(
         'base_reaction',
-        # Who feeds the arm forward picks from what it is told ahead of time.
+        # The feedforward nodes pick the time that they need from the published forecast.
         {
             'lead': 0.06,
             'measured_motion': NOT_BY_REACTION,

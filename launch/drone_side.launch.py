@@ -1,7 +1,7 @@
-"""The drone's computer: bridge, controller and the drone's end of ground_link.
+"""Start bridge, controller and ground_link on the drone's computer.
 
-ros2 launch aerarm_ros drone_side.launch.py hardware:=spi controller:=computed_torque
-Takes the arguments of bringup.launch.py.
+ros2 launch aerarm_ros drone_side.launch.py hardware:=spi controller:=computed_torque Accepts the
+arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -16,13 +16,14 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'ground_timeout',
         default_value='5.0',
-        description='silence of the ground [s] after which ground_lost applies; 0 switches it off',
+        description='silence of the ground host [s] after which ground_lost applies; 0 switches it '
+        'off',
     ),
     DeclareLaunchArgument(
         'ground_lost',
         default_value='stop',
         choices=['continue', 'stop', 'home'],
-        description='what the arm does when the ground is lost',
+        description='reaction of the arm to the loss of the ground host',
     ),
     DeclareLaunchArgument(
         'address', default_value='0.0.0.0', description='address at which ground_link listens'
@@ -32,7 +33,7 @@ ARGUMENTS = (
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     timeout = ParameterValue(LaunchConfiguration('ground_timeout'), value_type=float)
     config = LaunchConfiguration(
         'config', default=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml'])

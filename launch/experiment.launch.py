@@ -1,7 +1,7 @@
-"""The experiment of thesis 5.4: dynamic controllers on the simulated arm, as a table and a page.
+"""Run the experiment of thesis 5.4: dynamic controllers on the simulated arm.
 
-ros2 launch aerarm_ros experiment.launch.py out:=controllers identified:=run1/identified.urdf
-Needs neither bridge nor motors, and ends by itself.
+ros2 launch aerarm_ros experiment.launch.py out:=controllers identified:=run1/identified.urdf The
+result is a table and an HTML page. The experiment needs neither bridge nor motors.
 """
 
 from launch import LaunchDescription
@@ -12,19 +12,23 @@ from launch_ros.substitutions import ExecutableInPackage
 from aerarm_ros.launch_parts import after, check_first, end
 
 ARGUMENTS = (
-    DeclareLaunchArgument('out', default_value='experiment', description='folder for the page'),
+    DeclareLaunchArgument(
+        'out', default_value='experiment', description='folder for the result page'
+    ),
     DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
     DeclareLaunchArgument(
         'identified',
         default_value='',
-        description='URDF of an identified model to be the simulated arm; a made-up arm if empty',
+        description='URDF of an identified model to simulate; a random arm if empty',
     ),
-    DeclareLaunchArgument('only', default_value='', description='only runs whose name holds this'),
+    DeclareLaunchArgument(
+        'only', default_value='', description='run only cases whose name contains this text'
+    ),
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     options = [
         part
         for argument in ARGUMENTS

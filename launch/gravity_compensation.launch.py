@@ -1,7 +1,7 @@
-"""Holds the arm at set points by gravity compensation, thesis (2.14).
+"""Hold the arm at set points by gravity compensation, thesis (2.14).
 
-ros2 launch aerarm_ros gravity_compensation.launch.py enable:=true view:=true
-Takes the arguments of bringup.launch.py.
+ros2 launch aerarm_ros gravity_compensation.launch.py enable:=true view:=true Accepts the arguments
+of bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -10,5 +10,5 @@ from aerarm_ros.launch_parts import bringup, controller_argument
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     return LaunchDescription([controller_argument('gravity_compensation'), bringup()])

@@ -1,4 +1,4 @@
-"""The ground's computer: the ground's end of ground_link and the browser view.
+"""Start ground_link and the browser view on the ground computer.
 
 ros2 launch aerarm_ros ground_side.launch.py drone:=192.168.1.10
 """
@@ -22,24 +22,28 @@ from aerarm_ros.launch_parts import (
 )
 
 ARGUMENTS = (
-    DeclareLaunchArgument('drone', description="the drone's address"),
+    DeclareLaunchArgument('drone', description='address of the drone'),
     DeclareLaunchArgument('port', default_value='7447', description='UDP port of the drone'),
-    DeclareLaunchArgument('namespace', default_value='', description='as on the drone'),
-    DeclareLaunchArgument('tf_prefix', default_value='', description='as on the drone'),
+    DeclareLaunchArgument(
+        'namespace', default_value='', description='ROS namespace, as on the drone'
+    ),
+    DeclareLaunchArgument(
+        'tf_prefix', default_value='', description='prefix of link and joint names, as on the drone'
+    ),
     DeclareLaunchArgument(
         'config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
-        description='drive train of the arm',
+        description='drive train configuration of the arm',
     ),
     DeclareLaunchArgument(
         'urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='arm to show',
+        description='URDF of the arm to show',
     ),
     DeclareLaunchArgument(
         'params_file',
         default_value=PathJoinSubstitution([SHARE, 'config', 'parameters_fake.yaml']),
-        description='parameters of every node started here',
+        description='parameter file for every node of this launch file',
     ),
     drone_argument(),
     switch_argument('view', 'start the browser view', 'true'),
@@ -47,7 +51,7 @@ ARGUMENTS = (
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     text = {
         name: ParameterValue(LaunchConfiguration(name), value_type=str)
         for name in ('drone', 'tf_prefix')

@@ -1,9 +1,8 @@
-"""From a moving arm to its model: excitation, recording, identification, then the end.
+"""Excite and record the arm, identify its model, then end.
 
-ros2 launch aerarm_ros identification.launch.py out:=run1
-Takes the arguments of bringup.launch.py. On real hardware the motors are enabled by hand, while
-everything waits: ros2 run aerarm_ros arm home
-With namespace:=NS: ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
+ros2 launch aerarm_ros identification.launch.py out:=run1 Accepts the arguments of
+bringup.launch.py. On real hardware, enable the motors by hand while the launch file waits: ros2
+run aerarm_ros arm home With namespace:=NS: ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
 """
 
 import signal
@@ -27,20 +26,26 @@ from aerarm_ros.launch_parts import (
 )
 
 ARGUMENTS = (
-    DeclareLaunchArgument('out', default_value='identification', description='new folder'),
+    DeclareLaunchArgument(
+        'out', default_value='identification', description='new folder for the results'
+    ),
     DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
     DeclareLaunchArgument(
-        'periods', default_value='0', description='periods to play; 0: as the file says, or 2'
+        'periods',
+        default_value='0',
+        description='number of periods to play; 0 for the number in the file, or 2',
     ),
     DeclareLaunchArgument(
-        'trajectory', default_value="''", description='YAML file to play instead of a random one'
+        'trajectory',
+        default_value="''",
+        description='YAML trajectory file to play; a random trajectory if empty',
     ),
     *MOTION_ARGUMENTS,
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     namespace, out = LaunchConfiguration('namespace'), LaunchConfiguration('out')
     bag, result = (PathJoinSubstitution([out, name]) for name in ('bag', 'result'))
     recorder = node('recorder', {'bag': bag}, namespace=namespace)
@@ -80,6 +85,6 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _states_topic() -> PythonExpression:
-    """Return the name of joint_states inside the namespace, as the bag has it."""
+    """Return the name of joint_states in the namespace, as it appears in the bag."""
     namespace = LaunchConfiguration('namespace')
     return PythonExpression(["('/' + '", namespace, "' + '/joint_states').replace('//', '/')"])

@@ -1,9 +1,8 @@
-"""The drives, one after the other: bench, then the end.
+"""Measure the drives one after the other with motor_bench, then end.
 
-ros2 launch aerarm_ros motor_bench.launch.py out:=bench1 joints:="[joint4]"
-Takes the arguments of bringup.launch.py. On real hardware the motors are enabled by hand, while
-everything waits: ros2 run aerarm_ros arm home
-With namespace:=NS: ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
+ros2 launch aerarm_ros motor_bench.launch.py out:=bench1 joints:="[joint4]" Accepts the arguments
+of bringup.launch.py. On real hardware, enable the motors by hand while the launch file waits: ros2
+run aerarm_ros arm home With namespace:=NS: ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
 """
 
 from launch import LaunchDescription
@@ -22,21 +21,25 @@ from aerarm_ros.launch_parts import (
 )
 
 ARGUMENTS = (
-    DeclareLaunchArgument('out', default_value='motor_bench', description='new folder'),
+    DeclareLaunchArgument(
+        'out', default_value='motor_bench', description='new folder for the results'
+    ),
     DeclareLaunchArgument(
         'joints',
         default_value='[joint1, joint2, joint3, joint4]',
         description='joints to measure, one after the other',
     ),
     DeclareLaunchArgument(
-        'mounted', default_value='true', description='false for bare motors, without gravity'
+        'mounted',
+        default_value='true',
+        description='true for drives mounted in the arm, false for bare motors',
     ),
     *MOTION_ARGUMENTS,
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     bench = node(
         'motor_bench',
         {

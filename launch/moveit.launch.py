@@ -1,7 +1,7 @@
-"""The arm under computed_torque, and MoveIt's move_group that plans for it.
+"""Start the arm with computed_torque, and MoveIt's move_group, which plans its motions.
 
-ros2 launch aerarm_ros moveit.launch.py enable:=true rviz:=true
-Takes the arguments of bringup.launch.py, but no namespace: MoveIt's frames and topics are global.
+ros2 launch aerarm_ros moveit.launch.py enable:=true rviz:=true Accepts the arguments of
+bringup.launch.py except namespace: MoveIt's frames and topics are global.
 """
 
 from pathlib import Path
@@ -20,11 +20,11 @@ ARGUMENTS = (
         'controller',
         default_value='computed_torque',
         choices=['computed_torque'],
-        description='computed_torque: the one that config/moveit sends plans to',
+        description='always computed_torque, the controller that config/moveit sends plans to',
     ),
     switch_argument(
         'use_sim_time',
-        'MoveIt takes /clock; false with real boards, and with pace: real_time',
+        'MoveIt uses the time of /clock; set false with real boards, and with pace: real_time',
         IfElseSubstitution(
             EqualsSubstitution(LaunchConfiguration('hardware', default='fake'), 'spi'),
             'false',
@@ -32,13 +32,16 @@ ARGUMENTS = (
         ),
     ),
     DeclareLaunchArgument(
-        'namespace', default_value='', choices=[''], description='none: MoveIt is global'
+        'namespace',
+        default_value='',
+        choices=[''],
+        description="always empty, because MoveIt's topics are global",
     ),
     DeclareLaunchArgument(
         'tf_prefix', default_value='', choices=[''], description='none: see config/moveit'
     ),
 )
-# What MoveIt needs, beside control_msgs, without which the controller takes no goals.
+# ROS packages that MoveIt needs, and control_msgs, which the controller needs for goals.
 PACKAGES = (
     'control_msgs',
     'moveit_ros_move_group',
@@ -47,7 +50,7 @@ PACKAGES = (
     'moveit_simple_controller_manager',
     'robot_state_publisher',
 )
-# Files of config/moveit, and the parameter below which their content stands.
+# Files of config/moveit, and the parameter that contains each of them.
 SETTINGS = {
     'kinematics': 'robot_description_kinematics',
     'joint_limits': 'robot_description_planning',
@@ -57,7 +60,7 @@ SETTINGS = {
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` starts."""
+    """Return the launch description for `ros2 launch`."""
     return LaunchDescription(
         [*ARGUMENTS, check_first(*PACKAGES), bringup(), OpaqueFunction(function=_move_group)]
     )
@@ -87,8 +90,8 @@ def _parameters(context: LaunchContext) -> list[dict]:
             'robot_description': Path(urdf).read_text(),
             'robot_description_semantic': (folder / 'aerarm.srdf').read_text(),
             'publish_robot_description_semantic': True,
-            # The states' stamps are the emulated world's time, which falls behind on a busy host;
-            # MoveIt refuses to move an arm whose state is older than a second.
+            # The states are stamped in simulation time, which is slow on a busy host. MoveIt
+            # refuses to move an arm whose state is older than one second.
             'use_sim_time': LaunchConfiguration('use_sim_time').perform(context) == 'true',
         },
         *({below: given} if below else given for below, given in settings),

@@ -1,4 +1,4 @@
-"""Fixtures used by the tests of several rooms."""
+"""Fixtures of the tests of several packages."""
 
 import csv
 import fcntl
@@ -23,34 +23,34 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.ros.process.node_process import find_log_directory, ros_environment
 from aerarm_ros.ros.process.process_end import ExitLimit
 
-# The same examples each time, and no limit on their time: other work may share the machine.
+# Equal examples in each run, without a time limit, because the machine may be busy.
 settings.register_profile('suite', deadline=None, derandomize=True)
 settings.load_profile('suite')
-# Hundreds of processes are started: each would compile the package anew.
+# The tests start hundreds of processes, each of which would compile the package again.
 sys.dont_write_bytecode = False
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 # The tests may be started without HOME.
 find_log_directory()
 
-# A shell script's background job ignores Ctrl-C, and so would every process that a test starts.
+# A shell script's background job ignores Ctrl-C, and so would every process started by a test.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-# So does SIGQUIT, under nohup SIGHUP, and whatever else who starts the tests does not care for.
-# These tests go on; what they start has the default again.
+# The process that starts the tests may also ignore SIGQUIT, SIGHUP (nohup) and others. The tests
+# keep this, but the processes that they start get the default handlers.
 _LEFT = {signal.SIGPIPE, signal.SIGXFSZ}  # Python itself ignores them
-# A handler would run after the instruction that crashed, which is never over.
+# A handler would run after the instruction that crashed, which never ends.
 _BY_DEFAULT = {signal.SIGCHLD, signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
-_LEFT |= {signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU}  # who started in the background goes on
+_LEFT |= {signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU}  # a background job continues
 for number in signal.valid_signals() - _LEFT:
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.SIG_DFL if number in _BY_DEFAULT else lambda *_: None)
-# What is blocked is so in processes that are started, too.
+# Started processes inherit blocked signals.
 signal.pthread_sigmask(signal.SIG_SETMASK, ())
 
 
 @pytest.fixture(scope='session')
 def table_a1() -> dict[str, np.ndarray]:
-    """Thesis table A.1: the 48 parameters of each of its columns, by the column's name."""
+    """Thesis table A.1: the 48 parameters of each column, by column name."""
     with (Path(__file__).parent / 'data' / 'table_a1.csv').open() as file:
         rows = list(csv.DictReader(file))
     return {key: np.array([float(row[key]) for row in rows]) for key in ('CAD', 'SLSQP', 'SA')}
@@ -73,10 +73,10 @@ def example_urdf() -> Callable[[str], Path]:
 def made_once(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Callable[[str, Callable[[Path], None]], Path]:
-    """Return a function that gives the folder of a name, filled by `fill(folder)` if it is new.
+    """Return a function that returns a named directory, filled once by `fill(folder)`.
 
-    The processes that share the tests share these folders: for what takes long to make, and is
-    only read.
+    Parallel test processes share these directories, for data that are slow to create and only
+    read.
     """
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
@@ -97,15 +97,15 @@ def made_once(
 
 @pytest.fixture(scope='session')
 def robot() -> Robot:
-    """Return the arm; rooms that need another one say so themselves."""
+    """Return the arm; other packages override this fixture."""
     return load_robot()
 
 
 @pytest.fixture
 def ros_domain(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
-    """Give this process, and the ones it starts, a ROS domain that nobody else is in.
+    """Give this process, and the processes it starts, an unused ROS domain.
 
-    Returns the variables, for processes that are started with an environment of their own.
+    Return the variables, for processes with an environment of their own.
     """
     variables = own_domain()
     environment = ros_environment(variables)
@@ -116,12 +116,12 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 
 @pytest.fixture
 def ros_node(ros_domain: dict[str, str]) -> Iterator[Node]:
-    """Return a node in a domain of its own."""
+    """Return a node in an unused domain."""
     rclpy.init(args=[])
     node = rclpy.create_node('test')
     yield node
     release_nodes()
     destroy_bridges()
-    with ExitLimit(1):  # a worker that Fast DDS holds for ever would hold the whole run
+    with ExitLimit(1):  # A worker that Fast DDS blocks for ever would block the whole run.
         node.destroy_node()
         rclpy.shutdown()

@@ -1,5 +1,6 @@
-"""Bags: rosbag2 folders of MCAP files, written so that they survive, read whatever their storage.
+"""Bags: rosbag2 directories of MCAP files, written crash-safe, and read in any storage format.
 
-In come serialized messages and what is said of their topics; out goes a bag. And back: blocks of
-messages, joint states as arrays, what else a motion left behind. Reading needs no ROS.
+The package writes serialized messages and topic descriptions to a bag. The package reads a bag as
+blocks of messages, as arrays of joint states, and as other topics of a motion. Reading does not
+need ROS.
 """

@@ -1,4 +1,4 @@
-"""A recorded bag: its files and its topics."""
+"""Recorded bag with its files and topics."""
 
 import re
 import warnings
@@ -24,16 +24,16 @@ from aerarm_msgs_py.storage.read_limits import (
 
 
 class RecordedMessage(NamedTuple):
-    """A serialized message.
+    """Serialized message with its topic and times.
 
     Attributes
     ----------
     topic
-        Index of its topic in the writer's list.
+        Index of the topic in the writer's list.
     payload
         Serialized message.
     log_time
-        Time of reception [ns].
+        Time of receipt [ns].
     publish_time
         Time of publication [ns].
     sequence
@@ -47,22 +47,22 @@ class RecordedMessage(NamedTuple):
     sequence: int
 
 
-# rosbag2 writes "no limit" as the largest number of nanoseconds, split like this.
+# rosbag2 writes "no limit" as the largest number of nanoseconds, split into seconds and remainder.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """A topic to be written into a bag.
+    """Description of a topic in a bag.
 
     Attributes
     ----------
     name
-        Full name, for example '/arm/joint_states'.
+        Full topic name, for example '/arm/joint_states'.
     type
-        For example 'sensor_msgs/msg/JointState'.
+        Message type, for example 'sensor_msgs/msg/JointState'.
     depth, reliable, latched
-        Quality of service its publishers offer; `ros2 bag play` publishes with it.
+        Quality of service that its publishers offer, which `ros2 bag play` uses.
     """
 
     name: str
@@ -72,7 +72,7 @@ class RecordedTopic:
     latched: bool = False
 
     def qos_profile(self) -> dict[str, object]:
-        """Return the quality of service as rosbag2's metadata (version 9) has it."""
+        """Return the quality of service in the form of rosbag2's metadata (version 9)."""
         return {
             'history': 'keep_last',
             'depth': self.depth,
@@ -88,38 +88,38 @@ class RecordedTopic:
 
 _METADATA = bag_information.FILE
 _OTHER_STORAGES = ('.db3', f'.mcap{SUFFIX}', f'.db3{SUFFIX}')
-_MOST_NAMED = 20  # topics in a message
-_LONGEST_NAME = 100  # characters of one in a message
+_MOST_NAMED = 20  # topics listed in a message
+_LONGEST_NAME = 100  # characters of a topic's name in a message
 
 
 class Bag:
-    """A rosbag2 directory, or one file of messages by itself.
+    """A rosbag2 directory, or a single file of messages.
 
-    `metadata.yaml` isn't needed: a recorder that was killed may have left none, or an old one.
+    `metadata.yaml` is not required, because a killed recorder may have left no or an old one.
 
     Parameters
     ----------
     path
-        Directory, .mcap or .db3 file, or .bag of ROS 1.
+        Directory, .mcap or .db3 file, or ROS 1 .bag file.
     limits
-        What reading may take, whatever the files hold.
+        Limits of memory and time for reading.
 
     Attributes
     ----------
     budget
-        What is left of the limits.
+        Remaining part of the limits.
 
     Raises
     ------
     BagError
-        If there is no such path, or nothing in it is a bag.
+        If the path does not exist or contains no bag.
     """
 
     def __init__(self, path: Path | str, limits: ReadLimits | None = None) -> None:
         self.path = Path(path)
         if not self.path.exists():
-            raise BagError(f'there is no bag {self.path}: check the path')
-        self._unused = ''  # why metadata.yaml isn't
+            raise BagError(f'the bag {self.path} does not exist: check the path')
+        self._unused = ''  # reason why metadata.yaml is not used
         self._information = self._read_information()
         paths = self._find_paths()
         self.budget = ReadBudget(self.path, _size(paths), limits)
@@ -127,14 +127,14 @@ class Bag:
         self._files = [_opened(file, self.budget) for file in paths]
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all), about a megabyte at a time.
+        """Yield the messages of given topics (None: all topics), about a megabyte at a time.
 
-        A warning says how many messages the bag's own account lists beyond those found.
+        If the bag's message count exceeds the messages found, a warning states the difference.
 
         Raises
         ------
         BagError
-            If a file can't be read, or would take more than the limits allow.
+            If a file cannot be read, or exceeds the limits.
         """
         found: dict[str, int] = {}
         for file in self._files:
@@ -148,7 +148,7 @@ class Bag:
             expected = self.recorded_count(topic) or 0
             if (missing := expected - found.get(topic, 0)) > 0:
                 warnings.warn(
-                    f'{self.path}: {missing} of {expected} messages of {topic} are missing',
+                    f'{self.path}: {missing} of the {expected} messages of {topic} are missing',
                     BagWarning,
                     stacklevel=2,
                 )
@@ -168,17 +168,16 @@ class Bag:
         Raises
         ------
         BagError
-            If a file can't be read, the topic isn't in the bag, holds no messages or has
-            another type.
+            If a file cannot be read, or the bag lacks the topic, its messages or its type.
         """
         yield from self.messages_and(topic, message_type, ())
 
     def messages_and(
         self, topic: str, message_type: str, others: Collection[str]
     ) -> Iterator[MessageBlock]:
-        """Yield the messages of one topic of known type, and of others if they are there.
+        """Yield the messages of one required topic of known type, and of optional topics.
 
-        Errors are those of `messages`; nothing is asked of the other topics.
+        Raises the errors of `messages` for the required topic only.
         """
         name = '/' + topic.lstrip('/')
         empty = True
@@ -193,39 +192,43 @@ class Bag:
 
     @property
     def damaged(self) -> bool:
-        """Whether the files read so far miss their end or hold damage."""
+        """Whether the files read so far are truncated or damaged."""
         return self._report.places > 0 or any(file.damaged for file in self._files)
 
     def _check_type(self, topic: str, found: str, expected: str) -> None:
         if found != expected:
             raise BagError(
-                f'topic {topic} of {self.path} is of type {found or "(unknown)"}, '
-                f'not {expected}: choose another topic'
+                f'topic {topic} of {self.path} has the type {found or "(unknown)"}, not '
+                f'{expected}: choose another topic'
             )
 
     def types(self) -> dict[str, str]:
-        """Return the message type of every topic that the files read so far declare."""
+        """Return the message type of every topic declared in the files read so far."""
         return {topic: kind for file in self._files for topic, kind in file.types.items()}
 
     def _why_empty(self, topic: str) -> str:
         types = self.types()
         if topic in types and (self.recorded_count(topic) or self.damaged):
-            return (
-                f'none of the messages of topic {topic} of {self.path} can be read: copy it again'
-            )
+            return f'no message of topic {topic} of {self.path} can be read: copy the bag again'
         if topic in types:
-            return f'topic {topic} of {self.path} holds no messages: was its publisher running?'
+            return (
+                f'topic {topic} of {self.path} contains no messages: check that its '
+                'publisher was running'
+            )
         names = sorted(types)
         listed = [f'{n[:_LONGEST_NAME]} ({types[n][:_LONGEST_NAME]})' for n in names[:_MOST_NAMED]]
         if len(names) > _MOST_NAMED:
             listed.append(f'{len(names) - _MOST_NAMED} more')
-        return f'{self.path} has no topic {topic}; it has {", ".join(listed) or "no topics at all"}'
+        return (
+            f'{self.path} has no topic {topic}: choose one of '
+            f'{", ".join(listed) or "no topics at all"}'
+        )
 
     def recorded_count(self, topic: str) -> int | None:
-        """Return how many messages of a topic the bag's own account lists.
+        """Return the number of a topic's messages according to the bag, None if unknown.
 
-        That is metadata.yaml (for a single file the one beside it, if it knows no other), or
-        what the files say at their end, once they were read. None if neither says anything.
+        The source is metadata.yaml, for a single file the one in its directory. Without it, the
+        source is the summaries of the files, once they have been read.
         """
         if self._information.counts is not None:
             return self._information.counts.get(topic, 0)
@@ -233,14 +236,14 @@ class Bag:
         return None if None in own else sum(c.get(topic, 0) for c in own if c is not None)
 
     def _read_information(self) -> BagInformation:
-        """Return what metadata.yaml says, nothing if it is missing or broken."""
+        """Return the content of metadata.yaml, empty if it is missing or damaged."""
         folder = self.path.parent if self.path.is_file() else self.path
         try:
             information = read_information(folder / _METADATA)
         except FileNotFoundError:
             return BagInformation()
         except ValueError as error:
-            self._unused = f'{folder / _METADATA} is not used: {error}'
+            self._unused = f'{folder / _METADATA} is ignored: {error}'
             return BagInformation()
         mine = folder == self.path or information.files == (self.path.name,)
         return information if mine else BagInformation()
@@ -249,35 +252,42 @@ class Bag:
         path = self.path
         if path.is_file():
             if path.name == _METADATA:
-                raise BagError(f'{path} is part of a bag: give its directory {path.parent}')
+                raise BagError(
+                    f"{path} is one file of a bag: pass the bag's directory {path.parent}"
+                )
             return [path]
         present = _files_in(path)
         listed = [path / name for name in self._information.files]
         missing = [file.name for file in listed if not file.is_file()]
         if not present and missing:
             raise BagError(
-                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which its {_METADATA} names: '
-                'copy the whole directory again'
+                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which {_METADATA} lists: copy '
+                'the whole directory again'
             )
         if not present:
-            raise BagError(f'{path} is not a bag: it holds neither a .mcap file nor a {_METADATA}')
+            raise BagError(
+                f'{path} is not a bag (it contains neither a .mcap file nor a {_METADATA}): '
+                'check the path'
+            )
         if missing:
             warnings.warn(
-                f'{path} lacks {len(missing)} of the {len(listed)} files that its {_METADATA} '
-                f'names, first {missing[0][:_LONGEST_NAME]}',
+                f'{path} lacks {len(missing)} of the {len(listed)} files that {_METADATA} lists, '
+                f'first {missing[0][:_LONGEST_NAME]}',
                 BagWarning,
                 stacklevel=3,
             )
-        # A killed recorder may have begun a file that its last metadata doesn't know yet.
+        # A killed recorder may have started a file that its last metadata does not list.
         return listed if set(listed) == set(present) else present
 
 
 def _files_in(folder: Path) -> list[Path]:
-    """Return the files of a bag, of one storage, in natural order."""
+    """Return the files of a bag with one storage format, in natural order."""
     try:
         names = [file for file in folder.iterdir() if file.is_file()]
     except OSError as error:
-        raise BagError(f'{folder} cannot be read: {error.strerror}') from error
+        raise BagError(
+            f'{folder} cannot be read ({error.strerror}): check the path and its permissions'
+        ) from error
     for suffixes in (('.mcap',), _OTHER_STORAGES):
         found = [file for file in names if file.name.endswith(suffixes)]
         if found:
@@ -297,11 +307,14 @@ def _size(paths: list[Path]) -> int:
     try:
         return sum(path.stat().st_size for path in paths)
     except OSError as error:
-        raise BagError(f'{paths[0].parent} cannot be read: {error.strerror}') from error
+        raise BagError(
+            f'{paths[0].parent} cannot be read ({error.strerror}): check the path and its '
+            'permissions'
+        ) from error
 
 
 def _natural_order(path: Path) -> list[tuple[int, str]]:
-    """Order bag_2 before bag_10."""
+    """Return a sort key that orders bag_2 before bag_10."""
     return [
         (int(part), '') if part.isdecimal() else (-1, part)
         for part in re.split(r'(\d+)', path.name)

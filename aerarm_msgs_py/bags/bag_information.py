@@ -1,4 +1,4 @@
-"""Read the metadata.yaml of a bag."""
+"""Reader for the metadata.yaml of a bag."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -9,34 +9,34 @@ from typing import Any
 import yaml
 
 FILE = 'metadata.yaml'
-"""Its name."""
+"""Name of a bag's metadata file."""
 
-# The parser in C, where PyYAML has it, takes 2 ms instead of 20.
+# PyYAML's optional parser in C takes 2 ms instead of 20 ms.
 _LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-_LARGEST = 2**20  # bytes; that of a thousand topics has half of it
+_LARGEST = 2**20  # bytes; the metadata of a thousand topics has half of it
 _DEEPEST = 16
-_LONGEST_NAME = 255  # bytes that a file's name may have
+_LONGEST_NAME = 255  # bytes of a file name
 _MOST_MESSAGES = 2**53
 _LONGEST_NUMBER = 64  # characters
 _NUMBER = re.compile(r'[-+]?[0-9][0-9a-fA-FxXob_:.+-]*')
 _OPENING = (yaml.MappingStartEvent, yaml.SequenceStartEvent)
 _CLOSING = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
-# What PyYAML raises for a value that isn't what its form or its tag says: an empty !!int.
+# Exceptions of PyYAML for a value that contradicts its form or tag, such as an empty !!int.
 _OF_A_TAG = (TypeError, AttributeError, LookupError, RecursionError, OverflowError)
 
 
 @dataclass(frozen=True)
 class BagInformation:
-    """The part of metadata.yaml that readers need.
+    """Content of metadata.yaml that readers need.
 
     Attributes
     ----------
     files
-        Names of the bag's files, without folders.
+        Names of the bag's files, without directories.
     compression_mode
-        'message' if every message is compressed by itself, else anything.
+        'message' if every message is compressed separately; other values have no meaning.
     counts
-        Messages of each topic; None without an account.
+        Number of messages of each topic; None if unknown.
     """
 
     files: tuple[str, ...] = ()
@@ -45,54 +45,54 @@ class BagInformation:
 
 
 def read_information(path: Path) -> BagInformation:
-    """Read a metadata.yaml.
+    """Read the metadata.yaml of a bag.
 
     Raises
     ------
     FileNotFoundError
-        If there is none.
+        If the file does not exist.
     ValueError
-        If it can't be read, is too large, isn't plain YAML or isn't metadata of a bag.
+        If the file cannot be read, is too large, is not plain YAML or not metadata of a bag.
     """
     if path.exists() and not path.is_file():
-        raise ValueError('it is no file')  # a pipe would let its reader wait for ever
+        raise ValueError('not a regular file')  # Reading a pipe would never end.
     try:
         with path.open('rb') as stream:
             content = stream.read(_LARGEST + 1)
         if len(content) > _LARGEST:
-            raise ValueError(f'it has more than {_LARGEST} bytes')
+            raise ValueError(f'larger than {_LARGEST} bytes')
         text = content.decode()
         _check_plain(text)
         document = yaml.load(text, _LOADER)
     except FileNotFoundError:
         raise
     except (OSError, yaml.YAMLError, ValueError, *_OF_A_TAG) as error:
-        if 'nesting depth' in str(error):  # libyaml's own limit, met before ours
-            raise ValueError(f'it is nested more than {_DEEPEST} deep') from None
+        if 'nesting depth' in str(error):  # The limit of libyaml is smaller than ours.
+            raise ValueError(f'nested more than {_DEEPEST} levels deep') from None
         raise ValueError(' '.join(str(error).split())[:200]) from None
     try:
         return _information(document['rosbag2_bagfile_information'])
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f'it is no metadata of a bag ({error})') from None
+        raise ValueError(f'not the metadata of a bag ({error})') from None
 
 
 def _check_plain(text: str) -> None:
-    """Refuse what lets a small text become large, deep or slow: aliases, nesting, numbers."""
+    """Reject YAML that becomes large or slow: aliases, deep nesting, long numbers."""
     depth = 0
     for event in yaml.parse(text, _LOADER):
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
-            raise ValueError('it has anchors or aliases, which no recorder writes')
+            raise ValueError('the file has YAML anchors or aliases, which no recorder writes')
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
-            raise ValueError(f'it is nested more than {_DEEPEST} deep')
+            raise ValueError(f'nested more than {_DEEPEST} levels deep')
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
-            raise ValueError(f'it has a number of {len(event.value)} characters')
+            raise ValueError(f'the file has a number of {len(event.value)} characters')
 
 
 def _is_long_number(event: Any) -> bool:
-    """Tell whether a text may be a number, by its form or its tag, that takes long to read.
+    """Return whether a text may be a number that takes long to read, by its form or tag.
 
-    One in base 60 takes a time with the square of its length.
+    A number in base 60 takes a time proportional to the square of its length.
     """
     long = len(event.value) > _LONGEST_NUMBER
     return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
@@ -115,7 +115,7 @@ def _is_file_name(name: str) -> bool:
 
 
 def _counts(document: Any) -> dict[str, int] | None:
-    """Return the account, None if any of it isn't one."""
+    """Return the message counts, None if one is invalid."""
     counts: dict[str, int] = {}
     for name, count in _entries(document):
         if not isinstance(name, str) or isinstance(count, bool) or not isinstance(count, int):

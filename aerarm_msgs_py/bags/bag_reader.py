@@ -1,4 +1,4 @@
-"""What the suite asks of a bag: joint states as arrays, topics, lost messages."""
+"""Functions that read a bag: joint states as arrays, topics, lost messages."""
 
 import warnings
 from collections.abc import Collection, Iterator, Sequence
@@ -24,21 +24,20 @@ from aerarm_msgs_py.storage.read_limits import (
 
 @dataclass(frozen=True)
 class JointStateSeries:
-    """M JointState messages of n joints, in the order they were recorded.
+    """Series of M JointState messages of n joints, in recorded order.
 
     Attributes
     ----------
     names
-        n joint names, the order of the columns.
+        Names of the n joints, in column order.
     stamp
-        (M,) `header.stamp` [s]; equal or jumping stamps are left as they are.
+        (M,) `header.stamp` [s]; equal or jumping stamps are kept.
     log_time
-        (M,) time of reception by the recorder [s].
+        (M,) receipt time at the recorder [s].
     position, velocity, effort
-        (M, n) [rad], [rad/s], [Nm]; NaN where a message hasn't the joint or leaves the
-        field empty.
+        (M, n) [rad], [rad/s], [Nm]; NaN where a message lacks the joint or the field.
     sequence
-        (M,) publication sequence numbers, 0 where unknown.
+        (M,) publication sequence numbers, 0 if unknown.
     """
 
     names: tuple[str, ...]
@@ -53,17 +52,19 @@ class JointStateSeries:
         return len(self.stamp)
 
     def columns(self, names: Sequence[str]) -> 'JointStateSeries':
-        """Return the series with joints chosen and ordered by name.
+        """Return the series with joints selected and ordered by name.
 
         Raises
         ------
         KeyError
-            If a joint isn't in the series.
+            If the series lacks a joint.
         """
         index = {name: k for k, name in enumerate(self.names)}
         missing = [name for name in names if name not in index]
         if missing:
-            raise KeyError(f'joints {missing} are not among {list(self.names)}')
+            raise KeyError(
+                f'joints {missing} are missing from {list(self.names)}: check the joint names'
+            )
         order = [index[name] for name in names]
         return JointStateSeries(
             tuple(names),
@@ -78,17 +79,17 @@ class JointStateSeries:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """One topic of a bag.
+    """Type and message counts of one topic in a bag.
 
     Attributes
     ----------
     type
         Message type, for example 'sensor_msgs/msg/JointState'.
     messages
-        Messages in the bag.
+        Number of messages in the bag.
     lost
-        Messages that were published between the first and the last one and aren't in the
-        bag; None where the recorder stored no publication sequence numbers.
+        Number of messages that were published between the first and the last one but are not in
+        the bag; None if the recorder stored no publication sequence numbers.
     """
 
     type: str
@@ -96,33 +97,31 @@ class TopicSummary:
     lost: int | None
 
 
-_GROWTH = 1.125  # small: numpy fills with zeros, so unused room takes memory too
+_GROWTH = 1.125  # small, because numpy fills with zeros, so unused memory counts too
 _FIRST = 4096  # messages
-_SINGLE_BYTES = 3000  # counted for a message that is decoded by itself, as that takes time
+_SINGLE_BYTES = 3000  # charged for a message that is decoded separately, because that takes time
 
 
 class JointStateBuilder:
-    """Arrays that grow with every block.
+    """Arrays of joint states that grow with every block.
 
-    They grow in place, which the system does without copying where they are large: at no
-    time are the messages in memory twice.
+    Large arrays grow in place without copying, so the messages are never in memory twice.
 
     Parameters
     ----------
     most
-        Messages to keep; those beyond are left out and counted.
+        Number of messages to keep; later ones are omitted and counted.
     thinned
-        Keep no more than twice as many messages, evenly spread over the bag: enough for a
-        picture of a topic.
+        Keep at most twice as many messages, evenly spread over the bag, for plots.
     budget
-        What the arrays, and the time to fill them, are taken from.
+        Limits for the arrays, and for the time to fill them.
 
     Attributes
     ----------
     left_out
-        Messages beyond `most`.
+        Number of omitted messages beyond `most`.
     irregular
-        Fields left out because their length was neither 0 nor that of the names.
+        Number of omitted fields whose length was neither 0 nor that of the names.
     """
 
     def __init__(
@@ -134,11 +133,11 @@ class JointStateBuilder:
         self.left_out = 0
         self._most = most
         self._thinned = thinned
-        self._stride, self._seen = 1, 0  # of the messages kept; messages that came
+        self._stride, self._seen = 1, 0  # step between kept messages; number of received messages
         self._decoder = JointStateDecoder()
         self._budget = budget
         self._count = 0
-        self._times = np.empty((0, 2), np.int64)  # stamp, reception [ns]
+        self._times = np.empty((0, 2), np.int64)  # stamp and receipt time [ns]
         self._sequence = np.empty(0, np.int64)
         self._values = np.empty((0, 3, 0))
 
@@ -147,18 +146,18 @@ class JointStateBuilder:
 
     @property
     def irregular(self) -> int:
-        """See the class."""
+        """Number of omitted fields with a wrong length."""
         return self._decoder.irregular
 
     def add(self, block: MessageBlock) -> None:
-        """Decode and append messages.
+        """Decode a block of JointState messages and append them.
 
         Raises
         ------
         ValueError
-            If one is no JointState.
+            If a message is not a JointState.
         BagError
-            If the budget is spent.
+            If the budget is exhausted.
         """
         if self._thinned is not None:
             self._thin_out(2 * self._thinned)
@@ -181,7 +180,7 @@ class JointStateBuilder:
         self._count = last
 
     def series(self) -> JointStateSeries:
-        """Return everything collected, in order of reception, and collect no more."""
+        """Return the collected series in order of reception; no further messages can be added."""
         for array in (self._times, self._sequence, self._values):
             array.resize((self._count, *array.shape[1:]), refcheck=False)
         self._sort()
@@ -196,7 +195,7 @@ class JointStateBuilder:
         )
 
     def _sort(self) -> None:
-        """Put messages in order of reception, if a file has them otherwise."""
+        """Sort messages by reception, if the file's order differs."""
         log_time = self._times[:, 1]
         if (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind='stable')
@@ -204,7 +203,7 @@ class JointStateBuilder:
             self._values = self._values[order]
 
     def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
-        """Return every so many messages of a block, with reception and sequence number."""
+        """Return every k-th message of a block, with reception and sequence number."""
         part = slice(-self._seen % self._stride, None, self._stride)
         self._seen += len(block.payloads)
         if self._stride == 1:
@@ -212,7 +211,7 @@ class JointStateBuilder:
         return block.payloads[part], block.log_time[part], block.sequence[part]
 
     def _thin_out(self, limit: int) -> None:
-        """Leave out every second message, also of those to come, once there are too many."""
+        """Omit every second message, including later ones, once there are too many."""
         if self._count < limit:
             return
         before, self._count = self._count, (self._count + 1) // 2
@@ -222,7 +221,7 @@ class JointStateBuilder:
 
     def _reserve(self, count: int, joints: int) -> None:
         known = self._values.shape[2]
-        if joints > known:  # rare: a joint that was not in the messages before
+        if joints > known:  # rare: a joint that earlier messages lack
             wider: NDArray[np.float64] = np.full((len(self._values), 3, joints), np.nan)
             wider[:, :, :known] = self._values
             self._values = wider
@@ -236,9 +235,9 @@ JOINT_STATE = 'sensor_msgs/msg/JointState'
 _STRING = 'std_msgs/msg/String'
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 _MISSED = 'missed cycles'
-_LONGEST = 2**16  # bytes of diagnostics that are looked at
-_TEXT_BYTES = 500  # what a text takes beside its characters, and the time to make one
-_ENOUGH = 50_000  # messages of a topic that is only looked at beside the required one
+_LONGEST = 2**16  # bytes of diagnostics that are read
+_TEXT_BYTES = 500  # memory and time of a text without its characters, in bytes
+_ENOUGH = 50_000  # messages of an optional topic
 
 
 @dataclass
@@ -248,17 +247,17 @@ class BagContents:
     Attributes
     ----------
     joint_states
-        Series of each JointState topic that was asked for and has messages.
+        Series of each requested JointState topic that has messages.
     texts
-        Time of reception [s] and text of the messages of each String topic asked for.
+        Time of reception [s] and text of the messages of each requested String topic.
     missed_cycles
-        Cycles that the bridge missed during the recording; None if no diagnostics say so.
+        Number of cycles that the bridge missed during the recording; None without diagnostics.
     damaged
-        Whether some of the bag could not be read: its end is missing, or a part is damaged.
+        Whether the bag is truncated or damaged.
     expected
-        Messages of the required topic that the bag's own account lists; None without one.
+        Number of messages of the required topic according to the bag; None if unknown.
     left_out
-        Messages of the required topic beyond the most that were asked for.
+        Number of messages of the required topic beyond the requested number.
     """
 
     joint_states: dict[str, JointStateSeries] = field(default_factory=dict)
@@ -276,27 +275,26 @@ def read_contents(
     most: int | None = None,
     limits: ReadLimits | None = None,
 ) -> BagContents:
-    """Read several topics of a bag at once, each by its type.
+    """Read several topics of a bag in one pass, each by its type.
 
     Parameters
     ----------
     path
         rosbag2 directory, .mcap, .db3 or .bag file.
     required
-        A JointState topic.
+        Name of a JointState topic.
     others
-        Topics that may be missing: JointState, String or DiagnosticArray; those of other
-        types are passed over. Of very many JointStates only some are kept, evenly spread.
+        Optional topics: JointState, String or DiagnosticArray; topics of other types are ignored.
+        Of very many JointStates only some are kept, evenly spread.
     most
-        Messages to keep of the required topic, the first ones: bounds the memory that a bag
-        of any size takes.
+        Number of messages of the required topic to keep, from the start, to limit the memory.
     limits
-        What reading may take, whatever the bag holds.
+        Limits of memory and time for reading.
 
     Raises
     ------
     BagError
-        If the bag or the required topic can't be read; the message says what to check.
+        If the bag or the required topic cannot be read; the message states what to check.
     """
     bag = Bag(path, limits)
     name = '/' + required.lstrip('/')
@@ -324,8 +322,8 @@ def read_contents(
     irregular = builders[name].irregular
     if irregular:
         warnings.warn(
-            f'{irregular} fields of topic {name} of {path} were left out: their length '
-            'was not that of the names',
+            f'{irregular} fields of topic {name} of {path} were ignored: they do not have one '
+            'value per joint name',
             BagWarning,
             stacklevel=2,
         )
@@ -334,15 +332,15 @@ def read_contents(
     contents.damaged = bag.damaged
     contents.expected = bag.recorded_count(name)
     count = len(contents.joint_states[name]) + contents.left_out
-    if contents.expected is None or contents.expected < count:  # no account, or an early one
+    if contents.expected is None or contents.expected < count:  # no count, or an outdated one
         _tell_lost(contents.joint_states[name], name, path)
     return contents
 
 
 def lost_messages(sequence: NDArray[np.int64]) -> int | None:
-    """Return how many numbers are missing from (M,) publication sequence numbers.
+    """Return the number of gaps in (M,) publication sequence numbers.
 
-    None if the recorder stored no numbers.
+    None if the recorder stored no sequence numbers.
     """
     if len(sequence) and sequence[0] > 0 and np.all(np.diff(sequence) == 1):
         return 0
@@ -352,11 +350,11 @@ def lost_messages(sequence: NDArray[np.int64]) -> int | None:
 
 
 def _tell_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
-    """Warn of messages that are missing by their numbers, where no account tells."""
+    """Warn of messages that are missing by their numbers, if the bag has no count."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
-            f'{path}: {lost} messages of {topic} are missing between its first and its last one, '
-            'by their numbers: the recorder lost them, or the bag was damaged',
+            f'{path}: by their sequence numbers, {lost} messages of {topic} are missing between '
+            'the first and the last; the recorder lost them, or the bag is damaged',
             BagWarning,
             stacklevel=3,
         )
@@ -366,7 +364,10 @@ def _add(builder: JointStateBuilder, block: MessageBlock, path: Path | str) -> N
     try:
         builder.add(block)
     except ValueError as error:
-        raise BagError(f'topic {block.topic} of {path} cannot be decoded: {error}') from error
+        raise BagError(
+            f'topic {block.topic} of {path} cannot be decoded ({error}): check that the bag '
+            'is complete'
+        ) from error
 
 
 def _add_texts(texts: list[tuple[float, str]], block: MessageBlock, budget: ReadBudget) -> None:
@@ -384,7 +385,7 @@ def _text(payload: bytes) -> str:
 
 
 def _missed_between(diagnostics: list[bytes]) -> int | None:
-    """Return by how much the bridge's count grew from the first to the last message."""
+    """Return the increase of the bridge's count of missed cycles over the recording."""
     counts = []
     for payload in diagnostics:
         try:
@@ -418,17 +419,17 @@ def read_joint_states(
     topic
         Topic name.
     limits
-        What reading may take, whatever the bag holds.
+        Limits of memory and time for reading.
 
     Returns
     -------
     JointStateSeries
-        Joints in the order of the first message; joints that turn up later follow.
+        Joints in the order of the first message, followed by joints of later messages.
 
     Raises
     ------
     BagError
-        If the bag or the topic can't be read; the message says what to check.
+        If the bag or the topic cannot be read; the message states what to check.
     """
     return read_contents(path, topic, limits=limits).joint_states['/' + topic.lstrip('/')]
 
@@ -436,17 +437,20 @@ def read_joint_states(
 def joint_state_blocks(
     path: Path | str, topic: str = '/joint_states'
 ) -> Iterator[JointStateSeries]:
-    """Yield the messages of a JointState topic part by part, for bags larger than memory.
+    """Yield the messages of a JointState topic in parts, for bags larger than memory.
 
-    Columns only ever grow: the names of a part begin with those of the part before.
-    Parameters and errors are those of `read_joint_states`.
+    Later parts may have more columns: the names of a part begin with those of the previous part.
+    For parameters and errors see `read_joint_states`.
     """
     decoder = JointStateDecoder()
     for block in Bag(path).messages(topic, JOINT_STATE):
         try:
             stamp_ns, values = decoder.decode(block.payloads)
         except ValueError as error:
-            raise BagError(f'topic {topic} of {path} cannot be decoded: {error}') from error
+            raise BagError(
+                f'topic {topic} of {path} cannot be decoded ({error}): check that the bag is '
+                'complete'
+            ) from error
         yield JointStateSeries(
             names=tuple(decoder.names),
             stamp=stamp_ns / 1e9,
@@ -458,20 +462,20 @@ def joint_state_blocks(
         )
     if decoder.irregular:
         warnings.warn(
-            f'{decoder.irregular} fields of topic {topic} of {path} were left out: their length '
-            'was not that of the names',
+            f'{decoder.irregular} fields of topic {topic} of {path} were ignored: they do not '
+            'have one value per joint name',
             BagWarning,
             stacklevel=2,
         )
 
 
 def topics(path: Path | str) -> dict[str, TopicSummary]:
-    """Return type, number of messages and of lost messages of every topic in a bag.
+    """Return type, number of messages and number of lost messages of every topic in a bag.
 
     Raises
     ------
     BagError
-        If the bag can't be read.
+        If the bag cannot be read.
     """
     bag = Bag(path)
     counts: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Recording into a rosbag2 directory that survives being killed."""
+"""Recording into a rosbag2 directory that stays readable if the recorder is killed."""
 
 import io
 import os
@@ -18,23 +18,21 @@ from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS, McapWriter, message_definition
 from aerarm_msgs_py.storage.read_limits import BagError
 
-_VERSION = 9  # as ROS 2 Jazzy writes it
+_VERSION = 9  # the version that ROS 2 Jazzy writes
 
 
 @dataclass
 class BagMetadata:
-    """Metadata of a bag, as `ros2 bag info` shows it.
+    """Metadata of a bag, as shown by `ros2 bag info`.
 
     Attributes
     ----------
     file
-        Name of the bag's one file.
-    topics
-        Its topics.
+        Name of the bag's only file.
     counts
-        Messages of each topic.
+        Number of messages of each topic.
     start, end
-        First and last time of reception [ns]; None while there are no messages.
+        First and last time of reception [ns]; None without messages.
     """
 
     file: str
@@ -47,7 +45,7 @@ class BagMetadata:
         self.counts = [0] * len(self.topics)
 
     def add(self, topic: int, log_time: int) -> None:
-        """Count a message."""
+        """Count a message of a topic, with its receipt time [ns]."""
         self.counts[topic] += 1
         if self.start is None or self.end is None:
             self.start = self.end = log_time
@@ -57,12 +55,12 @@ class BagMetadata:
             self.start = log_time
 
     def to_yaml(self) -> str:
-        """Return the file's text."""
+        """Return the text of metadata.yaml."""
         content = {'rosbag2_bagfile_information': self._information()}
         return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)
 
     def serialized(self) -> str:
-        """Return the text that rosbag2 also puts into the MCAP file."""
+        """Return the text that rosbag2 also stores in the MCAP file."""
         return yaml.dump(self._information(), Dumper=_NoAliases, sort_keys=False)
 
     def _information(self) -> dict[str, object]:
@@ -90,7 +88,7 @@ class BagMetadata:
 
 
 class _NoAliases(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[misc]
-    """Dumper without anchors, which rosbag2's parser has no use for."""
+    """YAML dumper without anchors, which rosbag2's parser does not support."""
 
     def ignore_aliases(self, data: object) -> bool:
         return True
@@ -121,38 +119,40 @@ class _TimedFile(io.FileIO):
 _CHUNK_PERIOD = 0.2  # [s]
 _CHUNK_SIZE = 2**20  # [bytes]
 _METADATA_PERIOD = 1.0  # [s]
-# A message may be queued this much later than another one that was received after it [ns].
+# [ns] Longest delay of a message in the queue behind a later received one.
 _DISORDER = 20_000_000
 _LOG_TIME = attrgetter('log_time')
 
 
 class BagWriter:
-    """A rosbag2 directory with one MCAP file and metadata.yaml, as ROS 2 Jazzy has it.
+    """A rosbag2 directory with one MCAP file and metadata.yaml, as in ROS 2 Jazzy.
 
-    `write` only puts the message into a queue; a thread compresses and stores what came in
-    the last 0.2 s, in order of reception. A process that is killed loses little more than
-    that, and leaves a bag that `ros2 bag info`, `ros2 bag play` and every MCAP reader open.
+    `write` only queues the message; a thread compresses and stores the messages of the last 0.2 s
+    in order of reception. A killed process loses little more than that. `ros2 bag info`, `ros2 bag
+    play` and every MCAP reader can open its bag.
 
     Parameters
     ----------
     directory
-        Where the bag goes; made with its parents, must not exist.
+        Directory of the bag, created with its parents; must not exist.
     topics
-        All topics of the bag; messages name them by index.
+        All topics of the bag; messages refer to them by index.
     compression
         'zstd', 'lz4' or 'none'.
 
     Raises
     ------
     BagError
-        If the directory exists or can't be made, or the compression isn't known.
+        If the directory exists or cannot be created, or the compression is unknown.
     """
 
     def __init__(
         self, directory: Path | str, topics: Sequence[RecordedTopic], compression: str = 'zstd'
     ) -> None:
         if compression not in COMPRESSIONS:
-            raise BagError(f'compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}')
+            raise BagError(
+                f'unknown compression {compression!r}: choose one of {", ".join(COMPRESSIONS)}'
+            )
         self.directory = Path(directory)
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         self._make_directory()
@@ -161,7 +161,10 @@ class BagWriter:
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
         except OSError as error:
-            raise BagError(f'{self.directory} cannot be written: {error.strerror}') from error
+            raise BagError(
+                f'{self.directory} cannot be written ({error.strerror}): check permissions '
+                'and free space'
+            ) from error
         self._queue: deque[RecordedMessage] = deque()
         self._held: list[RecordedMessage] = []
         self._failure: Exception | None = None
@@ -171,7 +174,7 @@ class BagWriter:
 
     @property
     def counts(self) -> list[int]:
-        """Messages of each topic that are stored."""
+        """Number of stored messages of each topic."""
         return list(self._metadata.counts)
 
     @property
@@ -185,23 +188,23 @@ class BagWriter:
         return self._stream.seconds
 
     def fileno(self) -> int:
-        """Return the descriptor of the MCAP file."""
+        """Return the file descriptor of the MCAP file."""
         return self._stream.fileno()
 
     def write(self, message: RecordedMessage) -> None:
-        """Queue a message; never waits for the disk.
+        """Queue a message without waiting for the disk.
 
         Raises
         ------
         BagError
-            If storing failed, for example because the disk is full. What was stored before
-            stays readable.
+            If storing failed, for example because the disk is full. Messages stored before stay
+            readable.
         """
         self._check()
         self._queue.append(message)
 
     def close(self) -> None:
-        """Store everything queued and complete the bag; a second call does nothing.
+        """Store all queued messages and complete the bag; a second call does nothing.
 
         Raises
         ------
@@ -232,18 +235,18 @@ class BagWriter:
     def _check(self) -> None:
         if self._failure is not None:
             reason = getattr(self._failure, 'strerror', None) or self._failure
-            raise BagError(f'{self.directory} cannot be written: {reason}') from self._failure
+            raise BagError(
+                f'{self.directory} cannot be written ({reason}): check permissions and free space'
+            ) from self._failure
 
     def _make_directory(self) -> None:
         try:
             self.directory.mkdir(parents=True)
         except FileExistsError:
-            raise BagError(
-                f'{self.directory} exists and is not overwritten: choose another directory'
-            ) from None
+            raise BagError(f'{self.directory} already exists: choose another directory') from None
         except OSError as error:
             raise BagError(
-                f'{self.directory} cannot be made ({error.strerror}): check path and permissions'
+                f'{self.directory} cannot be created ({error.strerror}): check path and permissions'
             ) from error
 
     def _work(self) -> None:
@@ -256,14 +259,14 @@ class BagWriter:
                 if time.monotonic() > metadata_due:
                     self._store_metadata()
                     metadata_due = time.monotonic() + _METADATA_PERIOD
-        except Exception as error:  # whatever it is, nobody would store what is queued now
+        except Exception as error:  # after any exception the queued messages cannot be stored
             self._failure = error
 
     def _store_queue(self, *, everything: bool) -> None:
-        """Store what was queued by now, in order of reception.
+        """Store the queued messages in order of reception.
 
-        The newest messages are held back until the next time, as an older one may still
-        come; readers without an index rely on the order.
+        The newest messages wait until the next call, because an older one may still arrive.
+        Readers without an index rely on the order.
         """
         queue = self._queue
         arrived = [queue.popleft() for _ in range(len(queue))]
@@ -281,7 +284,7 @@ class BagWriter:
                 self._metadata.add(message.topic, message.log_time)
 
     def _store_metadata(self) -> None:
-        """Replace metadata.yaml in one step, so that it is never half written."""
+        """Replace metadata.yaml atomically."""
         temporary = self.directory / 'metadata.yaml.part'
         temporary.write_text(self._metadata.to_yaml())
         temporary.replace(self.directory / 'metadata.yaml')

@@ -1,10 +1,10 @@
-"""An MCAP file that is complete after every chunk.
+"""Writer of MCAP files that are complete after every chunk.
 
-The mcap package's own writer ends a chunk by size only, so a slow topic could stay in
-memory for minutes, and the file has no end until it is closed. This one builds the same
-records with the package's classes, ends a chunk when told to, and puts a short end behind
-every chunk, which the next chunk overwrites: a recorder that is killed leaves a file that
-any MCAP reader opens. Format: https://mcap.dev/spec.
+The writer of the mcap package ends a chunk by size only. A slow topic could stay in memory for
+minutes, and the file has no end until it is closed. This writer builds equal records with the
+package's classes, but ends a chunk on request. After every chunk it writes a short end, which the
+next chunk overwrites. So any MCAP reader opens the file of a killed recorder. Format:
+https://mcap.dev/spec.
 """
 
 import struct
@@ -44,9 +44,9 @@ class MessageDefinition:
     Attributes
     ----------
     text
-        The .msg text with that of all types inside it; '' if the type isn't known.
+        The .msg text with those of all nested types; '' for an unknown type.
     hash
-        Type hash (REP 2016), '' if the type isn't known.
+        Type hash (REP 2016), '' for an unknown type.
     """
 
     text: str
@@ -56,7 +56,7 @@ class MessageDefinition:
 @lru_cache
 def message_definition(message_type: str) -> MessageDefinition:
     """Look up a type of the ROS 2 Jazzy distribution, for example 'std_msgs/msg/String'."""
-    # Imported here because it takes 0.1 s and readers don't need it.
+    # Imported here, because it takes 0.1 s and readers do not need it.
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -79,14 +79,14 @@ COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
 
 
 class McapWriter:
-    """Writes chunks of messages to a stream.
+    """Write chunks of messages to a stream.
 
     Parameters
     ----------
     stream
-        Empty file, open for writing and unbuffered.
+        Empty file, opened for unbuffered writing.
     topics
-        All topics of the file; messages name them by index.
+        All topics of the file; messages refer to them by index.
     compression
         'zstd', 'lz4' or 'none'.
     """
@@ -110,7 +110,7 @@ class McapWriter:
         self._append(builder.end())
 
     def add_chunk(self, messages: Sequence[RecordedMessage]) -> None:
-        """Write messages as one chunk; they are safe from a kill once this returns."""
+        """Write messages as one chunk; they survive a kill once this call returns."""
         records, indices = self._records(messages)
         data = self._compress(records)
         start = min(message.log_time for message in messages)
@@ -146,7 +146,7 @@ class McapWriter:
         self._append(builder.end())
 
     def finish(self, metadata: str) -> None:
-        """Write rosbag2's metadata and the summary, which lets readers seek."""
+        """Write rosbag2's metadata, and the summary with which readers seek."""
         builder = RecordBuilder()
         Metadata('rosbag2', {'serialized_metadata': metadata}).write(builder)
         index = MetadataIndex(offset=self._end, length=builder.count, name='rosbag2')
@@ -187,7 +187,7 @@ class McapWriter:
         return b''.join(parts), list(indices.values())
 
     def _append(self, data: bytes) -> None:
-        """Write data where the file ended so far, with a new end behind it."""
+        """Append data to the file, followed by a new end."""
         builder = RecordBuilder()
         DataEnd(0).write(builder)
         Footer(0, 0, 0).write(builder)

@@ -1,4 +1,4 @@
-"""Positions, poses and inertial measurements out of a bag, by topic and frame."""
+"""Positions, poses and inertial measurements from a bag, by topic and frame."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ ODOMETRY = 'nav_msgs/msg/Odometry'
 IMU = 'sensor_msgs/msg/Imu'
 KINDS = (POINT, POSE, TRANSFORM, TF, ODOMETRY, IMU)
 
-_MOST = 2_000_000  # values of all series: memory has an end
-_COVARIANCE = 9  # numbers of an Imu's covariances
-_ROW = 8 * 12  # bytes that a sample takes
+_MOST = 2_000_000  # values of all series, because memory is limited
+_COVARIANCE = 9  # numbers in each covariance of an Imu
+_ROW = 8 * 12  # bytes of a sample
 
 
 @dataclass(eq=False)
 class PoseSeries:
-    """Samples of one thing.
+    """Samples of one topic or frame.
 
     Attributes
     ----------
     name : str
-        The topic, of a TFMessage the child frame.
+        Topic; for a TFMessage the child frame.
     kind : str
         Message type.
     stamp, log_time : (T,) ndarray
-        Of the message's header, and of reception [s].
+        Stamp of the message's header, and time of reception [s].
     position : (T, 3) ndarray
-        [m]; NaN of an Imu.
+        [m]; NaN for an Imu.
     quaternion : (T, 4) ndarray
-        x, y, z, w; NaN of a point.
+        x, y, z, w; NaN for a point.
     angular_velocity, linear_acceleration : (T, 3) ndarray
-        [rad/s], [m/s^2]; NaN unless of an Imu.
+        [rad/s], [m/s^2]; NaN except for an Imu.
     """
 
     name: str
@@ -81,21 +81,21 @@ def read_poses(
     path
         rosbag2 directory, .mcap or .db3 file.
     topics
-        Topics of these types; all in the bag if empty.
+        Topics of these types; empty for all topics in the bag.
     frames
-        Child frames of TFMessages that are wanted; all if empty.
+        Child frames of TFMessages; all if empty.
     limits
-        What reading may take, whatever the bag holds.
+        Limits of memory and time for reading.
 
     Returns
     -------
     dict of str to PoseSeries
-        By topic, those of TFMessages by child frame; in the order of their stamps.
+        By topic, for TFMessages by child frame; in the order of their stamps.
 
     Raises
     ------
     BagError
-        If the bag cannot be read, or holds more than fits into memory.
+        If the bag cannot be read, or its content exceeds the memory limit.
     """
     bag = Bag(path, limits)
     wanted = {'/' + topic.lstrip('/') for topic in topics}
@@ -115,10 +115,13 @@ def read_poses(
                     series.rows.append([row[0], time, *row[1:]])
             except ValueError as error:
                 raise BagError(
-                    f'topic {block.topic} of {path} cannot be decoded: {error}'
+                    f'topic {block.topic} of {path} cannot be decoded ({error}): check '
+                    'that the bag is complete'
                 ) from error
         if sum(len(series.rows) for series in found.values()) > _MOST:
-            raise BagError(f'{path} holds more than {_MOST} poses: cut it to the motion needed')
+            raise BagError(
+                f'{path} contains more than {_MOST} poses: cut the bag to the motion that you need'
+            )
     return {name: _series(name, rows) for name, rows in found.items()}
 
 

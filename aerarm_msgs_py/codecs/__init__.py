@@ -1,5 +1,5 @@
-"""Serialized messages (CDR) to numbers and back.
+"""Conversion of serialized messages (CDR) to numbers and back.
 
-In come the bytes of one message, or of many in one buffer; out go stamps and arrays. Messages of
-a layout that is known are read and packed at fixed offsets, others field by field.
+The input is one message, or many in one buffer; the results are stamps and arrays. Messages with a
+known layout are read and packed at fixed offsets, others field by field.
 """

@@ -1,4 +1,4 @@
-"""CDR, the wire format of ROS messages: fixed prefixes, readers and arrays."""
+"""Reader and writer parts for CDR, the wire format of ROS messages."""
 
 import struct
 from collections.abc import Iterable, Iterator, Sequence
@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 ENCAPSULATION_SIZE = 4
-"""Bytes in front of the message: representation (2) and options (2)."""
+"""Bytes before the message: representation (2) and options (2)."""
 LITTLE_ENDIAN = b'\x00\x01'
-"""Representation identifier of plain CDR, little-endian; the options may hold anything."""
+"""Representation identifier of plain CDR, little-endian; the options may have any value."""
 
 
 class CdrPrefix:
-    """Bytes of a message that are known in advance, with alignment padding left open.
+    """Known bytes of a message, except the alignment padding.
 
-    Fast CDR doesn't clear the padding after a string, so two messages with the same
-    content differ in those bytes: a plain comparison would refuse good messages now and
-    then. Offsets count from the start of the payload, encapsulation included; alignment
-    counts from the end of the encapsulation.
+    Fast CDR does not clear the padding after a string. So two messages with equal content can
+    differ in those bytes, and a plain comparison would sometimes reject valid messages. Offsets
+    count from the start of the payload, encapsulation included; alignment counts from the end of
+    the encapsulation.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class CdrPrefix:
     Attributes
     ----------
     end
-        Offset of the first byte behind the prefix.
+        Offset of the first byte after the prefix.
     """
 
     def __init__(self, start: int) -> None:
@@ -43,16 +43,16 @@ class CdrPrefix:
 
     @property
     def content(self) -> bytes:
-        """The bytes, padding zero."""
+        """The bytes, with zero padding."""
         return bytes(self._bytes)
 
     def add_uint32(self, value: int) -> None:
-        """Append an aligned 32-bit number."""
+        """Append an aligned unsigned 32-bit number."""
         self.align(4)
         self._append(struct.pack('<I', value))
 
     def add_string(self, text: str) -> None:
-        """Append a string: its length with the closing zero, then its bytes."""
+        """Append a string: its length including the final zero, then its bytes."""
         encoded = text.encode() + b'\0'
         self.add_uint32(len(encoded))
         self._append(encoded)
@@ -64,12 +64,12 @@ class CdrPrefix:
             self.add_string(text)
 
     def align(self, size: int) -> None:
-        """Pad to a multiple of `size` bytes."""
+        """Add padding up to a multiple of `size` bytes."""
         padding = -(self.end - ENCAPSULATION_SIZE) % size
         self._append(bytes(padding), known=False)
 
     def matches(self, payload: bytes) -> bool:
-        """Tell whether a payload is little-endian CDR and has these bytes at this place."""
+        """Return whether a payload is little-endian CDR and has these bytes at this place."""
         if not payload.startswith(LITTLE_ENDIAN):
             return False
         found = payload[self.start : self.end]
@@ -79,12 +79,12 @@ class CdrPrefix:
             return False
         if int.from_bytes(found, 'little') & self._mask_value != self._value:
             return False
-        # One publisher's padding seldom changes, so this spares most comparisons.
+        # One publisher's padding seldom changes, so this avoids most comparisons.
         self._recent = found
         return True
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of the (M, size) rows match, (M,)."""
+        """Return a mask (M,) of the (M, size) rows that match."""
         if rows.shape[1] < self.end:
             return np.zeros(len(rows), bool)
         mask = np.frombuffer(bytes(self._mask), np.uint8)
@@ -109,7 +109,7 @@ class CdrReader:
     Parameters
     ----------
     payload
-        Message with its encapsulation.
+        Message including its encapsulation.
 
     Raises
     ------
@@ -133,11 +133,11 @@ class CdrReader:
         return self._number('I')
 
     def octet(self) -> int:
-        """Read one byte."""
+        """Read one byte from the payload."""
         return self._take(1)[0]
 
     def string(self) -> str:
-        """Read a string."""
+        """Read a string from the payload."""
         length = self.uint32()
         return self._take(length)[:-1].decode(errors='replace')
 
@@ -153,7 +153,7 @@ class CdrReader:
         return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
 
     def fixed_doubles(self, count: int) -> NDArray[np.float64]:
-        """Read some doubles that no length stands before."""
+        """Read a fixed number of doubles without a length."""
         self._align(8)
         return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
 
@@ -179,12 +179,12 @@ class CdrReader:
 
 
 class Payloads(Sequence[bytes]):
-    """K serialized messages inside a buffer, cut out only when asked for.
+    """K serialized messages in a buffer, sliced only on access.
 
     Parameters
     ----------
     buffer
-        Holds the messages, and possibly other bytes between them.
+        Buffer with the messages, and possibly other bytes in between.
     starts, sizes
         (K,) offset and length of each message [bytes]; all inside the buffer.
     """
@@ -196,7 +196,7 @@ class Payloads(Sequence[bytes]):
 
     @classmethod
     def of(cls, messages: Iterable[bytes]) -> 'Payloads':
-        """Put messages next to each other into a buffer."""
+        """Concatenate messages to a buffer."""
         messages = list(messages)
         sizes = np.fromiter(map(len, messages), np.int64, len(messages))
         return cls(b''.join(messages), np.cumsum(sizes) - sizes, sizes)
@@ -211,7 +211,7 @@ class Payloads(Sequence[bytes]):
     def __getitem__(self, index: slice) -> 'Payloads': ...
 
     def __getitem__(self, index: int | slice) -> 'bytes | Payloads':
-        """Return one message, or some of them."""
+        """Return one message, or a selection of them."""
         if isinstance(index, slice):
             return Payloads(self._buffer, self._starts[index], self.sizes[index])
         start = int(self._starts[index])
@@ -223,7 +223,7 @@ class Payloads(Sequence[bytes]):
             yield buffer[start : start + size]
 
     def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
-        """Return some of the messages, by a (K,) mask."""
+        """Return the messages that a (K,) mask selects."""
         return Payloads(self._buffer, self._starts[which], self.sizes[which])
 
     def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
@@ -232,7 +232,7 @@ class Payloads(Sequence[bytes]):
         Parameters
         ----------
         index
-            (k,) which ones.
+            (k,) indices of the messages.
 
         Returns
         -------
@@ -246,29 +246,29 @@ class Payloads(Sequence[bytes]):
 
 
 def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:
-    """Return the (K,) elements of a type that begin at any bytes of a buffer.
+    """Return the (K,) elements of a type at arbitrary byte offsets of a buffer.
 
     Raises
     ------
     IndexError
-        If one would reach beyond the end.
+        If an element would extend beyond the end.
     """
     places = len(buffer) - kind.itemsize + 1
     if places < 1:
         if len(starts):
             raise IndexError('the buffer is shorter than one element')
         return np.empty(0, kind)
-    # Overlapping elements, one beginning at every byte, of which only some are copied.
+    # Overlapping elements, one per byte offset, of which only the selected ones are copied.
     return np.ndarray((places,), kind, buffer, strides=(1,))[starts]
 
 
 def diagnostic_values(payload: bytes) -> dict[str, dict[str, str]]:
-    """Return the values of each status by its name.
+    """Return the values of each status, by the status' name.
 
     Raises
     ------
     ValueError
-        If the payload is no DiagnosticArray.
+        If the payload is not a DiagnosticArray.
     """
     reader = CdrReader(payload)
     reader.int32(), reader.uint32(), reader.string()  # header
@@ -281,20 +281,20 @@ def diagnostic_values(payload: bytes) -> dict[str, dict[str, str]]:
     return found
 
 
-# Encapsulation (4), an empty list of dimensions (4), data_offset 0 (4), count (4); the
-# numbers then need 4 bytes of padding to be aligned to 8 from the end of the encapsulation.
+# Encapsulation (4), an empty list of dimensions (4), data_offset 0 (4), count (4). The numbers
+# then need 4 bytes of padding to be aligned to 8 from the end of the encapsulation.
 _HEADER = struct.Struct('<2s2xIII4x')
 _NO_DIMENSIONS = 0
 _NO_OFFSET = 0
 
 
 class Float64ArrayCdr:
-    """Packs and unpacks Float64MultiArray payloads of n numbers and no layout labels.
+    """Pack and unpack Float64MultiArray payloads of n numbers without layout labels.
 
     Parameters
     ----------
     n
-        Numbers in every message, at least one.
+        Number of values in every message, at least one.
 
     Raises
     ------
@@ -304,7 +304,7 @@ class Float64ArrayCdr:
 
     def __init__(self, n: int) -> None:
         if n < 1:
-            raise ValueError(f'an array needs at least one number, not {n}')
+            raise ValueError(f'an array needs at least one number, but {n} was given')
         self.n = n
         self._buffer = bytearray(_HEADER.size + 8 * n)
         _HEADER.pack_into(self._buffer, 0, LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, n)
@@ -313,12 +313,15 @@ class Float64ArrayCdr:
     def pack(self, data: ArrayLike) -> bytes:
         """Serialize (n,) numbers; raises ValueError for another length."""
         if np.shape(data) != self._data.shape:
-            raise ValueError(f'{self.n} numbers are needed, not an array of shape {np.shape(data)}')
+            raise ValueError(
+                f'an array of {self.n} numbers is needed, but the given one has the shape '
+                f'{np.shape(data)}'
+            )
         self._data[:] = data
         return bytes(self._buffer)
 
     def unpack(self, payload: bytes) -> NDArray[np.float64] | None:
-        """Return the (n,) numbers as a read-only view, or None if the layout is another."""
+        """Return the (n,) numbers as a read-only view, or None for another layout."""
         if len(payload) < len(self._buffer):
             return None
         expected = (LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, self.n)

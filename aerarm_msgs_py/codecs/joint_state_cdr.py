@@ -1,8 +1,8 @@
-"""Serialized sensor_msgs/JointState at fixed offsets.
+"""Codec of serialized sensor_msgs/JointState messages at fixed offsets.
 
-With constant joint names the CDR of a JointState has a fixed layout, so a 1 kHz loop
-packs and unpacks the numbers in place instead of building message objects: about 2 us
-instead of 30 us. Standard: OMG DDSI-RTPS 2.3, section 10 (CDR, little-endian).
+With constant joint names the CDR of a JointState has a fixed layout. So a 1 kHz loop packs and
+unpacks the numbers in place instead of building message objects, in 2 us instead of 30 us.
+Standard: OMG DDSI-RTPS 2.3, section 10 (CDR, little-endian).
 """
 
 import struct
@@ -24,14 +24,14 @@ from aerarm_msgs_py.codecs.cdr import (
 
 
 class JointSample(NamedTuple):
-    """One JointState without its names, in the joint order of the publisher.
+    """Numbers of one JointState, in the joint order of the publisher.
 
     Attributes
     ----------
     stamp_ns
         `header.stamp` [ns].
     position, velocity, effort
-        (n,) [rad], [rad/s], [Nm]; None where the message leaves the field empty.
+        (n,) [rad], [rad/s], [Nm]; None for an empty field.
     """
 
     stamp_ns: int
@@ -49,24 +49,24 @@ _EMPTY = np.empty(0)
 
 
 class JointStateLayout:
-    """Offsets of position, velocity and effort for one choice of which are empty.
+    """Offsets of position, velocity and effort for one combination of empty fields.
 
-    Each field is a count (4 bytes) and, unless empty, the numbers, aligned to 8 bytes
-    from the end of the encapsulation.
+    Each field is a count (4 bytes) and, unless empty, the numbers, aligned to 8 bytes from the end
+    of the encapsulation.
 
     Parameters
     ----------
     start
         Offset of the first count.
     n
-        Joints.
+        Number of joints.
     full
-        Which of position, velocity, effort hold n numbers; the others hold none.
+        Which of position, velocity and effort have n numbers; the others are empty.
 
     Attributes
     ----------
     size
-        Bytes up to the end of the last field.
+        Size in bytes up to the end of the last field.
     """
 
     def __init__(self, start: int, n: int, full: tuple[bool, ...]) -> None:
@@ -74,7 +74,7 @@ class JointStateLayout:
         self.full = full
         self._count_offsets: list[int] = []
         self._data_offsets: list[int] = []
-        numbers = f'{ENCAPSULATION_SIZE}xiI'  # the stamp; then each count, the rest skipped
+        numbers = f'{ENCAPSULATION_SIZE}xiI'  # the stamp, then each count
         end, offset = ENCAPSULATION_SIZE + _STAMP_SIZE, start
         for is_full in full:
             numbers += f'{offset - end}xI'
@@ -87,7 +87,8 @@ class JointStateLayout:
         self.size = offset
         self._numbers = struct.Struct('<' + numbers)
         self._counts = tuple(n * is_full for is_full in full)
-        # What stands between two full fields fills whole doubles: they are parts of one array.
+        # The bytes between two full fields are whole doubles, so both fields are slices of one
+        # array.
         self._first = self._data_offsets[full.index(True)] if any(full) else self.size
         self._span = (self.size - self._first) // _DOUBLE
         places = [(offset - self._first) // _DOUBLE for offset in self._data_offsets]
@@ -97,7 +98,7 @@ class JointStateLayout:
         ]
 
     def stamp_of(self, payload: bytes) -> int | None:
-        """Return the stamp [ns] of a payload, None if its counts aren't this layout's."""
+        """Return the stamp [ns] of a payload, None if its counts differ from this layout's."""
         if len(payload) < self.size:
             return None
         numbers = self._numbers.unpack_from(payload)
@@ -106,7 +107,7 @@ class JointStateLayout:
         return int(numbers[0] * _NANOSECONDS + numbers[1])
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which of the (M, size) rows have this layout's counts, (M,)."""
+        """Return a mask (M,) of the (M, size) rows whose counts match this layout."""
         if rows.shape[1] < self.size:
             return np.zeros(len(rows), bool)
         same = np.ones(len(rows), bool)
@@ -118,7 +119,7 @@ class JointStateLayout:
     def fields(
         self, payload: bytes
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, NDArray[np.float64] | None]:
-        """Return position, velocity, effort as (n,) views of a payload that matches."""
+        """Return position, velocity, effort as (n,) views of a payload with this layout."""
         numbers = np.frombuffer(payload, _DOUBLES, self._span, self._first)
         position, velocity, effort = self._parts
         return (
@@ -128,7 +129,7 @@ class JointStateLayout:
         )
 
     def values_of_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return (M, 3, n) numbers of rows that match, NaN for an empty field."""
+        """Return (M, 3, n) numbers of rows with this layout, NaN for an empty field."""
         values = np.full((len(rows), 3, self.n), np.nan)
         for k, (offset, is_full) in enumerate(zip(self._data_offsets, self.full, strict=True)):
             if is_full:
@@ -137,12 +138,12 @@ class JointStateLayout:
         return values
 
     def write_counts(self, buffer: bytearray) -> None:
-        """Write the three counts into a payload."""
+        """Write the counts of position, velocity and effort into a payload."""
         for offset, count in zip(self._count_offsets, self._counts, strict=True):
             _COUNT.pack_into(buffer, offset, count)
 
     def views(self, buffer: bytearray) -> list[NDArray[np.float64]]:
-        """Return writable views of position, velocity, effort; (0,) where empty."""
+        """Return writable views of position, velocity, effort; (0,) for an empty field."""
         return [
             np.frombuffer(buffer, '<f8', self.n, offset) if is_full else _EMPTY
             for offset, is_full in zip(self._data_offsets, self.full, strict=True)
@@ -155,29 +156,29 @@ _PREFIX_OFFSET = _STAMP_OFFSET + _STAMP.size
 
 
 class JointStateCdr:
-    """Packs and unpacks JointState payloads of one arm.
+    """Pack and unpack JointState payloads of one arm.
 
-    Position, velocity and effort may each be empty or full, so there are eight layouts.
-    Anything else (other names, another order, another frame, another length, another byte
-    order) is not decoded here: `unpack` returns None and the ordinary codec takes over.
+    Position, velocity and effort may each be empty or full, which gives eight layouts. For any
+    other message (other names, order, frame, length or byte order) `unpack` returns None, and the
+    caller uses the general codec.
 
     Parameters
     ----------
     names
-        Joint names in the order of the numbers, n of them.
+        Names of the n joints in the order of the numbers.
     frame_id
         `header.frame_id` of every message.
 
     Raises
     ------
     ValueError
-        If there are no names, or a name occurs twice.
+        If there are no names, or a name is repeated.
     """
 
     def __init__(self, names: Sequence[str], frame_id: str = '') -> None:
         self.names = tuple(names)
         if not self.names or len(set(self.names)) != len(self.names):
-            raise ValueError(f'joint names must be given and differ, check {list(names)}')
+            raise ValueError(f'joint names must not be empty and must differ: check {list(names)}')
         self.frame_id = frame_id
         self._prefix = CdrPrefix(_PREFIX_OFFSET)
         self._prefix.add_string(frame_id)
@@ -187,7 +188,7 @@ class JointStateCdr:
             full: JointStateLayout(self._prefix.end, len(self.names), full)
             for full in product((False, True), repeat=3)
         }
-        # Most streams keep one layout for ever: try the one that fitted last.
+        # Most streams keep one layout, so the last layout is tried first.
         self._recent = self._layouts[(True, True, True)]
         self._buffers = {full: self._template(layout) for full, layout in self._layouts.items()}
 
@@ -198,14 +199,14 @@ class JointStateCdr:
         velocity: ArrayLike | None = None,
         effort: ArrayLike | None = None,
     ) -> bytes:
-        """Serialize one message.
+        """Serialize one JointState message.
 
         Parameters
         ----------
         stamp_ns
             `header.stamp` [ns].
         position, velocity, effort
-            (n,) [rad], [rad/s], [Nm]; None leaves the field empty.
+            (n,) [rad], [rad/s], [Nm]; None for an empty field.
 
         Returns
         -------
@@ -215,7 +216,7 @@ class JointStateCdr:
         Raises
         ------
         ValueError
-            If an array hasn't n numbers.
+            If an array does not have n numbers.
         """
         full = (position is not None, velocity is not None, effort is not None)
         buffer, views = self._buffers[full]
@@ -224,19 +225,19 @@ class JointStateCdr:
             if values is not None:
                 if getattr(values, 'shape', None) != view.shape and np.shape(values) != view.shape:
                     raise ValueError(
-                        f'values has the shape {np.shape(values)}: give {len(self.names)} values, '
-                        f'one per joint {self.names}'
+                        f'values has the shape {np.shape(values)}: pass {len(self.names)} '
+                        f'values, one per joint {self.names}'
                     )
                 view[:] = values
         return bytes(buffer)
 
     def unpack(self, payload: bytes) -> JointSample | None:
-        """Read one message.
+        """Decode one JointState message.
 
         Returns
         -------
         JointSample or None
-            The numbers as read-only views of `payload`; None if the layout isn't this one's.
+            The numbers as read-only views of `payload`; None for another layout.
         """
         if not self._prefix.matches(payload):
             return None
@@ -251,21 +252,21 @@ class JointStateCdr:
     def unpack_rows(
         self, rows: NDArray[np.uint8]
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]:
-        """Read many messages of equal size at once.
+        """Decode many messages of equal size at once.
 
         Parameters
         ----------
         rows
-            (M, size) the payloads, one a row.
+            (M, size) the payloads, one per row.
 
         Returns
         -------
-        mine : (M,) which of them have one of these layouts; K do
+        mine : (M,) whether each row has one of these layouts; K rows have
         stamp_ns : (K,) [ns]
-        values : (K, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty.
+        values : (K, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty
         """
         mine = self._prefix.matching_rows(rows)
-        if not mine.any():  # rows may be too short even for a stamp
+        if not mine.any():  # rows may be too short to contain a stamp
             return mine, np.empty(0, np.int64), np.empty((0, 3, len(self.names)))
         left = np.flatnonzero(mine)
         values = np.full((len(rows), 3, len(self.names)), np.nan)
@@ -284,7 +285,7 @@ class JointStateCdr:
     def _layouts_of(
         self, rows: NDArray[np.uint8], index: NDArray[np.intp]
     ) -> Iterator[JointStateLayout]:
-        """Yield the layouts that rows may have, that of the first one first."""
+        """Yield the possible layouts of rows, first that of the first row."""
         if not len(index):
             return
         first = self._find_layout(rows[index[0]].tobytes())
@@ -297,7 +298,7 @@ class JointStateCdr:
         return next((x for x in layouts if x.stamp_of(payload) is not None), None)
 
     def _template(self, layout: JointStateLayout) -> tuple[bytearray, list[NDArray[np.float64]]]:
-        """Return a payload with everything but the numbers, and views of the numbers."""
+        """Return a payload without numbers, and views for the numbers."""
         buffer = bytearray(layout.size)
         buffer[:2] = LITTLE_ENDIAN
         buffer[self._prefix.start : self._prefix.end] = self._prefix.content
@@ -305,31 +306,30 @@ class JointStateCdr:
         return buffer, layout.views(buffer)
 
 
-# Which messages, (k, 3, m) numbers, and the columns of the m joints.
+# Indices of the messages, (k, 3, m) numbers, and the columns of the m joints.
 _Decoded = tuple[NDArray[np.intp], NDArray[np.float64], list[int]]
 
 _KNOWN_LAYOUTS = 8
-_LEARNT_LAYOUTS = 64  # in all: learning one takes a while
-_MOST_JOINTS = 256  # of one topic: more than any robot's, and memory has an end
+_LEARNT_LAYOUTS = 64  # in total, because learning one takes time
+_MOST_JOINTS = 256  # of one topic: more than any robot has; memory is limited
 _LONGEST_NAME = 255  # characters
-_LONGEST_PREFIX = 2**14  # bytes of names that are worth learning
+_LONGEST_PREFIX = 2**14  # longest names prefix to learn, in bytes
 
 
 class JointStateDecoder:
-    """Decodes blocks of payloads, and remembers joint names from block to block.
+    """Decode blocks of payloads, and keep joint names between blocks.
 
-    Messages of equal names, frame and size are decoded together by `JointStateCdr`; any
-    other one by itself. Columns are joints by name: a joint met for the first time gets a
-    new column.
+    Messages with equal names, frame and size are decoded together by `JointStateCdr`, others one
+    by one. Each joint name has a column; a new joint gets a new column.
 
     Attributes
     ----------
     names
-        Joint names met so far, in the order of the columns.
+        Joint names so far, in the order of the columns.
     irregular
-        Fields left out because their length was neither 0 nor that of the names.
+        Number of omitted fields whose length was neither 0 nor that of the names.
     singly
-        Messages that were decoded by themselves, which takes a hundred times as long.
+        Number of messages that were decoded one by one, which takes a hundred times as long.
     """
 
     def __init__(self) -> None:
@@ -341,19 +341,19 @@ class JointStateDecoder:
         self._learnt = 0
 
     def decode(self, payloads: Payloads) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Decode K messages.
+        """Decode K JointState messages.
 
         Returns
         -------
         stamp_ns : (K,) `header.stamp` [ns]
-        values : (K, 3, n) position, velocity, effort [rad, rad/s, Nm] of all joints met so
-            far; NaN where missing
+        values : (K, 3, n) position, velocity, effort [rad, rad/s, Nm] of all joints so far; NaN if
+            missing
 
         Raises
         ------
         ValueError
-            If a payload is no JointState, names a joint twice, or there are more joints than a
-            robot has.
+            If a payload is not a JointState, names a joint twice, or has more joints than any
+            robot.
         """
         stamp_ns = np.zeros(len(payloads), np.int64)
         decoded: list[_Decoded] = []
@@ -367,9 +367,9 @@ class JointStateDecoder:
     def _decode_group(
         self, payloads: Payloads, index: NDArray[np.intp], stamp_ns: NDArray[np.int64]
     ) -> Iterator[_Decoded]:
-        """Yield messages of equal size, decoded."""
+        """Decode messages of equal size, in groups."""
         rows = payloads.rows(index)
-        left = np.arange(len(rows))  # of them
+        left = np.arange(len(rows))  # indices of undecoded rows
         for codec, columns in self._codecs:
             left = yield from self._rows(codec, columns, rows, left, index, stamp_ns)
         while len(left):
@@ -379,7 +379,7 @@ class JointStateDecoder:
             yield index[left[:1]], numbers[None], columns
             left = left[1:]
             if self._learnt > learnt:
-                # A message shows the layout that the others usually have.
+                # The layout of one message usually fits all of the group.
                 codec, columns = self._codecs[-1]
                 left = yield from self._rows(codec, columns, rows, left, index, stamp_ns)
 
@@ -392,7 +392,7 @@ class JointStateDecoder:
         index: NDArray[np.intp],
         stamp_ns: NDArray[np.int64],
     ) -> Generator[_Decoded, None, NDArray[np.intp]]:
-        """Yield those of the rows left that are of a codec; return the others."""
+        """Decode the remaining rows that fit a codec; return the others."""
         if not len(left):
             return left
         mine, stamps, numbers = codec.unpack_rows(rows if len(left) == len(rows) else rows[left])
@@ -403,7 +403,7 @@ class JointStateDecoder:
         return left[~mine]
 
     def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
-        """Return stamp [ns], (3, m) numbers and the m columns they belong to."""
+        """Return stamp [ns], (3, m) numbers and their m columns."""
         self.singly += 1
         reader = CdrReader(payload)
         stamp_ns = reader.int32() * 1_000_000_000 + reader.uint32()
@@ -430,7 +430,7 @@ class JointStateDecoder:
         if repeated:
             raise ValueError(
                 f'a message names joint {", ".join(repeated)} more than once: check the joint '
-                'names of the node that publishes it'
+                'names of its publisher'
             )
 
     def _column(self, name: str) -> int:
@@ -453,7 +453,7 @@ class JointStateDecoder:
 
 
 def _groups_of_size(sizes: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
-    """Yield which messages are of each size, in order."""
+    """Yield the indices of the messages of each size, in order."""
     if not len(sizes):
         return
     if (sizes == sizes[0]).all():

@@ -1,4 +1,4 @@
-"""JointState messages to samples and back, for layouts that the fixed codec does not know."""
+"""Conversion of JointState messages of any layout to samples and back."""
 
 from collections.abc import Sequence
 
@@ -20,15 +20,15 @@ def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
     Raises
     ------
     ValueError
-        If the payload is no JointState, or a field has neither no numbers nor one a name.
+        If the payload is not a JointState, or a field has neither no numbers nor one per name.
     """
     return _checked(*decode_as_sent(payload))
 
 
 def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
-    """Return what `decode_joint_state` does, fields that do not fit the names among it.
+    """Return names and numbers of a JointState, including fields of a wrong length.
 
-    For who has its own word for such a message. Raises ValueError if the payload is no
+    For callers that check the lengths themselves. Raises ValueError if the payload is not a
     JointState.
     """
     reader = CdrReader(payload)
@@ -39,7 +39,7 @@ def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
 
 
 def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
-    """Return names and numbers of a message object; raises as `decode_joint_state`."""
+    """Return names and numbers of a message object; raises like `decode_joint_state`."""
     stamp = message.header.stamp
     names = tuple(message.name)
     fields = [np.array(x) for x in (message.position, message.velocity, message.effort)]
@@ -47,7 +47,7 @@ def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
 
 
 def to_message(names: Sequence[str], sample: JointSample) -> JointState:
-    """Return a message object; None becomes an empty field."""
+    """Return a JointState message object; None becomes an empty field."""
     message = JointState(name=list(names))
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(sample.stamp_ns, _NANOSECONDS)
     for field in ('position', 'velocity', 'effort'):
@@ -58,7 +58,7 @@ def to_message(names: Sequence[str], sample: JointSample) -> JointState:
 
 
 def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:
-    """Return the numbers of some joints in a given order.
+    """Return the numbers of selected joints in a given order.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -
     """
     missing = [name for name in wanted if name not in names]
     if missing:
-        raise ValueError(f'joints {missing} are missing among {list(names)}')
+        raise ValueError(f'joints {missing} are missing from {list(names)}: check the joint names')
     order = [list(names).index(name) for name in wanted]
     return JointSample(
         sample.stamp_ns, *(None if field is None else field[order] for field in sample[1:])
@@ -82,7 +82,8 @@ def _checked(names: tuple[str, ...], sample: JointSample) -> tuple[tuple[str, ..
     lengths = [0 if field is None else len(field) for field in sample[1:]]
     if any(length not in (0, len(names)) for length in lengths):
         raise ValueError(
-            f'{len(names)} names with {lengths[0]} positions, {lengths[1]} velocities and '
-            f'{lengths[2]} efforts: each must be empty or have one number a name'
+            f'the message has {len(names)} names, but {lengths[0]} positions, {lengths[1]} '
+            f'velocities and {lengths[2]} efforts: each array must be empty or have one number '
+            'per name'
         )
     return names, sample

@@ -1,6 +1,6 @@
-"""Files that hold messages, MCAP, SQLite or of ROS 1, read within limits whatever they hold.
+"""Files of messages (MCAP, SQLite, ROS 1), read within limits of memory and time.
 
-In comes a file that anybody may have written, cut or damaged; out go blocks of messages, one
-warning for each thing that is missing, and the file's own account of what it holds. Reading
-takes no more memory and time than the limits allow, and no message twice.
+A file may come from any source, and may be truncated or damaged. The result is blocks of messages,
+one warning per missing part, and the file's own message counts. Reading stays within the limits,
+and returns no message twice.
 """

@@ -1,4 +1,4 @@
-"""Bags that rosbag2 compressed as a whole, or message by message."""
+"""Readers of bags that rosbag2 compressed per file or per message."""
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
@@ -14,29 +14,29 @@ from aerarm_msgs_py.codecs.cdr import Payloads
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
 _PIECE = 2**17  # bytes
-_LARGEST_WINDOW = 2**27  # bytes that a zstd frame may ask for beside its content
-_LZ4_RATIO = 255  # the format's own bound
+_LARGEST_WINDOW = 2**27  # bytes that a zstd frame may use in addition to its content
+_LZ4_RATIO = 255  # bound of the LZ4 format
 _UNKNOWN_SIZES = (zstandard.CONTENTSIZE_UNKNOWN, zstandard.CONTENTSIZE_ERROR)
 _FAILURES = (zstandard.ZstdError, RuntimeError, MemoryError)
 
 COMPRESSIONS = ('', 'lz4', 'zstd')
-"""What chunks may be compressed with; '' is none."""
+"""Supported compressions of chunks; '' is none."""
 
 
 class DecompressionError(ValueError):
-    """Data that is damaged, or is not as large as it claims."""
+    """The data is damaged, or its size differs from the declared size."""
 
 
 def check_claim(data: bytes, compression: str, size: int) -> None:
-    """Require that data can become as large as it claims to, before anything is decompressed.
+    """Check, before decompression, that data can have its declared size.
 
     Raises
     ------
     DecompressionError
-        If the compression isn't known or the data can't be that large.
+        If the compression is unknown or the size is impossible.
     """
     if compression not in COMPRESSIONS:
-        raise DecompressionError(f'its compression {compression[:20]!r} is not known')
+        raise DecompressionError(f'unknown compression {compression[:20]!r}')
     possible = True
     if not compression:
         possible = len(data) == size
@@ -46,16 +46,16 @@ def check_claim(data: bytes, compression: str, size: int) -> None:
         content = content_size(data)
         possible = content is None or content == size
     if not possible:
-        raise DecompressionError(f'it claims to hold {size} bytes, which it cannot')
+        raise DecompressionError(f'the stated size of {size} bytes is impossible')
 
 
 def content_size(data: bytes) -> int | None:
-    """Return how large a zstd frame says its content is, None if it doesn't say.
+    """Return the declared content size of a zstd frame, None without a declaration.
 
     Raises
     ------
     DecompressionError
-        If it isn't a zstd frame.
+        If the data is not a zstd frame.
     """
     try:
         size = int(zstandard.get_frame_parameters(data).content_size)
@@ -65,12 +65,12 @@ def content_size(data: bytes) -> int | None:
 
 
 def decompress(data: bytes, compression: str, size: int) -> bytes:
-    """Return data that claims to hold `size` bytes, and stop there.
+    """Decompress data with a declared size of `size` bytes, and no more.
 
     Raises
     ------
     DecompressionError
-        If it is damaged or holds more or less.
+        If the data is damaged or has another size.
     """
     check_claim(data, compression, size)
     if not compression or not size:
@@ -85,12 +85,12 @@ def decompress(data: bytes, compression: str, size: int) -> bytes:
         except _FAILURES as error:
             raise DecompressionError(str(error)) from None
     if len(records) != size:
-        raise DecompressionError(f'it holds {len(records)} bytes instead of {size}')
+        raise DecompressionError(f'{len(records)} bytes after decompression instead of {size}')
     return bytes(records)
 
 
 def beginning(data: bytes, compression: str, most: int) -> bytes:
-    """Return what can be had of data whose end is missing or damaged, at most some bytes."""
+    """Decompress the readable start of truncated or damaged data, up to `most` bytes."""
     if not compression:
         return data[:most]
     parts: list[bytes] = []
@@ -102,7 +102,7 @@ def beginning(data: bytes, compression: str, most: int) -> bytes:
             if not most:
                 break
     except _FAILURES:
-        pass  # what came before is sound
+        pass  # The part before the damage is valid.
     return b''.join(parts)
 
 
@@ -126,43 +126,42 @@ def _lz4_pieces(data: bytes) -> Iterator[bytes]:
 
 
 SUFFIX = '.zstd'
-"""What rosbag2 adds to the names of files compressed as a whole."""
+"""Suffix that rosbag2 appends to the names of files compressed as a whole."""
 
 _COPIED_PIECE = 2**20  # bytes
 _LARGEST_WINDOW = 2**27  # bytes
 
 
 class BagFile(Protocol):
-    """A file of messages."""
+    """Interface of a file of messages."""
 
     @property
     def types(self) -> dict[str, str]:
-        """Message type of every topic met while reading."""
+        """Message type of every topic read so far."""
 
     @property
     def damaged(self) -> bool:
-        """Whether reading met a missing end or damage."""
+        """Whether reading found a truncated end or damage."""
 
     @property
     def counts(self) -> dict[str, int] | None:
-        """Messages of every topic by the file's own account, None without one."""
+        """Number of messages of every topic according to the file, None if unknown."""
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics."""
+        """Yield the messages of given topics."""
 
 
 class CompressedFile:
-    """Reader of one file that was compressed as a whole; same use as `McapFile`.
+    """Reader of one file that was compressed as a whole; interface as `McapFile`.
 
     Parameters
     ----------
     path
-        The .zstd file.
+        Path of the .zstd file.
     budget
-        What reading may take; the decompressed file, which is written to a temporary folder,
-        counts too.
+        Limits for reading; the decompressed temporary file counts too.
     opened
-        Returns the reader of the decompressed file.
+        Function that returns the reader of the decompressed file.
     """
 
     def __init__(
@@ -176,33 +175,35 @@ class CompressedFile:
 
     @property
     def types(self) -> dict[str, str]:
-        """Message type of every topic met while reading."""
+        """Message type of every topic read so far."""
         return self._inner.types if self._inner else {}
 
     @property
     def damaged(self) -> bool:
-        """Whether reading met a missing end or damage."""
+        """Whether reading found a truncated end or damage."""
         return bool(self._inner and self._inner.damaged)
 
     @property
     def counts(self) -> dict[str, int] | None:
-        """Messages of every topic by the file's own account, None without one."""
+        """Number of messages of every topic according to the file, None if unknown."""
         return self._inner.counts if self._inner else None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all).
+        """Yield the messages of given topics (None: all topics).
 
         Raises
         ------
         BagError
-            If the file can't be decompressed or read, or would become larger than allowed.
+            If the file cannot be decompressed or read, or exceeds the limits.
         """
         with TemporaryDirectory() as folder:
             file = Path(folder, self._name)
             try:
                 self._decompress(file)
             except (OSError, zstandard.ZstdError, MemoryError) as error:
-                raise BagError(f'{self.path} cannot be decompressed: {error}') from error
+                raise BagError(
+                    f'{self.path} cannot be decompressed ({error}): copy the file again'
+                ) from error
             self._inner = self._opened(file, self._budget)
             yield from self._inner.blocks(topics)
 
@@ -221,14 +222,14 @@ class CompressedFile:
 def decompressed(
     block: MessageBlock, report: DamageReport, budget: ReadBudget
 ) -> MessageBlock | None:
-    """Return a block whose messages were each compressed by themselves.
+    """Return a block of separately compressed messages, decompressed.
 
-    Damaged ones are left out and reported; None if all of them are.
+    Damaged messages are left out and reported; the result is None if all are damaged.
 
     Raises
     ------
     BagError
-        If the messages would become larger than allowed.
+        If the messages would exceed the limits.
     """
     messages = []
     sound = np.zeros(len(block.payloads), bool)
@@ -244,8 +245,8 @@ def decompressed(
             continue
     if len(messages) < len(sound):
         report.tell(
-            f'is damaged: {len(sound) - len(messages)} messages of {block.topic} are left out, '
-            'as they cannot be decompressed'
+            f'is damaged: {len(sound) - len(messages)} messages of {block.topic} cannot be '
+            'decompressed and are ignored'
         )
     if not messages:
         return None

@@ -1,8 +1,8 @@
-"""Files of ROS 1 and of SQLite, read by rosbags in a process of its own.
+"""Files of ROS 1 and of SQLite, read with rosbags in a separate process.
 
-rosbags believes what a file says of its sizes. Its process therefore has limits of memory and of
-processor time, which grow with the file; where it reaches one, reading ends in one error. It writes
-blocks of messages to its standard output, which `ForeignFile` reads.
+rosbags trusts the sizes that a file declares. The process therefore has limits of memory and
+processor time, which grow with the file; if it reaches a limit, reading ends with one error. The
+process writes blocks of messages to its standard output, which `ForeignFile` reads.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
 SUFFIXES = ('.bag', '.db3')
-"""Of files of ROS 1 and of SQLite."""
+"""Suffixes of ROS 1 and SQLite files."""
 
 _BEGINNINGS = {
     '.bag': (b'#ROSBAG V2.0\n', 'a bag of ROS 1, version 2.0'),
@@ -33,42 +33,39 @@ _BEGINNINGS = {
 _REPAIRS = {'.bag': 'rosbag reindex', '.db3': 'sqlite3 FILE .recover'}
 _NUMBER = struct.Struct('<q')
 _HEAD = struct.Struct('<iIQ')  # index of the topic, messages, bytes
-_TOPICS, _END = -1, -2  # in place of an index: a text in JSON follows
+_TOPICS, _END = -1, -2  # instead of an index: a JSON text follows
 _BLOCK = 1000  # messages
 _BLOCK_BYTES = 2**20
 _LONGEST_NAME = 4096  # characters
 _LONGEST_ERROR = 200  # characters
 
-# What the process may take beyond its start. For each MB an honest file needs 0.1 s and 1 MB; ten
-# times as much memory if its messages are empty, as rosbags holds the index of a file of ROS 1.
+# Limits of the process beyond its start. Per MB a valid file needs 0.1 s and 1 MB. With empty
+# messages it needs ten times as much memory, because rosbags keeps the index of a ROS 1 file.
 _SECONDS, _SECONDS_PER_BYTE = 2.0, 2e-6
 _MEMORY, _MEMORY_PER_BYTE = 100 * 2**20, 10.0
-_OF_LIMITS = ('NoMemError', 'IOError', 'FullError')  # SQLite's, of memory and of a file to sort in
+_OF_LIMITS = ('NoMemError', 'IOError', 'FullError')  # SQLite's errors of memory and temporary file
 _MOST_SECONDS, _MOST_MEMORY = 2**31, 2**62
 
 
 class ForeignFile:
-    """Reader of one .bag or .db3 file; same use as `McapFile`.
+    """Reader of one .bag or .db3 file; interface as `McapFile`.
 
-    Messages come by time of reception. Those of ROS 1 come out as ROS 2 has them, if their type is
-    one of ROS itself. Only what is compressed by bz2 has checksums: other damage inside a message
-    can't be seen.
+    Messages are in order of reception. ROS 1 messages of standard types are converted to ROS 2.
+    Only data compressed by bz2 has checksums, so other damage inside a message cannot be detected.
 
     Parameters
     ----------
-    path
-        The file.
     budget
-        What reading may take; by default what the file's own size allows.
+        Limits for reading; by default in proportion to the file's size.
 
     Attributes
     ----------
     types
-        Message type of every topic, once the file was opened.
+        Message type of every topic, once the file is open.
     counts
-        Messages of every topic by the file's index or tables, once it was opened.
+        Number of messages of every topic by the file's index or tables, once it was opened.
     damaged
-        Whether reading met damage.
+        Whether reading found damage.
     """
 
     def __init__(self, path: Path, budget: ReadBudget | None = None) -> None:
@@ -80,17 +77,16 @@ class ForeignFile:
 
     @property
     def damaged(self) -> bool:
-        """See the class."""
+        """Whether reading found damage."""
         return self._report.places > 0
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all).
+        """Yield the messages of given topics (None: all topics).
 
         Raises
         ------
         BagError
-            If rosbags can't open the file, or reading it takes more memory or time than the limits
-            allow.
+            If rosbags cannot open the file, or reading it exceeds the limits of memory or time.
         """
         size = self._checked_size()
         budget = self._budget or ReadBudget(self.path, size)
@@ -109,13 +105,14 @@ class ForeignFile:
             if not count:
                 repair = _REPAIRS[self.path.suffix]
                 raise BagError(
-                    f'{self.path} cannot be read: {error}; copy it again, or repair it ({repair})'
+                    f'{self.path} cannot be read: {error}; copy the file again, or '
+                    f'repair it ({repair})'
                 )
             self._report.tell(f'is damaged ({error}): only its first {count} messages are read')
         if missing := end['missing']:
             self._report.tell(
-                f'is damaged: {missing} messages are left out, as nothing tells their topic or '
-                'time, or they are not of its type'
+                f'is damaged: {missing} messages of another type, or without a topic or time, '
+                'are ignored'
             )
         self._report.finish()
 
@@ -126,9 +123,11 @@ class ForeignFile:
             with self.path.open('rb') as stream:
                 found = stream.read(len(beginning))
         except OSError as error:
-            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+            raise BagError(
+                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+            ) from error
         if not size:
-            raise BagError(f'{self.path} is empty: record or copy it again')
+            raise BagError(f'{self.path} is empty: record or copy the file again')
         if found != beginning:
             raise BagError(f'{self.path} is not {kind}: check the path')
         return size
@@ -154,7 +153,7 @@ class ForeignFile:
     def _received(
         self, process: 'subprocess.Popen[bytes]', end: dict[str, Any]
     ) -> Iterator[MessageBlock]:
-        """Yield what the process writes; put into `end` what it says at last."""
+        """Yield the blocks that the process writes; append its final report to `end`."""
         stream = process.stdout
         assert stream
         names: list[str] = []
@@ -183,8 +182,8 @@ class ForeignFile:
             end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
         if end['limit']:
             raise BagError(
-                f'{self.path} takes more {end["limit"]} to read than a file of its size may: is it '
-                'damaged, or made to fill the memory? If it can be trusted, raise the limit (ratio)'
+                f'{self.path} takes more {end["limit"]} to read than its size allows. The file '
+                "may be damaged or malicious; if you trust it, raise the limit 'ratio'"
             )
 
 
@@ -196,7 +195,7 @@ def _write(index: int, count: int, *parts: bytes) -> None:
 
 
 class _Sender:
-    """Collects messages of each topic and writes them block by block."""
+    """Collect messages of each topic and write them block by block."""
 
     def __init__(self, names: list[str]) -> None:
         self._indexes = {name: index for index, name in enumerate(names)}
@@ -204,7 +203,7 @@ class _Sender:
         self._held = 0
 
     def add(self, topic: str, log_time: int, payload: bytes) -> None:
-        """Write a message, soon; values of other kinds, which SQLite allows, raise an error."""
+        """Queue a message; raises for values of other types, which SQLite allows."""
         index = self._indexes[topic]
         messages = self._waiting[index]
         _NUMBER.pack(log_time)
@@ -214,7 +213,7 @@ class _Sender:
             self._send(index)
 
     def finish(self) -> None:
-        """Write what waits."""
+        """Write the queued messages."""
         for index in range(len(self._waiting)):
             self._send(index)
 
@@ -230,18 +229,20 @@ class _Sender:
 
 
 def _read(path: Path, topics: Collection[str] | None, part_bytes: int) -> int:
-    """Write all of a file; return how many messages were left out."""
+    """Write the whole file; return the number of omitted messages."""
     from rosbags import rosbag1, rosbag2
     from rosbags.serde import SerdeError
     from rosbags.typesys import Stores, get_typestore
 
-    # What a damaged message raises, or a value of another kind than it should be.
+    # Exceptions of a damaged message, or of a value with a wrong type.
     damage = (SerdeError, AssertionError, TypeError, ValueError, LookupError, struct.error)
     of_ros1 = path.suffix == '.bag'
     store = get_typestore(Stores.ROS2_JAZZY)
     with rosbag1.Reader(path) if of_ros1 else rosbag2.Reader(path) as reader:
         if len(reader.connections) > MOST_TOPICS:
-            raise ValueError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
+            raise ValueError(
+                f'the bag has more than {MOST_TOPICS} topics: check whether it is damaged'
+            )
         known = {name: info for name, info in reader.topics.items() if len(name) < _LONGEST_NAME}
         described = [(name, str(t.msgtype or ''), t.msgcount) for name, t in known.items()]
         _write(_TOPICS, 0, json.dumps(described).encode())
@@ -273,7 +274,7 @@ def _limit(seconds: float, memory: float) -> None:
 
 
 def main(arguments: str) -> None:
-    """Read the file that the arguments name, and write what it holds."""
+    """Read the file that the arguments name, and write its content."""
     asked = json.loads(arguments)
     end = {'error': '', 'limit': '', 'missing': 0}
     _limit(asked['seconds'], asked['memory'])
@@ -281,7 +282,7 @@ def main(arguments: str) -> None:
         end['missing'] = _read(Path(asked['path']), asked['topics'], asked['part_bytes'])
     except MemoryError:
         end['limit'] = 'memory'
-    except Exception as error:  # rosbags raises what Python and SQLite raise
+    except Exception as error:  # rosbags raises exceptions of Python and SQLite
         if type(error.__cause__ or error).__name__ in _OF_LIMITS:
             end['limit'] = 'memory'
         end['error'] = ' '.join(str(error).split())[:_LONGEST_ERROR] or type(error).__name__

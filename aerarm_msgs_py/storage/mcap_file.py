@@ -1,9 +1,9 @@
-"""Messages of one MCAP file, a chunk at a time.
+"""Messages of one MCAP file, read chunk by chunk.
 
-The mcap package walks a file message by message, 3 us each, and believes what a file says of
-its own sizes. Here numpy finds the messages in a chunk by the index behind it. An index that
-is missing or damaged is replaced by a short walk, and the summary isn't needed, so files whose
-recorder was killed read as well as complete ones. Format: https://mcap.dev/spec.
+The mcap package reads a file message by message, 3 us each, and trusts the sizes that a file
+declares. This module finds the messages of a chunk with numpy by the index behind the chunk. A
+missing or damaged index is replaced by a short scan, and the summary is not needed. So files of
+killed recorders are read as well as complete ones. Format: https://mcap.dev/spec.
 """
 
 import contextlib
@@ -35,16 +35,16 @@ from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBl
 
 Keys = NDArray[np.uint64]
 
-# Odd, so that multiplication by them loses nothing; any will do.
+# Odd, so that multiplication is invertible; the values are arbitrary.
 _MIX_TIME, _MIX_SEQUENCE = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
 _WORD = 8
 
 
 class RepeatedMessages:
-    """Finds messages of one topic that came before: same reception, number and bytes.
+    """Find repeated messages of one topic: equal reception, number and bytes.
 
-    Eight bytes of each message are remembered. They are looked through only where time of
-    reception doesn't rise, as it does in every bag that is whole.
+    Eight bytes of each message are stored. The stored bytes are compared only if the time of
+    reception does not rise, as it does in every intact bag.
     """
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class RepeatedMessages:
     def first_ones(
         self, log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads
     ) -> NDArray[np.bool_] | None:
-        """Return which of (K,) messages did not come before; None for all of them."""
+        """Return which of (K,) messages are new; None if all are."""
         if not len(log_time):
             return None
         keys = _keys(log_time, sequence, payloads)
@@ -71,7 +71,7 @@ class RepeatedMessages:
         first = np.zeros(len(keys), bool)
         first[np.unique(keys, return_index=True)[1]] = True
         if not later:
-            # Sorted anew every time, which is quick where most of it was sorted before.
+            # Sorting is quick, because most of the array is already sorted.
             self._known = np.sort(np.concatenate([self._known, *self._recent]), kind='stable')
             self._recent.clear()
             place = np.searchsorted(self._known, keys)
@@ -80,7 +80,7 @@ class RepeatedMessages:
 
 
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
-    """Return a number for each message that another one has by a chance of 1 in 2^64."""
+    """Return a hash of each message; two differ except with a chance of 1 in 2^64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
     sizes = payloads.sizes
     order = np.argsort(sizes, kind='stable')
@@ -97,13 +97,13 @@ def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Pa
     return keys
 
 
-_LOOSE_LIMIT = 2**20  # bytes of messages outside chunks that are collected into a block
+_LOOSE_LIMIT = 2**20  # bytes of messages outside chunks per block
 _LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 
 
 @dataclass(frozen=True)
 class RecordRun:
-    """Schema, channel and message records that lie together: a chunk, or what is between."""
+    """Consecutive schema, channel and message records: a chunk, or records between chunks."""
 
     records: bytes
     place: str
@@ -111,23 +111,21 @@ class RecordRun:
 
 
 class McapFile:
-    """Reader of one file that was written by rosbag2, this suite or any MCAP writer.
+    """Reader of one MCAP file of rosbag2, this suite or any other writer.
 
     Parameters
     ----------
-    path
-        The .mcap file.
     budget
-        What reading may take; by default what the file's own size allows.
+        Limits for reading; by default in proportion to the file's size.
 
     Attributes
     ----------
     types
-        Message type of every topic met while reading.
+        Message type of every topic read so far.
     damaged
-        Whether reading met a missing end or damage.
+        Whether reading found a truncated end or damage.
     counts
-        Messages of every topic by the file's own account; None if it has none, as after its
+        Number of messages of every topic according to the file; None if unknown, as after its
         recorder was killed.
     """
 
@@ -144,32 +142,31 @@ class McapFile:
 
     @property
     def types(self) -> dict[str, str]:
-        """See the class."""
+        """Message type of every topic read so far."""
         return self._topics.types
 
     @property
     def damaged(self) -> bool:
-        """See the class."""
+        """Whether reading found a truncated end or damage."""
         return self._report.places > 0
 
     @property
     def counts(self) -> dict[str, int] | None:
-        """See the class."""
+        """Number of messages of every topic according to the file, None if unknown."""
         counts = self._summary.counts
         return None if counts is None else self._topics.by_topic(counts)
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of some topics (None: of all) in the order of the file.
+        """Yield the messages of given topics (None: all topics) in file order.
 
-        No more than one chunk is in memory; chunks without such messages aren't read if the
-        file has an account to compare with. Damage and a missing end are warned about, and
-        what is readable is read, each message once.
+        At most one chunk is in memory. If the file has message counts to compare with, chunks
+        without such messages are skipped. Damage and a truncated end cause warnings. All readable
+        messages are returned, each once.
 
         Raises
         ------
         BagError
-            If the file can't be opened, is empty or isn't MCAP, or would take more memory than
-            the limits allow.
+            If the file cannot be opened, is empty or not MCAP, or would exceed the memory limit.
         """
         try:
             with self.path.open('rb') as stream:
@@ -180,14 +177,16 @@ class McapFile:
                 for run in self._runs(stream, size, budget, topics):
                     yield from self._blocks_of(run, budget, topics)
         except OSError as error:
-            raise BagError(f'{self.path} cannot be read: {error.strerror}') from error
+            raise BagError(
+                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+            ) from error
         self._report.finish()
 
     def _check_magic(self, found: bytes) -> None:
         if not found:
             raise BagError(
-                f'{self.path} is empty: was its recorder stopped before it wrote anything, or '
-                'the copy cut short? Record or copy it again'
+                f'{self.path} is empty: record or copy the bag again (the recorder stopped '
+                'before it wrote anything, or the copy was interrupted)'
             )
         if found != MAGIC:
             raise BagError(f'{self.path} is not an MCAP file: check the path')
@@ -196,7 +195,7 @@ class McapFile:
         self, stream: BinaryIO, size: int, budget: ReadBudget, topics: Collection[str] | None
     ) -> Iterator[RecordRun]:
         loose = bytearray()
-        chunk: tuple[McapRecord, ChunkIndexes] | None = None  # the last, until its end is known
+        chunk: tuple[McapRecord, ChunkIndexes] | None = None  # the last one, until its end is known
         for record in McapWalk(stream, size, self._summary.chunks, self._report):
             if record.opcode == Opcode.MESSAGE_INDEX:
                 indexes = chunk[1] if chunk else ChunkIndexes()
@@ -224,18 +223,18 @@ class McapFile:
         yield RecordRun(bytes(loose), '')
 
     def _take_counts(self, content: bytes) -> None:
-        """Take the account from where it lies, if the file's end doesn't lead to it."""
+        """Read the message counts in place, if the file's end does not refer to them."""
         if self._summary.counts is None:
             with contextlib.suppress(ValueError):
                 self._summary.counts = read_counts(RecordFields(content))
 
     def _content(self, stream: BinaryIO, record: McapRecord, budget: ReadBudget) -> bytes:
-        """Return the content of a record; nothing if it is larger than a part may be."""
+        """Return the content of a record; empty if it exceeds the limit of a part."""
         if record.length > budget.part_bytes:
             self._report.tell(
-                f'holds a record of {record.length} bytes at byte {record.start}, more than the '
-                f'{budget.part_bytes} that one may have (limits part_bytes and ratio): it is '
-                'left out',
+                f'has a record of {record.length} bytes at byte {record.start}, above the limit '
+                f'of {budget.part_bytes} bytes per record (limits part_bytes and ratio): the '
+                'record is ignored',
                 record.length,
             )
             return b''
@@ -245,8 +244,8 @@ class McapFile:
     def _tell_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
         if indexes.messages or not indexes.complete:
             self._report.tell(
-                f'is damaged: {indexes.messages or "some"} messages are missing, of which only '
-                f'the index at byte {record.start} is left'
+                f'is damaged: {indexes.messages or "some"} messages are lost; only their index '
+                f'at byte {record.start} is left'
             )
 
     def _chunk(
@@ -257,7 +256,7 @@ class McapFile:
         budget: ReadBudget,
         topics: Collection[str] | None,
     ) -> Iterator[RecordRun]:
-        """Yield the records of a chunk that is wanted and sound."""
+        """Yield the records of a required, valid chunk."""
         if not self._is_wanted(indexes, topics):
             return
         place = f'the chunk at byte {record.start}'
@@ -268,18 +267,19 @@ class McapFile:
             else:
                 yield RecordRun(chunk.beginning(budget), '')
         except ChunkError as error:
-            if record.whole:  # else it was said that the end is missing
+            if record.whole:  # otherwise the truncated end was reported
                 listed = f' with {indexes.messages} messages' if indexes.messages else ''
                 self._report.tell(
-                    f'is damaged: {place}{listed}, {record.length} bytes, is left out: {error}',
+                    f'is damaged: {place}{listed} ({record.length} bytes) is ignored, '
+                    f'because: {error}',
                     record.length,
                 )
 
     def _is_wanted(self, indexes: ChunkIndexes, topics: Collection[str] | None) -> bool:
-        """Tell whether a chunk may hold messages of some topics, or say what a channel is.
+        """Return whether a chunk may contain messages of some topics, or channel definitions.
 
-        The index isn't protected by a checksum: without an account that would show the loss,
-        it isn't believed.
+        The index has no checksum. Without message counts that would reveal a loss, it is not
+        trusted.
         """
         if topics is None or self._summary.counts is None:
             return True
@@ -301,13 +301,14 @@ class McapFile:
             if not run.indexes.agree_with(starts):
                 self._report.tell(
                     f'is damaged: the index behind {run.place} lists {run.indexes.messages} '
-                    f'messages, and it holds {len(starts)} elsewhere; those are used'
+                    f'messages, but the chunk has {len(starts)} at other places; the reader uses '
+                    'those'
                 )
         headers = elements_at(records, MESSAGE_HEADER, starts)
         for index, own in self._topics.groups(headers['channel']):
             if index < 0:
                 self._report.tell(
-                    f'is damaged: {len(own)} messages are left out, as nothing tells their topic'
+                    f'is damaged: {len(own)} messages without a known topic are ignored'
                 )
             elif topics is None or self._topics.names[index] in topics:
                 yield from self._block(
@@ -315,11 +316,11 @@ class McapFile:
                 )
 
     def _check_walk(self, run: RecordRun, starts: list[int], unread: int) -> None:
-        """Report what is neither message nor definition; the end of a cut file was reported."""
+        """Report unknown records; the truncated end of a file was already reported."""
         if unread and run.place:
             self._report.tell(
-                f'is damaged: of {run.place} {unread} bytes behind {len(starts)} messages are '
-                'left out, as they are no messages',
+                f'is damaged: in {run.place}, {unread} bytes after {len(starts)} messages are '
+                'not messages and are ignored',
                 unread,
             )
 
@@ -345,8 +346,8 @@ class McapFile:
                 yield part
                 continue
             self._report.tell(
-                f'is damaged: it holds {len(first) - int(first.sum())} messages of {topic} '
-                'twice; they are read once'
+                f'is damaged: {len(first) - int(first.sum())} messages of {topic} are stored '
+                'twice; each is read once'
             )
             if first.any():
                 yield part.chosen(first)

@@ -1,4 +1,4 @@
-"""Records of an MCAP file: their fields, chunks and topics."""
+"""Records of an MCAP file: fields, chunks and topics."""
 
 import zlib
 from collections.abc import Iterator
@@ -20,8 +20,7 @@ from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, ReadBudge
 class RecordFields:
     """Cursor over the content of one little-endian record.
 
-    Every method raises ValueError if the record ends too early or holds no text where one
-    should be.
+    Every method raises ValueError if the record ends too early or a text is not UTF-8.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -30,45 +29,45 @@ class RecordFields:
 
     @property
     def left(self) -> int:
-        """Bytes behind the cursor."""
+        """Number of bytes after the cursor."""
         return len(self._content) - self.position
 
     def number(self, size: int) -> int:
-        """Read an unsigned number of some bytes."""
+        """Read an unsigned number of `size` bytes."""
         return int.from_bytes(self.take(size), 'little')
 
     def text(self) -> str:
-        """Read a length of 4 bytes and that much UTF-8."""
+        """Read a length of 4 bytes and so many bytes of UTF-8."""
         return self.take(self.number(4)).decode()
 
     def take(self, size: int) -> bytes:
-        """Read bytes."""
+        """Read `size` bytes."""
         if size > self.left:
-            raise ValueError(f'it ends {size - self.left} bytes too early')
+            raise ValueError(f'the record is {size - self.left} bytes too short')
         self.position += size
         return self._content[self.position - size : self.position]
 
 
 class ChunkError(ValueError):
-    """A chunk that is damaged."""
+    """The chunk is damaged."""
 
 
 @dataclass(frozen=True)
 class McapChunk:
-    """A chunk record.
+    """Chunk record of an MCAP file.
 
     Attributes
     ----------
     compression
         'zstd', 'lz4' or '' for none.
     size
-        Bytes of its records, as it claims.
+        Declared size of its records [bytes].
     crc
-        Checksum of its records; 0 for none.
+        Checksum of the records; 0 for none.
     data
-        The records, compressed; less than `data_size` bytes if the chunk is cut off.
+        The records, compressed; fewer than `data_size` bytes if the chunk is truncated.
     data_size
-        Bytes of the compressed records.
+        Size of the compressed records [bytes].
     """
 
     compression: str
@@ -79,16 +78,16 @@ class McapChunk:
 
     @classmethod
     def read(cls, content: bytes) -> 'McapChunk':
-        """Take a record apart.
+        """Parse a chunk record.
 
         Raises
         ------
         ChunkError
-            If it ends before its data begins.
+            If the record ends before its data begins.
         """
         fields = RecordFields(content)
         try:
-            fields.take(16)  # first and last time: the messages say them too
+            fields.take(16)  # first and last time, which the messages contain too
             size, crc = fields.number(8), fields.number(4)
             compression, data_size = fields.text(), fields.number(8)
         except ValueError as error:
@@ -101,17 +100,17 @@ class McapChunk:
         Raises
         ------
         ChunkError
-            If it isn't as large as it says, the data is damaged or the checksum wrong.
+            If the size differs from the declared one, the data is damaged or the checksum wrong.
         BagError
-            If the bag's limits don't allow for it.
+            If the limits of the bag are exceeded.
         """
         try:
             if len(self.data) < self.data_size:
-                raise ChunkError(f'it ends {self.data_size - len(self.data)} bytes too early')
+                raise ChunkError(f'the chunk is {self.data_size - len(self.data)} bytes too short')
             if self.size > budget.part_bytes:
                 raise ChunkError(
-                    f'it claims to hold {self.size} bytes, more than the {budget.part_bytes} '
-                    'that a chunk may (limits part_bytes and ratio)'
+                    f'the chunk states a size of {self.size} bytes, above the limit of '
+                    f'{budget.part_bytes} bytes (limits part_bytes and ratio)'
                 )
             check_claim(self.data, self.compression, self.size)
             if self.compression:
@@ -120,11 +119,11 @@ class McapChunk:
         except DecompressionError as error:
             raise ChunkError(str(error)) from None
         if self.crc and zlib.crc32(records) != self.crc:
-            raise ChunkError('its checksum is wrong')
+            raise ChunkError('wrong checksum')
         return records
 
     def beginning(self, budget: ReadBudget) -> bytes:
-        """Return what can be had of a chunk whose end is missing, possibly nothing."""
+        """Return the readable start of a truncated chunk, possibly nothing."""
         most = min(self.size, budget.part_bytes)
         budget.spend(most if self.compression else 0)
         return beginning(self.data, self.compression, most)
@@ -132,29 +131,29 @@ class McapChunk:
 
 _CHANNELS = 2**16
 MOST_TOPICS = 4096
-"""More than any robot has."""
+"""Largest number of topics in a file, more than any robot has."""
 
 _NONE = -1
 _CONTRADICTED = -2
 
 
 class McapTopics:
-    """Schema and channel records, as they are met.
+    """Schema and channel records read so far.
 
     Parameters
     ----------
     channels
-        Topic of each channel by the file's summary. A channel that is called otherwise in the
-        file is believed neither: its messages are those of another topic, or of none.
+        Topic of each channel by the file's summary. If the file contradicts the summary, neither
+        is trusted, and the channel's messages belong to no known topic.
     report
-        Takes what is damaged.
+        Receives descriptions of damage.
 
     Attributes
     ----------
     names
-        Topics met so far.
+        Names of the topics read so far.
     types
-        Message type of each of them.
+        Message type of each topic.
     """
 
     def __init__(self, channels: dict[int, str], report: DamageReport) -> None:
@@ -167,12 +166,12 @@ class McapTopics:
         self._report = report
 
     def register(self, opcode: int, content: bytes) -> None:
-        """Take a schema or channel record.
+        """Process a schema or channel record.
 
         Raises
         ------
         BagError
-            If there are more topics than any robot has.
+            If the number of topics exceeds any plausible value.
         """
         fields = RecordFields(content)
         try:
@@ -183,7 +182,7 @@ class McapTopics:
             schema = fields.number(2)
             topic = fields.text()
         except ValueError as error:
-            self._report.tell(f'is damaged: the record of a topic is left out, {error}')
+            self._report.tell(f'is damaged: the record of a topic is ignored, {error}')
             return
         if self._claimed.setdefault(number, topic) != topic:
             self._contradict(number, topic)
@@ -191,12 +190,12 @@ class McapTopics:
             self._index[number] = self._place(topic, self._schemas.get(schema, ''))
 
     def groups(self, channels: NDArray[np.uint16]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-        """Yield the place in `names` of each topic, negative for none, and its messages.
+        """Yield the index in `names` of each topic, negative for none, and its messages.
 
         Parameters
         ----------
         channels
-            (K,) of the messages.
+            (K,) channels of the messages.
         """
         if not len(channels):
             return
@@ -206,12 +205,12 @@ class McapTopics:
         yield from zip(found.tolist(), np.split(order, firsts[1:]), strict=True)
 
     def name(self, channel: int) -> str | None:
-        """Return the topic of a channel, None if it isn't known."""
+        """Return the topic of a channel, None if unknown."""
         index = int(self._index[channel])
         return None if index < 0 else self.names[index]
 
     def by_topic(self, counts: dict[int, int]) -> dict[str, int]:
-        """Return a number of each channel as one of each topic."""
+        """Convert a count per channel to a count per topic."""
         found = dict.fromkeys(self.names, 0)
         for channel, count in counts.items():
             topic = self._claimed.get(channel, '')
@@ -221,15 +220,17 @@ class McapTopics:
     def _contradict(self, number: int, topic: str) -> None:
         if self._index[number] != _CONTRADICTED:
             self._report.tell(
-                f'is damaged: channel {number} is called {self._claimed[number][:200]} and '
-                f'{topic[:200]}, its messages are left out'
+                f'is damaged: channel {number} has the two names {self._claimed[number][:200]} '
+                f'and {topic[:200]}, its messages are ignored'
             )
         self._index[number] = _CONTRADICTED
 
     def _place(self, topic: str, kind: str) -> int:
         if topic not in self.types:
             if len(self.names) == MOST_TOPICS:
-                raise BagError(f'the bag has more than {MOST_TOPICS} topics: is it damaged?')
+                raise BagError(
+                    f'the bag has more than {MOST_TOPICS} topics: check whether it is damaged'
+                )
             self._places[topic] = len(self.names)
             self.names.append(topic)
         self.types[topic] = kind

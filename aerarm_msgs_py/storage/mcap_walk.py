@@ -1,4 +1,4 @@
-"""From record to record through an MCAP file, over damage where there is a way."""
+"""Iteration over the records of an MCAP file, past damage if possible."""
 
 import struct
 import zlib
@@ -16,7 +16,7 @@ from aerarm_msgs_py.storage.mcap_records import RecordFields
 from aerarm_msgs_py.storage.read_limits import DamageReport, ReadBudget
 
 RECORD = struct.Struct('<BQ')
-"""Opcode and length in front of every record."""
+"""Opcode and length before every record."""
 MESSAGE_HEADER = np.dtype(
     [
         ('opcode', 'u1'),
@@ -27,25 +27,25 @@ MESSAGE_HEADER = np.dtype(
         ('publish_time', '<u8'),
     ]
 )
-"""Beginning of a message record, the payload follows."""
+"""Beginning of a message record, before the payload."""
 
 _INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
 _INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
-_DEFINITION_COST = 500  # bytes that reading one takes, and as long as reading so many of messages
+_DEFINITION_COST = 500  # memory of a definition in bytes, and its reading time in bytes of messages
 
 
 class WalkedRecords(NamedTuple):
-    """Records and damage found by a walk through an MCAP file.
+    """Records and damage found by a scan of an MCAP file.
 
     Attributes
     ----------
     starts
-        (K,) where complete messages begin.
+        (K,) offsets of complete messages.
     definitions
         Opcode and content of the complete schema and channel records.
     unread
-        Bytes at the end that are no complete record of a kind that may be there.
+        Bytes at the end that are not a complete record of a valid kind.
     """
 
     starts: NDArray[np.int64]
@@ -55,14 +55,14 @@ class WalkedRecords(NamedTuple):
 
 @dataclass
 class ChunkIndexes:
-    """The index records behind one chunk.
+    """Index records behind one chunk.
 
     Attributes
     ----------
     channels
-        With messages in the chunk.
+        Channels with messages in the chunk.
     complete
-        Whether every index could be read.
+        Whether every index was readable.
     """
 
     channels: set[int] = field(default_factory=set)
@@ -71,11 +71,11 @@ class ChunkIndexes:
 
     @property
     def messages(self) -> int:
-        """How many messages the indexes list."""
+        """Number of messages that the indexes list."""
         return sum(map(len, self._offsets))
 
     def add(self, content: bytes) -> None:
-        """Take the content of a MessageIndex record."""
+        """Process the content of a MessageIndex record."""
         if len(content) < _INDEX_HEADER.size:
             self.complete = False
             return
@@ -91,12 +91,12 @@ class ChunkIndexes:
             self._offsets.append(entries['offset'])
 
     def message_starts(self, records: bytes) -> NDArray[np.int64] | None:
-        """Return where the messages of the chunk begin, in order.
+        """Return the offsets of the messages in the chunk, in order.
 
         Returns
         -------
-        (K,) offsets, or None if the index doesn't account for every byte of the chunk: it is
-        damaged, or the chunk holds other records too.
+        (K,) offsets, or None if the index does not cover every byte of the chunk: the index is
+        damaged, or the chunk contains other records too.
         """
         last = len(records) - MESSAGE_HEADER.itemsize
         if not (self.complete and self._offsets) or last < 0:
@@ -112,7 +112,7 @@ class ChunkIndexes:
         return starts if whole.all() and _have_headers(headers) else None
 
     def agree_with(self, starts: NDArray[np.int64]) -> bool:
-        """Tell whether they list the messages that begin there, or nothing at all."""
+        """Return whether the indexes list the messages at `starts`, or nothing at all."""
         if not self.complete:
             return False
         if not self._offsets:
@@ -121,12 +121,12 @@ class ChunkIndexes:
 
 
 def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
-    """Go through records one by one.
+    """Scan records one by one.
 
     Raises
     ------
     BagError
-        If they define more than the limits allow.
+        If their definitions exceed the limits.
     """
     starts: list[int] = []
     definitions: list[tuple[int, bytes]] = []
@@ -134,7 +134,7 @@ def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
     size = len(records)
     last = size - RECORD.size
     unpack = RECORD.unpack_from
-    message = int(Opcode.MESSAGE)  # comparing with the enumeration takes longer
+    message = int(Opcode.MESSAGE)  # comparing with the enumeration is slower
     while position <= last:
         opcode, length = unpack(records, position)
         end = position + RECORD.size + length
@@ -165,16 +165,16 @@ FOOTER_SIZE = 20
 
 @dataclass
 class McapSummary:
-    """The summary of a file; empty if there is none, or it is damaged.
+    """Summary of a file; empty if it is missing or damaged.
 
     Attributes
     ----------
     channels
         Topic of each channel.
     counts
-        Messages of each channel; None without an account.
+        Number of messages of each channel; None if unknown.
     chunks
-        Where chunks begin, in order.
+        Offsets of the chunks, in order.
     """
 
     channels: dict[int, str] = field(default_factory=dict)
@@ -183,16 +183,16 @@ class McapSummary:
 
 
 def read_summary(stream: BinaryIO, size: int, most: int) -> McapSummary:
-    """Read the summary of a file, wherever the stream is.
+    """Read the summary of a file from any position of the stream.
 
     Parameters
     ----------
     stream
-        The file.
+        Stream of the file.
     size
-        Its bytes.
+        Size of the file [bytes].
     most
-        Bytes that a summary may have; a larger one is not read.
+        Largest size of a summary [bytes]; a larger one is not read.
     """
     end = size - RECORD.size - FOOTER_SIZE - len(MAGIC)
     if end < len(MAGIC):
@@ -206,7 +206,7 @@ def read_summary(stream: BinaryIO, size: int, most: int) -> McapSummary:
         return McapSummary()
     stream.seek(start)
     content = stream.read(end - start)
-    # The checksum covers the footer up to itself.
+    # The checksum covers the footer up to the checksum.
     if crc and zlib.crc32(content + footer[:-4]) != crc:
         return McapSummary()
     try:
@@ -234,14 +234,14 @@ def _summary(content: bytes) -> McapSummary:
 
 
 def read_counts(fields: RecordFields) -> dict[int, int]:
-    """Return the messages of each channel by the content of a statistics record.
+    """Return the number of messages of each channel from a statistics record.
 
     Raises
     ------
     ValueError
-        If it is damaged.
+        If the record is damaged.
     """
-    fields.take(42)  # counts of other things, first and last time
+    fields.take(42)  # other counts, first and last time
     entries = RecordFields(fields.take(fields.number(4)))
     counts = {}
     while entries.left:
@@ -250,7 +250,7 @@ def read_counts(fields: RecordFields) -> dict[int, int]:
     return counts
 
 
-_PRIVATE = 128  # from here on, opcodes are anybody's
+_PRIVATE = 128  # first opcode for private records
 _SMALLEST_CHUNK = 40  # bytes of its fields
 _OF_SUMMARY = (
     Opcode.STATISTICS,
@@ -274,18 +274,16 @@ _SMALLEST = {Opcode.CHUNK: _SMALLEST_CHUNK, Opcode.MESSAGE: MESSAGE_HEADER.items
 
 
 class McapRecord(NamedTuple):
-    """One record of a file.
+    """One record of an MCAP file.
 
     Attributes
     ----------
-    opcode
-        What it is.
     start
-        Byte at which it begins.
+        Offset of the record [bytes].
     length
-        Bytes of its content.
+        Size of its content [bytes].
     whole
-        False for a last record whose end is missing.
+        False for a truncated last record.
     """
 
     opcode: int
@@ -295,21 +293,21 @@ class McapRecord(NamedTuple):
 
 
 class McapWalk:
-    """The records of a file between its magic bytes, in order.
+    """Iterator over the records of a file between its magic bytes, in order.
 
-    Where a record can't be one, the walk goes on at the next chunk that the summary knows;
-    without one it ends there. Both are reported.
+    At an invalid record, the iteration continues at the next chunk of the summary, or ends without
+    a summary. Both are reported.
 
     Parameters
     ----------
     stream
-        The file.
+        Stream of the file.
     size
-        Its bytes.
+        Size of the file [bytes].
     chunks
-        Where chunks begin by the file's summary, in order; may be empty.
+        Offsets of the chunks by the file's summary, in order; may be empty.
     report
-        Takes what is damaged.
+        Receives descriptions of damage.
     """
 
     def __init__(
@@ -348,7 +346,7 @@ class McapWalk:
             position = next_chunk
 
     def _is_sound(self, opcode: int, length: int, in_summary: bool) -> bool:
-        """Tell whether there may be a record of that kind and length here."""
+        """Return whether a record of that kind and length is valid at this place."""
         if opcode == Opcode.FOOTER:
             return length == FOOTER_SIZE
         if opcode == Opcode.DATA_END:
@@ -362,25 +360,25 @@ class McapWalk:
         return self._stream.read(len(MAGIC) + 1) == MAGIC
 
     def _chunk_behind(self, position: int) -> int | None:
-        """Return where the next chunk begins, by the file's summary; None without one."""
+        """Return the offset of the next chunk by the file's summary, None without one."""
         index = bisect_right(self._chunks, position)
         if index == len(self._chunks) or self._chunks[index] >= self._size:
             return None
         lost = self._chunks[index] - position
-        self._report.tell(f'is damaged: {lost} bytes at byte {position} are left out', lost)
+        self._report.tell(f'is damaged: {lost} bytes at byte {position} are ignored', lost)
         return self._chunks[index]
 
     def _tell_cut(self, position: int) -> None:
         rest = self._size - position
         self._report.tell(
-            f'is cut off at byte {position} (was its recorder killed?): of its last {rest} bytes '
-            'only complete messages are used',
+            f'is cut off at byte {position} (the recorder may have been killed): of its last '
+            f'{rest} bytes only complete messages are used',
             rest,
         )
 
     def _tell_private(self, position: int, opcode: int, length: int) -> None:
         self._report.tell(
-            f'holds a record of the unknown kind {opcode} at byte {position}: its {length} bytes '
-            'are left out',
+            f'has a record of the unknown kind {opcode} at byte {position}: its {length} bytes '
+            'are ignored',
             length,
         )

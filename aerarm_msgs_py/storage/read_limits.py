@@ -1,4 +1,4 @@
-"""How much reading a bag may take, whatever its files claim to hold."""
+"""Limits of memory and time for reading a bag."""
 
 import math
 import warnings
@@ -13,28 +13,28 @@ from aerarm_msgs_py.codecs.cdr import Payloads
 
 
 class BagError(ValueError):
-    """A bag that can't be read or written; the message says what to check."""
+    """The bag cannot be read or written; the message states what to check."""
 
 
 class BagWarning(UserWarning):
-    """A bag that was read, but not all of it."""
+    """Part of the bag could not be read."""
 
 
-_TOLD = 5  # one by one; a file may be damaged at many thousand places
+_TOLD = 5  # damages reported individually, because a file may have thousands
 
 
 class DamageReport:
-    """Warnings about one file.
+    """Warnings about damage in one file.
 
     Parameters
     ----------
     path
-        The file, for messages.
+        Path of the file, for messages.
 
     Attributes
     ----------
     places
-        How often something was missing or damaged.
+        Number of missing or damaged places.
     """
 
     def __init__(self, path: Path) -> None:
@@ -43,40 +43,39 @@ class DamageReport:
         self._lost = 0
 
     def tell(self, what: str, lost: int = 0) -> None:
-        """Warn of damage, and of the bytes that are lost by it."""
+        """Warn of damage, and of the number of lost bytes."""
         self.places += 1
         self._lost += lost
         if self.places <= _TOLD:
             warnings.warn(f'{self._path} {what}', BagWarning, stacklevel=2)
 
     def finish(self) -> None:
-        """Warn once of the findings that were not reported one by one."""
+        """Warn once of the damages that were not reported individually."""
         if self.places > _TOLD:
             warnings.warn(
-                f'{self._path} is damaged at {self.places} places in all, where {self._lost} '
-                'bytes are left out',
+                f'{self._path} is damaged at {self.places} places; {self._lost} bytes are ignored',
                 BagWarning,
                 stacklevel=2,
             )
 
 
-_MOST = 8192  # messages of a block, so that what is made of one stays small
+_MOST = 8192  # messages of a block, which limits the size of results
 
 
 @dataclass(frozen=True)
 class MessageBlock:
-    """Serialized messages of one topic as they lie next to each other in a bag.
+    """Serialized consecutive messages of one topic of a bag.
 
     Attributes
     ----------
     topic, type
         Topic and message type, for example '/joint_states', 'sensor_msgs/msg/JointState'.
     log_time
-        (K,) time each message was received by the recorder [ns].
+        (K,) time of each message's reception by the recorder [ns].
     sequence
-        (K,) publication sequence numbers, 0 where the recorder didn't store them.
+        (K,) publication sequence numbers, 0 where the recorder did not store them.
     payloads
-        K serialized messages.
+        The K serialized messages.
     """
 
     topic: str
@@ -86,7 +85,7 @@ class MessageBlock:
     payloads: Payloads
 
     def chosen(self, which: NDArray[np.bool_]) -> 'MessageBlock':
-        """Return some of the messages, by a (K,) mask."""
+        """Return the messages that a (K,) mask selects."""
         return replace(
             self,
             log_time=self.log_time[which],
@@ -109,27 +108,27 @@ class MessageBlock:
             )
 
 
-_FREE = 2**22  # bytes that any bag may take: constant messages compress well
+_FREE = 2**22  # bytes permitted for any bag, because constant messages compress well
 _MIB = 2**20
-_PART_SHARE = 5  # a part takes up to nine times its bytes while its messages are looked for
+_PART_SHARE = 5  # reading a part temporarily takes up to nine times its bytes
 
 
 @dataclass(frozen=True)
 class ReadLimits:
-    """Bounds on memory and time, checked before anything is decompressed.
+    """Bounds on memory and time, checked before decompression.
 
     Attributes
     ----------
     part_bytes
-        Most bytes of one part: a chunk, a message, a run of messages [bytes]. Never more than a
-        fifth of what all of a bag may become.
+        Largest size of one part: a chunk, a message, a run of messages [bytes]. At most a fifth of
+        the whole bag's limit.
     ratio
-        Most bytes that all of a bag may become in memory, as a multiple of its size.
+        Largest size of the whole bag in memory, as a multiple of its file size.
 
     Raises
     ------
     BagError
-        If a bound isn't a positive number.
+        If a bound is not a positive number.
     """
 
     part_bytes: float = 64 * _MIB
@@ -138,27 +137,25 @@ class ReadLimits:
     def __post_init__(self) -> None:
         for name, value in (('part_bytes', self.part_bytes), ('ratio', self.ratio)):
             if not (math.isfinite(value) and value >= 1):
-                raise BagError(f'the limit {name} of a bag is {value}: it must be 1 or more')
+                raise BagError(f'limit {name} of a bag is {value}: set it to 1 or more')
 
 
 class ReadBudget:
-    """Remaining limits while one bag is read.
+    """Remaining limits while a bag is read.
 
     Parameters
     ----------
     path
-        The bag, for messages.
+        Path of the bag, for messages.
     size
-        Bytes of its files.
-    limits
-        See there.
+        Size of its files [bytes].
 
     Attributes
     ----------
     part_bytes
-        Most bytes of one part.
+        Largest size of one part [bytes].
     scale
-        How much more than by default the limits allow.
+        Ratio of the limits to the default limits.
     """
 
     def __init__(self, path: Path, size: int, limits: ReadLimits | None = None) -> None:
@@ -169,17 +166,17 @@ class ReadBudget:
         self.part_bytes = int(min(limits.part_bytes, max(_FREE, self._left / _PART_SHARE)))
 
     def spend(self, size: int) -> None:
-        """Take bytes that the bag is about to become.
+        """Charge bytes that the bag is about to occupy.
 
         Raises
         ------
         BagError
-            If that is more than the limits allow.
+            If the limits are exceeded.
         """
         self._left -= size
         if self._left < 0:
             raise BagError(
-                f'{self._path} would become more than {self._ratio:g} times its {self._size} '
-                'bytes when read: is it damaged, or made to fill the memory? If it can be '
-                'trusted, raise the limit (ratio)'
+                f'{self._path} would grow to more than {self._ratio:g} times its {self._size} '
+                'bytes when read. The file may be damaged or malicious; if you trust it, raise '
+                "the limit 'ratio'"
             )

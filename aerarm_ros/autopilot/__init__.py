@@ -1,5 +1,6 @@
-"""Arm feed-forward through autopilots: set points with accelerations, in the autopilot's frames.
+"""Feedforward of the arm's motion through autopilots, by accelerations of set points.
 
-In come what the arm does to its drone, and the drone's attitude; out goes the acceleration of a set
-point, or the sticks of a Betaflight. PX4's loops, as they are public, are there to try it on.
+The package computes the acceleration of a set point in the autopilot's axes, or the stick
+positions for Betaflight. The inputs are the arm's load and the drone's attitude. A model of PX4's
+published control loops serves for tests.
 """

@@ -1,4 +1,4 @@
-"""A drone that Betaflight flies, led by its sticks."""
+"""Flight of a drone by Betaflight, with stick commands."""
 
 from dataclasses import dataclass
 
@@ -30,18 +30,19 @@ _MIXERS: dict[int, tuple[str, list[tuple[float, float, float]]]] = {
 }
 _P_SCALE, _I_SCALE = 0.032029, 0.244381  # flight/pid.h: per deg/s, and per degree
 _SUM_SCALE = 1000.0
-_LOW = 1010  # [us] below it the throttle is off
-_NEAR = 0.2  # of the largest distance, between a rotor and where the mixer has it
+_LOW = 1010  # [us] below which the throttle is off
+_NEAR = 0.2  # largest distance between a rotor and its place in the mixer, relative
 
 
 @dataclass(frozen=True)
 class BetaflightSetup:
-    """Gains and limits of a Betaflight in angle mode, with sticks that are linear.
+    """Gains and limits of Betaflight in angle mode, with linear sticks.
 
     Attributes
     ----------
     p, i : int
-        Of roll and pitch, in its units. There is no D: the emulated gyroscope comes too seldom.
+        Gains of roll and pitch, in Betaflight's units. D is zero, because the emulated gyroscope
+        is too slow.
     angle_gain : int
         angle_p_gain, tenths of 1/s.
     angle_limit : float
@@ -49,7 +50,7 @@ class BetaflightSetup:
     yaw_rate : float
         At full stick [deg/s].
     idle : float
-        Share of the full output at which an armed motor idles.
+        Output of an armed idle motor as a fraction of the full output.
     """
 
     p: int = 200
@@ -82,7 +83,7 @@ class BetaflightSetup:
             'rc_smoothing': 'OFF',
             'iterm_relax': 'OFF',
             'pidsum_limit': 1000,
-            # More would bring rotors to idle, which lifts the drone.
+            # A larger limit would bring rotors to idle, which lifts the drone.
             'pidsum_limit_yaw': 200,
             'throttle_boost': 0,
             'tpa_rate': 0,
@@ -93,7 +94,7 @@ class BetaflightSetup:
             f'mixer {_mixer(drone)[0]}',
             'feature -ANTI_GRAVITY',
             'aux 0 0 0 1700 2100 0 0',  # ARM by AUX1
-            'aux 1 1 1 900 2100 0 0',  # ANGLE by AUX2, always
+            'aux 1 1 1 900 2100 0 0',  # always ANGLE, by AUX2
             *(f'set {name} = {value}' for name, value in settings.items()),
             *gains,
             *yaw,
@@ -101,12 +102,12 @@ class BetaflightSetup:
         ]
 
     def throttle(self, share: float) -> int:
-        """Return the stick [us] at which all motors give a share of their largest thrust."""
+        """Return the stick [us] at which all motors give a fraction of their largest thrust."""
         part = min(max((share - self.idle) / (1.0 - self.idle), 0.0), 1.0)
         return round(_LOW + part * (HIGH - _LOW))
 
     def motors_of(self, drone: DroneConfig) -> list[int]:
-        """Return which of its motors each rotor of a drone is; raises ValueError."""
+        """Return the motor number of each rotor of a drone; raises ValueError."""
         motors = _mixer(drone)[1]
         return [motors.index(rotor) for rotor in range(drone.n)]
 
@@ -128,16 +129,16 @@ class BetaflightSetup:
 
     @property
     def integral_rate(self) -> float:
-        """Of the integral, over the gain of the angular velocity [1/s]."""
+        """Integral gain over the gain of the angular velocity [1/s]."""
         return self.i * _I_SCALE / (self.p * _P_SCALE)
 
 
 def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
-    """Return the mixer's name, and the rotor that each of its motors is."""
+    """Return the mixer's name, and the rotor of each of its motors."""
     if drone.is_fully_actuated or drone.n not in _MIXERS:
         raise ValueError(
-            f"loops 'betaflight': {drone.name} is no quadrotor or hexarotor with rotors in one "
-            'plane in the form of an X'
+            f"loops 'betaflight': {drone.name} is not a quadrotor or hexarotor with its rotors "
+            'in one plane and in X form; choose other loops'
         )
     name, motors = _MIXERS[drone.n]
     places = np.array([rotor.position for rotor in drone.rotors])
@@ -150,44 +151,42 @@ def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
         rotor = int(np.argmin(distances))
         if distances[rotor] > _NEAR or turns[rotor] != yaw:
             raise ValueError(
-                f"loops 'betaflight': {drone.name} has no rotor where its mixer {name} has one, or "
-                'it turns the other way'
+                f"loops 'betaflight': {drone.name} has no rotor where the mixer {name} expects "
+                'one, or the rotor turns the other way; check rotors in the drone file'
             )
         order.append(rotor)
     return name, order
 
 
 _UP = np.array([0.0, 0.0, 1.0])
-_INTEGRAL = 3.0  # [m/s^2] at most
+_INTEGRAL = 3.0  # [m/s^2] largest integral action
 _HEADING = 1.5  # [1/s] angular velocity per error of the heading
-_TRY, _PAUSE = 3.0, 0.5  # [s] the switch is on for arming, and off in between
-_SILENCE = 0.5  # [s] without motors' outputs
-_SINK = 0.97  # share of the weight that is lifted where the height is not known
+_TRY, _PAUSE = 3.0, 0.5  # [s] for which the arming switch is on, and off in between
+_SILENCE = 0.5  # [s] without motor outputs
+_SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class BetaflightFlight:
-    """Position control through the sticks of a Betaflight in angle mode, as a `FlightControl`.
+    """Position control through the sticks of Betaflight in angle mode, as a `FlightControl`.
 
-    Sticks are roll and pitch, the angular velocity about the vertical, and throttle. The position
-    loop is that of this drone's body; of the arm the set point takes the acceleration of
-    `SetPointAcceleration`, which leans ahead by the gains of the setup, and throttle its mass.
-    Before anything is commanded the firmware is armed: it needs some seconds after its start.
+    The sticks command roll, pitch, the angular velocity about the vertical, and throttle. The
+    position loop uses the mass of drone and arm. Two quantities of the arm are fed forward: the
+    acceleration of `SetPointAcceleration`, which tilts ahead by the setup's gains, and the mass,
+    by the throttle. The firmware is armed first, some seconds after its start.
 
     Parameters
     ----------
-    drone : DroneConfig
     body : MassProperties
-        Of drone and arm, where nothing else is told.
-    firmware : Firmware
+        Default mass properties of drone and arm.
     gains : FlightGains, optional
-        Those of the position, and the limits.
+        Gains of the position loop, and limits.
     setup : BetaflightSetup, optional
-        As the firmware was set up.
+        Setup of the firmware.
 
     Attributes
     ----------
     problem : str
-        Why the rotors are not commanded, '' if they are.
+        Reason why the rotors are not commanded; empty if they are.
 
     Raises
     ------
@@ -215,18 +214,18 @@ class BetaflightFlight:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the integral, and that it is armed."""
+        """Reset the integral and the arming state."""
         self._push = np.zeros(3)
         self._switched = 0.0
         self._silence = np.inf
         self._thrust = np.zeros(len(self._thrust_max))
         self._is_armed = False
-        self.problem = 'no data from Betaflight: start it before this node'
+        self.problem = 'no data from Betaflight: start Betaflight before this node'
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Return the thrusts (n,) [N] that lead to the target, after a step of `dt` [s]."""
+        """Return the thrusts (n,) [N] toward the target, after a step of `dt` [s]."""
         arm = self._at_rest if arm is None else arm
         gains = self._gains
         frequency = gains.position_frequencies
@@ -243,7 +242,7 @@ class BetaflightFlight:
         return self._fly(state, force, float(np.arctan2(np.sin(turn), np.cos(turn))), dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] of a drone that knows its attitude only: level, sinking."""
+        """Return the thrusts (n,) [N] of a level, sinking drone without a known position."""
         return self._fly(state, _SINK * self._at_rest.body.mass * GRAVITY * _UP, 0.0, dt)
 
     def _fly(self, state: FlightState, force: Array, turn: float, dt: float) -> Array:
@@ -266,10 +265,10 @@ class BetaflightFlight:
         return self._thrust
 
     def _note_outputs(self, least: float, dt: float) -> None:
-        """Follow whether it is armed: its motors idle then."""
+        """Detect whether the firmware is armed, by the idling motors."""
         self._is_armed = least > 0.5 * self._setup.idle
         self._switched = (self._switched + dt) % (_TRY + _PAUSE)
-        self.problem = '' if self._is_armed else 'Betaflight is being armed'
+        self.problem = '' if self._is_armed else 'Betaflight is arming'
 
     def _sticks(self, state: FlightState, force: Array, turn: float) -> list[int]:
         """Return roll, pitch, throttle and yaw for a force in the world, and a turn [rad]."""
@@ -280,7 +279,7 @@ class BetaflightFlight:
         thrust = float(np.append(sideways, lift) @ state.rotation[:, 2])
         x, y, z = along / np.linalg.norm(along)
         roll, pitch = np.degrees([-np.arcsin(y), np.arctan2(x, z)]) / setup.angle_limit
-        yaw = -np.degrees(_HEADING * turn) / setup.yaw_rate  # to the right is positive
+        yaw = -np.degrees(_HEADING * turn) / setup.yaw_rate  # positive to the right
         throttle = setup.throttle(thrust / float(self._thrust_max.sum()))
         return [_pulse(roll), _pulse(pitch), throttle, _pulse(yaw)]
 

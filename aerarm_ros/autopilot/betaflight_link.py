@@ -15,7 +15,8 @@ import numpy as np
 from aerarm_ros.motion.signals import Array
 
 MOTOR_PORT, STATE_PORT, RC_PORT = 9001, 9003, 9004
-"""UDP: motors out (9002 has the first four alone), state in, sticks in."""
+"""UDP ports of Betaflight: motor outputs (9002 has only the first four), state input, stick input.
+"""
 
 CHANNELS, MOTORS = 16, 16
 LOW, MIDDLE, HIGH = 1000, 1500, 2000
@@ -24,14 +25,14 @@ LOW, MIDDLE, HIGH = 1000, 1500, 2000
 _STATE = struct.Struct('<d 3d 3d 4d 3d 3d d')
 _RC = struct.Struct(f'<d {CHANNELS}H')
 _MOTORS = struct.Struct(f'<H 2x {MOTORS}f')
-_PRESSURE = 101325.0  # [Pa]; nothing that is used here depends on it
+_PRESSURE = 101325.0  # [Pa]; no used function depends on it
 
 
 def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -> bytes:
     """Return the packet of a state.
 
-    The firmware turns y and z of the angular velocity over, and the whole of the acceleration, and
-    works with forward-left-up axes; but the attitude it takes in forward-right-down ones.
+    The firmware reverses y and z of the angular velocity and all axes of the acceleration, and
+    uses forward-left-up axes. The firmware reads the attitude in forward-right-down axes.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
         Attitude (w, x, y, z), body to world.
     """
     x, y, z = rate.tolist()
-    nowhere = [0.0] * 6  # a place is for its GPS
+    nowhere = [0.0] * 6  # place, for its GPS only
     w, qx, qy, qz = rotation_wxyz.tolist()
     attitude = w, qx, -qy, -qz
     return _STATE.pack(time, x, -y, -z, *(-force).tolist(), *attitude, *nowhere, _PRESSURE)
@@ -56,7 +57,7 @@ def rc_packet(time: float, channels: Sequence[int]) -> bytes:
 
 
 def motor_outputs(packet: bytes) -> Array | None:
-    """Return the motors' pulse lengths (n,) [us] of a packet, None if it is none."""
+    """Return the motors' pulse lengths (n,) [us] of a packet, None for another packet."""
     if len(packet) != _MOTORS.size:
         return None
     count, *outputs = _MOTORS.unpack(packet)
@@ -67,11 +68,11 @@ def motor_outputs(packet: bytes) -> Array | None:
 
 
 _HOST = '127.0.0.1'
-_ANSWER = 0.02  # [s] that an answer is waited for, on a busy host
+_ANSWER = 0.02  # [s] longest wait for an answer on a busy host
 
 
 class Firmware(Protocol):
-    """Firmware that flies a drone by stick commands."""
+    """Interface of a firmware that flies a drone by stick commands."""
 
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
@@ -81,20 +82,21 @@ class Firmware(Protocol):
 
 
 class BetaflightLink:
-    """Sends states and sticks to Betaflight and receives motor pulses, on this host.
+    """Send states and sticks to Betaflight on this host, and receive motor pulses.
 
-    All states have one stamp. The firmware else takes the pace of its clock from two of them and
-    when they came, and on a busy host that may be hundreds of times too fast.
+    All states have one stamp. With different stamps the firmware derives the speed of its clock
+    from two stamps and their arrival. On a busy host that clock may run hundreds of times too
+    fast.
 
     Parameters
     ----------
     motor_port, state_port, rc_port : int
-        Of UDP.
+        UDP ports.
 
     Raises
     ------
     ValueError
-        If the port of the motors is taken.
+        If the port of the motors is in use.
     """
 
     def __init__(
@@ -112,15 +114,15 @@ class BetaflightLink:
         except OSError as error:
             self.close()
             raise ValueError(
-                f"loops 'betaflight': UDP port {motor_port}: {error.strerror}: does another "
-                'flight_control or simulator run?'
+                f"UDP port {motor_port} of loops 'betaflight' cannot be opened "
+                f'({error.strerror}): stop the other flight_control or simulator'
             ) from None
 
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
         """Send state and sticks; return the motors' newest pulses, see `Firmware`."""
-        late = self._newest()  # the answer to the state before, on a busy host
+        late = self._newest()  # the late answer to the previous state, on a busy host
         self._send(rc_packet(0.0, channels), self._rc_port)
         self._send(state_packet(0.0, rate, force, rotation_wxyz), self._state_port)
         select.select([self._motors], [], [], _ANSWER)

@@ -1,8 +1,8 @@
-"""MAVLink frames: the messages that this package sends and reads, packed and parsed.
+"""Frames of the MAVLink messages that this package sends and reads.
 
-The table states fields as the XML definitions of MAVLink do (common.xml, minimal.xml, read in
-March 2026). Order on the wire and checksum seed follow from it by the rules of the protocol:
-larger types first, extensions last; see https://mavlink.io/en/guide/serialization.html.
+The table lists fields in the form of MAVLink's XML definitions (common.xml, minimal.xml, read in
+March 2026). The protocol's rules determine the order on the wire (larger types first, extensions
+last) and the checksum seed; see https://mavlink.io/en/guide/serialization.html.
 """
 
 import re
@@ -67,7 +67,7 @@ _SIGNED = 0x01
 
 
 def checksum(data: bytes) -> int:
-    """Return the CRC-16/MCRF4XX of bytes, by which MAVLink checks a frame."""
+    """Return the CRC-16/MCRF4XX of bytes, which is MAVLink's checksum."""
     turned = crc_hqx(data.translate(_TURNED), 0xFFFF)
     return _TURNED[turned >> 8] | _TURNED[turned & 0xFF] << 8
 
@@ -88,13 +88,12 @@ class _Field:
 
 
 class MessageLayout:
-    """Where the fields of a message are on the wire.
+    """Places of a message's fields on the wire.
 
     Parameters
     ----------
     number : int
-        Its id.
-    name : str
+        Message id.
     base, extensions : str
         Types and names of its fields, as in its XML definition.
     """
@@ -115,12 +114,12 @@ class MessageLayout:
         self._names = {field.name for field in fields}
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
-        """Return the payload of values, zero where one is not given, without zeros at its end.
+        """Return the payload of values without trailing zeros; missing values are zero.
 
         Raises
         ------
         ValueError
-            If a field is unknown, or a value does not fit it.
+            If a field is unknown, or a value does not fit its field.
         """
         if unknown := values.keys() - self._names:
             raise ValueError(f'MAVLink {self.name} has no field {sorted(unknown)[0]}')
@@ -140,7 +139,7 @@ class MessageLayout:
         return payload.rstrip(b'\0') or b'\0'
 
     def unpack(self, payload: bytes) -> dict[str, Any]:
-        """Return the fields of a payload, whose zeros at the end may be missing."""
+        """Return the fields of a payload, whose trailing zeros may be missing."""
         size = self._struct.size
         flat = self._struct.unpack(payload[:size].ljust(size, b'\0'))
         values: dict[str, Any] = {}
@@ -184,13 +183,12 @@ _BY_NUMBER = {layout.number: layout for layout in LAYOUTS.values()}
 
 @dataclass(frozen=True)
 class Message:
-    """A message that arrived.
+    """A received message.
 
     Attributes
     ----------
-    name : str
     system, component : int
-        Of its sender.
+        Ids of its sender.
     values : dict
         Its fields.
     """
@@ -201,17 +199,17 @@ class Message:
     values: dict[str, Any]
 
     def __getitem__(self, field: str) -> Any:
-        """Return a field."""
+        """Return the value of a field."""
         return self.values[field]
 
 
 class FrameWriter:
-    """Packs messages as MAVLink 2 frames of one sender, not signed.
+    """Pack messages of one sender as unsigned MAVLink 2 frames.
 
     Parameters
     ----------
     system, component : int
-        Of the sender.
+        Ids of the sender.
     """
 
     def __init__(self, system: int, component: int) -> None:
@@ -231,14 +229,14 @@ class FrameWriter:
 
 
 class FrameReader:
-    """Finds messages of `LAYOUTS` in a stream of bytes, MAVLink 1 or 2.
+    """Find messages of `LAYOUTS` in a stream of bytes, MAVLink 1 or 2.
 
-    Other messages are skipped. Bytes that belong to no frame, as after a loss, are skipped too.
+    Other messages are skipped, and so are bytes outside frames, for example after a loss.
 
     Attributes
     ----------
     damaged : int
-        Frames of known messages with a wrong checksum.
+        Number of frames of known messages with a wrong checksum.
     """
 
     def __init__(self) -> None:
@@ -246,7 +244,7 @@ class FrameReader:
         self.damaged = 0
 
     def feed(self, data: bytes) -> list[Message]:
-        """Return the messages that are complete with these bytes."""
+        """Return the messages that these bytes complete."""
         buffer = self._bytes
         buffer += data
         found: list[Message] = []
@@ -257,7 +255,7 @@ class FrameReader:
                 break
             message = self._message(bytes(buffer[at : at + length]))
             if message is None:
-                at += 1  # a frame may begin within what only looked like one
+                at += 1  # a frame may begin within a false frame
                 continue
             found += message
             at += length
@@ -265,7 +263,7 @@ class FrameReader:
         return found
 
     def _message(self, frame: bytes) -> list[Message] | None:
-        """Return the message of a frame, [] for one that is not known, None for a damaged one."""
+        """Return a frame's message, [] for an unknown one, None for a damaged one."""
         if frame[0] == _START_2:
             head, number = _HEAD_2, int.from_bytes(frame[7:10], 'little')
             system, component = frame[5:7]
@@ -284,7 +282,7 @@ class FrameReader:
 
 
 def _next_start(buffer: bytearray, at: int) -> int:
-    """Return where the next frame may begin, the length of the buffer if nowhere."""
+    """Return the possible start of the next frame, or the length of the buffer."""
     while at < len(buffer):
         flags = buffer[at + 2 : at + 3]
         if buffer[at] == _START_1 or (buffer[at] == _START_2 and flags <= bytes([_SIGNED])):
@@ -294,7 +292,7 @@ def _next_start(buffer: bytearray, at: int) -> int:
 
 
 def _frame_length(buffer: bytearray, at: int) -> int | None:
-    """Return the length of a frame, None while too little of it is there."""
+    """Return the length of a frame, None if too few of its bytes have arrived."""
     if len(buffer) < at + 3:
         return None
     if buffer[at] == _START_1:

@@ -1,4 +1,4 @@
-"""An autopilot at the other end of a MAVLink line: its state, streams and commands."""
+"""Autopilot at the other end of a MAVLink line: its state, streams and commands."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,10 +17,10 @@ from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.motion.signals import Array
 
 LOSS = 1.5  # [s] without a heartbeat
-FRESH = 0.2  # [s] an older attitude or place is none
+FRESH = 0.2  # [s]; an older attitude or place is not used
 _SYSTEM, _COMPONENT = 245, 191
 _AUTOPILOT_COMPONENT = 1
-_HEARTBEAT, _ASK = 1.0, 2.0  # [s] between heartbeats of this side, and requests of streams
+_HEARTBEAT, _ASK = 1.0, 2.0  # [s] between heartbeats, and between requests of streams
 _ARM, _SET_MODE, _SET_INTERVAL = 400, 176, 511  # MAV_CMD
 _CUSTOM_MODE, _ARMED = 1, 128
 _COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
@@ -40,11 +40,11 @@ _NAMES = {
     'ATTITUDE_QUATERNION': 31, 'LOCAL_POSITION_NED': 32, 'HIGHRES_IMU': 105,
     'ACTUATOR_OUTPUT_STATUS': 375,
 }  # fmt: skip
-_WORRYING = 4  # MAV_SEVERITY_WARNING, and what is worse
+_WORRYING = 4  # MAV_SEVERITY_WARNING; lower values are more severe
 
 
 class ImuReading(NamedTuple):
-    """What the autopilot's IMU reads, forward-left-up.
+    """Reading of the autopilot's IMU, forward-left-up.
 
     Attributes
     ----------
@@ -57,16 +57,16 @@ class ImuReading(NamedTuple):
 
 
 class MavlinkAutopilot:
-    """Follows an autopilot over a line, and asks it for the streams that the arm needs.
+    """Track an autopilot over a line, and request the streams that the arm needs.
 
-    It sends set points and heartbeats. It arms and changes modes when `arm`, `disarm` or
-    `offboard` is called, and never else. Times `now` are of a monotonic clock [s].
+    The class sends set points and heartbeats. Only `arm`, `disarm` and `offboard` arm the
+    autopilot or change its mode. Times `now` are of a monotonic clock [s].
 
     Parameters
     ----------
-    line : Line
     rates : mapping
-        Of the streams asked for [Hz]: `attitude`, `place`, `imu`, `outputs`; 0 asks for none.
+        Requested rates [Hz] of the streams `attitude`, `place`, `imu`, `outputs`; 0 for no
+        request.
 
     Attributes
     ----------
@@ -75,11 +75,11 @@ class MavlinkAutopilot:
     imu : ImuReading
         None before the first.
     outputs : (32,) ndarray
-        Of the motors as the autopilot counts them; None before the first.
+        Outputs of the motors in the autopilot's order; None before the first.
     text : str
-        The last warning or error that it reported.
+        Last warning or error of the autopilot.
     reply : str
-        How it answered the last command, '' before the first answer.
+        Answer to the last command, '' before the first answer.
     """
 
     def __init__(self, line: Line, rates: dict[str, float]) -> None:
@@ -105,24 +105,24 @@ class MavlinkAutopilot:
         }
 
     def take(self, message: Message, now: float) -> bool:
-        """Take a message; return whether it is one of the autopilot that counts here."""
+        """Process a message; return whether the tracked autopilot sent it."""
         handler = self._handlers.get(message.name)
         if handler is None or message.component != _AUTOPILOT_COMPONENT:
             return False
         if self._system not in (0, message.system):
-            return False  # of another vehicle on the same line
+            return False  # from another vehicle on the same line
         handler(message, now)
         if message.name in _NAMES:
             self._times[_NAMES[message.name]] = now
         return True
 
     def tick(self, now: float) -> None:
-        """Send the heartbeat, and ask for the streams that do not come, when it is time."""
+        """Send the heartbeat, and request missing streams, when they are due."""
         if now - self._beat >= _HEARTBEAT:
             self._beat = now
             self.send('HEARTBEAT', **_COMPANION)
         if not self.is_linked(now):
-            self._asked = -np.inf  # it may have restarted, and forgotten the rates
+            self._asked = -np.inf  # The autopilot may have restarted and lost the rates.
         elif now - self._asked >= _ASK:
             is_first, self._asked = self._asked == -np.inf, now
             for number, name in _STREAMS.items():
@@ -135,36 +135,36 @@ class MavlinkAutopilot:
         self._line.send(self._writer.pack(name, **values))
 
     def set_point(self, name: str, now: float, **values: object) -> None:
-        """Send a set point to the autopilot alone."""
+        """Send a set point, addressed to the autopilot."""
         self.send(
             name, time_boot_ms=round(1e3 * now) % 2**32, target_system=self._system,
             target_component=_AUTOPILOT_COMPONENT, **values,
         )  # fmt: skip
 
     def arm(self) -> None:
-        """Ask it to arm."""
+        """Request arming."""
         self._request(_ARM, 1.0)
 
     def disarm(self) -> None:
-        """Ask it to disarm, which it denies in flight."""
+        """Request disarming, which the autopilot denies in flight."""
         self._request(_ARM, 0.0)
 
     def offboard(self) -> None:
-        """Ask it to follow set points (PX4's offboard mode)."""
+        """Request the mode that follows set points (PX4's offboard mode)."""
         self._request(_SET_MODE, _CUSTOM_MODE, _OFFBOARD)
 
     def is_linked(self, now: float) -> bool:
-        """Return whether its heartbeat comes."""
+        """Return whether heartbeats arrive."""
         return now - self._heard <= LOSS
 
     @property
     def is_armed(self) -> bool:
-        """Whether it said that it is armed."""
+        """Whether the autopilot reports that it is armed."""
         return bool(self._base_mode & _ARMED)
 
     @property
     def mode(self) -> str:
-        """Its mode, by name for PX4."""
+        """Mode of the autopilot, by name for PX4."""
         main, sub = self._custom_mode >> 16 & 0xFF, self._custom_mode >> 24 & 0xFF
         if self._make != _PX4:
             return f'custom mode {self._custom_mode}'
@@ -184,7 +184,7 @@ class MavlinkAutopilot:
         return now - self._times.get(31, -np.inf) < FRESH
 
     def silent(self, now: float) -> list[str]:
-        """Return the streams that were asked for and do not come."""
+        """Return the requested streams that do not arrive."""
         return [
             name
             for number, name in _STREAMS.items()
@@ -210,8 +210,8 @@ class MavlinkAutopilot:
     def _on_attitude(self, message: Message, now: float) -> None:
         w, x, y, z = (message[name] for name in ('q1', 'q2', 'q3', 'q4'))
         quaternion = attitude_ned_frd_to_enu_flu([x, y, z, w])
-        if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # NaN is not either
-            self.text = 'ATTITUDE_QUATERNION: NaN, or no unit quaternion'
+        if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # also rejects NaN
+            self.text = 'ATTITUDE_QUATERNION: NaN, or not a unit quaternion'
             return
         self.attitude = quaternion / np.linalg.norm(quaternion)
         self._rate = frd_to_flu([message[f'{axis}speed'] for axis in ('roll', 'pitch', 'yaw')])

@@ -1,4 +1,4 @@
-"""Lines to an autopilot that speaks MAVLink: UDP or serial."""
+"""Lines to an autopilot with MAVLink: UDP or serial."""
 
 import errno
 import os
@@ -13,27 +13,27 @@ from aerarm_ros.autopilot.mavlink import FrameReader, Message
 _CHUNK = 65536
 _PORTS = 65535
 _UDP, _SERIAL = 'udp', 'serial'
-_FORMS = 'udp:PORT to listen, udp:HOST:PORT to send first, or serial:DEVICE:BAUD'
+_FORMS = 'udp:PORT (listen), udp:HOST:PORT (send first) or serial:DEVICE:BAUD'
 
 
 class Line(Protocol):
-    """A line for frames.
+    """Interface of a line for frames.
 
     Attributes
     ----------
     damaged : int
-        Frames with a wrong checksum.
+        Number of frames with a wrong checksum.
     """
 
     @property
     def damaged(self) -> int:
-        """Frames with a wrong checksum."""
+        """Number of frames with a wrong checksum."""
 
     def send(self, frame: bytes) -> None:
-        """Send a frame; nothing happens while nobody is at the other end."""
+        """Send a frame; without a receiver the frame is lost."""
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return what came since the last call, after up to `patience` [s] if nothing did.
+        """Return the new messages, after waiting up to `patience` [s] for the first.
 
         Raises
         ------
@@ -46,19 +46,19 @@ class Line(Protocol):
 
 
 class UdpLine:
-    """UDP, either to a given address, or to whoever sends first to a port.
+    """UDP line, either to a given address, or to the first sender to a port.
 
     Parameters
     ----------
     address : tuple
-        Where the autopilot listens; none to wait until it sends.
+        Address of the autopilot; none to wait for its first datagram.
     bound : tuple
         Address and port of this side.
 
     Raises
     ------
     OSError
-        If the port is taken or the host unknown.
+        If the port is in use or the host unknown.
     """
 
     def __init__(self, address: tuple[str, int] | None, bound: tuple[str, int]) -> None:
@@ -74,11 +74,11 @@ class UdpLine:
 
     @property
     def damaged(self) -> int:
-        """Frames with a wrong checksum."""
+        """Number of frames with a wrong checksum."""
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
-        """Send a frame, if somebody is known to send it to."""
+        """Send a frame, if the receiver's address is known."""
         if self._peer is None:
             return
         try:
@@ -87,7 +87,7 @@ class UdpLine:
             return
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return what came, of the first sender alone."""
+        """Return the new messages of the first sender."""
         found: list[Message] = []
         select.select([self._socket], [], [], patience)
         while True:
@@ -116,7 +116,7 @@ class SerialLine:
     Raises
     ------
     ValueError
-        If this system has no such baud rate.
+        If this system does not support the baud rate.
     OSError
         If the device cannot be opened.
     """
@@ -124,7 +124,10 @@ class SerialLine:
     def __init__(self, device: str, baud: int) -> None:
         rate = getattr(termios, f'B{baud}', None)
         if rate is None:
-            raise ValueError(f'{baud} is no baud rate of this system: 57600 and 921600 are usual')
+            raise ValueError(
+                f'{baud} is not a baud rate of this system: use a common one, such as '
+                '57600 or 921600'
+            )
         self._reader = FrameReader()
         self._file = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
@@ -134,22 +137,24 @@ class SerialLine:
             termios.tcsetattr(self._file, termios.TCSANOW, settings)
         except termios.error as error:
             os.close(self._file)
-            raise OSError(f'{device} is no serial device ({error.args[-1]})') from None
+            raise OSError(
+                f'{device} is not a serial device ({error.args[-1]}): check its name'
+            ) from None
 
     @property
     def damaged(self) -> int:
-        """Frames with a wrong checksum."""
+        """Number of frames with a wrong checksum."""
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
-        """Send a frame; one that the device has no room for is dropped whole or in part."""
+        """Send a frame; if the device's buffer is full, the frame is lost in whole or in part."""
         try:
             os.write(self._file, frame)
         except OSError:
-            return  # `messages` reports a device that is gone
+            return  # `messages` reports a missing device
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return what came; raises OSError if the device is gone."""
+        """Return the new messages; raises OSError if the device is gone."""
         found: list[Message] = []
         select.select([self._file], [], [], patience)
         while True:
@@ -158,7 +163,7 @@ class SerialLine:
             except BlockingIOError:
                 return found
             if not data:
-                raise OSError(errno.EIO, 'the device is gone')
+                raise OSError(errno.EIO, 'the serial device has disappeared')
             found += self._reader.feed(data)
 
     def close(self) -> None:
@@ -173,12 +178,12 @@ def open_line(text: str) -> UdpLine | SerialLine:
     ----------
     text : str
         `udp:PORT`, `udp:HOST:PORT` or `serial:DEVICE:BAUD`. UDP listens on this host alone, unless
-        it is `udp:0.0.0.0:PORT`, which listens on every network.
+        the text is `udp:0.0.0.0:PORT`, which listens on every network.
 
     Raises
     ------
     ValueError
-        If it describes none, or the line cannot be opened.
+        If the text has another form, or the line cannot be opened.
     """
     kind, _, rest = text.partition(':')
     place, _, number = rest.rpartition(':')
@@ -194,5 +199,6 @@ def open_line(text: str) -> UdpLine | SerialLine:
     except OSError as error:
         reason = getattr(error, 'strerror', None) or str(error)
         raise ValueError(
-            f'connection {text!r}: {reason}: check name, rights and that no other program uses it'
+            f'connection {text!r} cannot be opened ({reason}): check its name, its '
+            'permissions and that no other program uses it'
         ) from None

@@ -15,31 +15,31 @@ from aerarm_ros.motion.signals import Array
 
 _WORLD = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _BODY = np.array([1.0, -1.0, -1.0])
-_NO_TORQUE = 1e-3  # entry of the mixer below which PX4 does not count a rotor
+_NO_TORQUE = 1e-3  # smallest entry of a rotor in PX4's mixer
 
 
 def ned(vector: npt.ArrayLike) -> Array:
-    """Return a vector (3,) of the east-north-up world in north-east-down; the way back too."""
+    """Convert a vector (3,) from east-north-up to north-east-down, or back."""
     return np.asarray(_WORLD @ np.asarray(vector, dtype=float))
 
 
 def frd_rotation(rotation: Array) -> Array:
-    """Return the attitude (3, 3), FRD to NED, of one that turns FLU to ENU; the way back too."""
+    """Convert an attitude (3, 3) from FLU in ENU to FRD in NED, or back."""
     return np.asarray((_WORLD @ rotation) * _BODY)
 
 
 def heading(yaw: float) -> float:
-    """Return the angle from north to the right [rad] of one from east to the left."""
+    """Convert a heading [rad] from east-to-left to north-to-right."""
     return float(np.arctan2(np.cos(yaw), np.sin(yaw)))
 
 
 def torque_unit(drone: DroneConfig) -> Array:
-    """Return the moments (3,) about the body's axes [Nm] of PX4's normalised torque 1.
+    """Return the moments (3,) about the body's axes [Nm] of PX4's normalized torque 1.
 
-    As ControlAllocationPseudoInverse scales its mixer (SYS_CTRL_ALLOC): roll and pitch share the
-    smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`, with Sx2 the sum of the
-    squared levers of rotors and n_x the number of rotors that have one. Yaw is scaled by the
-    largest entry of the mixer's column.
+    The scaling is that of ControlAllocationPseudoInverse (SYS_CTRL_ALLOC). Roll and pitch have the
+    smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`. Sx2 is the sum of the
+    squared lever arms of the rotors, and n_x the number of rotors with a lever arm. Yaw is scaled
+    by the largest entry of the mixer's column.
 
     Raises
     ------
@@ -48,7 +48,10 @@ def torque_unit(drone: DroneConfig) -> Array:
     """
     effectiveness = drone.allocation * drone.column('thrust_max')
     if np.linalg.matrix_rank(effectiveness[3:]) < 3:
-        raise ValueError('drone: its rotors give no moment about one of its axes')
+        raise ValueError(
+            'the rotors of the drone file produce no moment about one of its axes: check '
+            'positions and axes of the rotors'
+        )
     mixer = np.linalg.pinv(effectiveness)[:, 3:]
     tilt = mixer[:, :2]
     turning = np.maximum(np.count_nonzero(np.abs(tilt) > _NO_TORQUE, axis=0), 1)
@@ -58,7 +61,7 @@ def torque_unit(drone: DroneConfig) -> Array:
 
 @dataclass(frozen=True)
 class Px4Gains:
-    """Parameters of PX4's multicopter loops, by their names there, with its defaults of 2026.
+    """Parameters of PX4's multicopter loops, by PX4's names, with its defaults of 2026.
 
     Attributes
     ----------
@@ -67,29 +70,29 @@ class Px4Gains:
     mpc_xy_vel_p_acc, mpc_z_vel_p_acc : float
         Acceleration per velocity error [1/s].
     mpc_xy_vel_i_acc, mpc_z_vel_i_acc : float
-        Of its integral [1/s^2].
+        Acceleration per integral of the velocity error [1/s^2].
     mpc_xy_vel_d_acc, mpc_z_vel_d_acc : float
-        Of its derivative [-].
+        Acceleration per derivative of the velocity error [-].
     mc_att_p, mc_yaw_p : float
         Angular velocity per attitude error: MC_ROLL_P and MC_PITCH_P, MC_YAW_P [1/s].
     mc_rate_k : float
-        Of all three that follow: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
+        Common factor of the next three gains: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
     mc_rate_p, mc_rate_i, mc_rate_d : float
-        Normalised torque (`torque_unit`) per angular velocity error, its integral and the angular
+        Normalized torque (`torque_unit`) per angular velocity error, its integral and the angular
         acceleration.
     mc_yawrate_p, mc_yawrate_i : float
-        The same about the vertical.
+        Normalized torque per angular velocity error about the vertical, and its integral.
     mc_yaw_tq_cutoff : float
         MC_YAW_TQ_CUTOFF, of the low-pass filter of the yaw torque [Hz].
     tilt_max : float
         MPC_TILTMAX_AIR [rad].
     thrust_min : float
-        MPC_THR_MIN, a share of the largest.
+        MPC_THR_MIN, a fraction of the largest thrust.
 
     Raises
     ------
     ValueError
-        If one is negative, or one of the proportional ones is not positive.
+        If a gain is negative, or a proportional gain is not positive.
     """
 
     mpc_xy_p: float = 0.95
@@ -121,9 +124,9 @@ class Px4Gains:
         mc_yawrate_p: float = 0.2,
         mc_yaw_tq_cutoff: float = 2.0,
     ) -> 'Px4Gains':
-        """Return gains whose horizontal velocity loop is in proportion to the position's.
+        """Return gains whose horizontal velocity loop is scaled like the position loop.
 
-        The integral gain of the yaw rate is in proportion to its gain, too.
+        The integral gain of the yaw rate is scaled like its proportional gain.
         """
         share = mpc_xy_p / cls.mpc_xy_p
         return cls(
@@ -138,7 +141,7 @@ class Px4Gains:
         )
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Check that every value is in its range."""
         for name, value in vars(self).items():
             check = positive if name.endswith(('_p', '_p_acc', '_k')) else non_negative_number
             check(name, value)

@@ -1,4 +1,4 @@
-"""A drone that PX4's firmware flies (SITL), led by set points with what the arm's motion takes."""
+"""Flight of a drone by PX4's firmware (SITL), with feedforward of the arm's motion."""
 
 import time
 from enum import Enum
@@ -18,56 +18,55 @@ from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
 
 STEP_US = 4000
-"""Between two samples of the sensors while PX4 gets ready [us]."""
+"""Interval of the sensors' samples while PX4 starts [us]."""
 
 _UP = np.array([0.0, 0.0, 1.0])
-_BOOT, _ANSWER = 0.02, 2.0  # [s] of this host: before PX4 has ever answered, and since
+_BOOT, _ANSWER = 0.02, 2.0  # [s] of this host: before PX4's first answer, and after it
 _LISTEN = 0.05  # [s]
-_SETTLED = 2.0  # [s] of PX4's time with a position, before it is armed
-_ASK_EVERY = 0.5  # [s] of PX4's time, between two requests to arm
-# While it is held its set point is that far above it [m], as PX4 takes off for nothing less. PX4
-# takes the lift of a drone that does not rise for its hover thrust, so the lift must exceed the
-# weight soon. Then the set point comes down in that time [s], as a step would be a fall.
+_SETTLED = 2.0  # [s] of PX4's time with a position before arming
+_ASK_EVERY = 0.5  # [s] of PX4's time between two requests to arm
+# Height [m] of the set point above the held drone, because PX4 takes off only toward a distant set
+# point. PX4 would take the lift of a drone that does not rise for its hover thrust, so the lift
+# must soon exceed the weight. Then the set point is lowered in the given time [s] without a step.
 _ABOVE, _LOWERING = 0.3, 2.0
 _HEARTBEAT = 0.5  # [s]
 _ARM, _SET_MODE = 400, 176  # MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_DO_SET_MODE
 _CUSTOM_MODE, _OFFBOARD, _ARMED = 1, 6, 128
 _COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
-_TEXTS = 50  # of PX4's that are kept
+_TEXTS = 50  # number of stored messages from PX4
 
 
 class Stage(Enum):
-    """How far PX4 is on its way into the air."""
+    """Progress of PX4's start and take-off."""
 
-    BOOT = 'PX4 does not answer yet: start it before this node, with the same px4_instance'
-    SETTLE = "PX4's estimator settles"
-    ARM = 'PX4 is being armed'
-    SPOOL = "PX4's rotors spool up"
+    BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same px4_instance'
+    SETTLE = "PX4's estimator is settling"
+    ARM = 'PX4 is arming'
+    SPOOL = "PX4's rotors are spooling up"
     FLY = ''
 
 
 class Px4Firmware:
-    """A PX4 in lock-step: it is led into the air while the drone is held, then step by step.
+    """PX4 in lockstep: the drone is held until PX4 has spooled up, then flies step by step.
 
-    PX4's time is that of the sensors and goes on while the drone is held, however long the world
-    stands still: its estimator needs seconds to settle and its rotors to spool up.
+    PX4's time is that of the sensors, and continues while the drone is held and the simulation
+    pauses. PX4's estimator and rotors need seconds to start.
 
     Parameters
     ----------
     simulator, companion
-        The lines to it.
+        Lines to PX4.
     setup : Px4Setup
-        As it was set up.
+        Setup of the firmware.
     seed : int
-        Of the sensors' noise.
+        Seed of the sensors' noise.
 
     Attributes
     ----------
-    stage : Stage
     texts : list of str
-        What it reported, the newest last: rejected set points are among it.
+        Messages of PX4, the newest last, such as rejections of set points.
     origin : (3,) ndarray
-        Where its local frame begins in the world, north-east-down [m].
+        Origin of PX4's local frame in the world, north-east-down [m].
     """
 
     def __init__(
@@ -91,9 +90,9 @@ class Px4Firmware:
 
     @property
     def problem(self) -> str:
-        """Why it does not fly, '' if it does."""
+        """Reason why PX4 does not fly; empty if it flies."""
         if self._simulator.is_lost:
-            return 'PX4 has ended or closed the line: start it and this node again'
+            return 'PX4 has ended or closed the connection: restart PX4 and this node'
         if self.stage is Stage.FLY:
             return self._loss()
         texts = [text for text in self.texts[-3:] if 'Arming denied' in text or 'Preflight' in text]
@@ -101,7 +100,7 @@ class Px4Firmware:
 
     @property
     def is_led(self) -> bool:
-        """Whether it follows set points; where they stop, its failsafe acts after COM_OF_LOSS_T."""
+        """Whether PX4 follows set points; without them its failsafe acts after COM_OF_LOSS_T."""
         return self._mode >> 24 == _OFFBOARD
 
     @property
@@ -110,17 +109,17 @@ class Px4Firmware:
         return self._time_us // 1000
 
     def send(self, name: str, **values: object) -> None:
-        """Send a message to it."""
+        """Send a message to PX4."""
         self._companion.send(self._writer.pack(name, **values))
 
     def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
-        """Advance by `dt` [s] to a state; return the shares (16,) of thrust, None without any."""
+        """Advance by `dt` [s]; return the thrust fractions (16,), None without an answer."""
         return self._step(state, round(1e6 * dt), is_placed, is_held=False)
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance by a step of a drone that is held; return the shares, as `step` does.
+        """Advance a held drone by one step; return the thrust fractions, as `step` does.
 
-        `lift` is the sum of shares that carries the drone.
+        `lift` is the sum of the thrust fractions that carries the drone.
         """
         shares = self._step(state, STEP_US, is_placed=True, is_held=True)
         place = ned(state.position)
@@ -154,9 +153,9 @@ class Px4Firmware:
         return answer.shares
 
     def _await_taken(self) -> None:
-        """Wait until PX4 has taken what was sent, which it answers in the order of its coming.
+        """Wait until PX4 has processed the sent messages, which it answers in order.
 
-        Its receiver does not take part in the lock-step: on a busy host it would be late.
+        PX4's receiver does not run in lockstep, so on a busy host it would be late.
         """
         if not self._is_heard:
             return
@@ -175,12 +174,12 @@ class Px4Firmware:
             self._placed_us = self._time_us
         self._offsets.append(self._place - place)
         if self._time_us - self._placed_us > 1e6 * _SETTLED:
-            if self._is_gps:  # else its frame is that of the odometry
+            if self._is_gps:  # otherwise PX4's frame is that of the odometry
                 self.origin = np.mean(self._offsets[len(self._offsets) // 2 :], axis=0)
             self.stage = Stage.ARM
 
     def _ask(self) -> None:
-        """Ask for offboard mode and then for arming, again and again."""
+        """Request offboard mode and then arming, repeatedly."""
         if self._mode & _ARMED and self.is_led:
             self.stage = Stage.SPOOL
             return
@@ -204,7 +203,8 @@ class Px4Firmware:
     def _take(self, message: Message) -> None:
         self._is_heard = True
         if message.name == 'HEARTBEAT' and message.component == 1:
-            # Main mode in bits 16 to 23 of the custom mode, above the flags of the base mode.
+            # Main mode in bits 16 to 23 of the custom mode, combined with the flags of the base
+            # mode.
             self._mode = (message['custom_mode'] >> 16 & 0xFF) << 24 | message['base_mode']
         elif message.name == 'LOCAL_POSITION_NED':
             self._place = np.array([message['x'], message['y'], message['z']])
@@ -218,29 +218,27 @@ class Px4Firmware:
 
 
 class Px4FirmwareFlight:
-    """Set points for a PX4 of this host, used as a `FlightControl`.
+    """Set points for PX4 on this host, used as a `FlightControl`.
 
     Parameters
     ----------
-    drone : DroneConfig
     body : MassProperties
-        Of drone and arm at rest.
-    firmware : Px4Firmware
+        Mass properties of drone and arm at rest.
     setup : Px4Setup
-        As the firmware was set up.
+        Setup of the firmware.
     gains : FlightGains
-        Of the position loop on this side, for a drone that pushes sideways.
+        Gains of this side's position loop, for a drone with tilted rotors.
     tilts_ahead : bool
         Whether set points tilt ahead, by the inverse of PX4's loops.
     holds_heading : bool
-        Whether set points have a heading; else it is left to itself.
+        Whether set points have a heading; otherwise PX4 does not control it.
 
     Attributes
     ----------
     problem : str
-        Why the rotors are not commanded, '' if they are.
+        Reason why the rotors are not commanded; empty if they are.
     is_settling : bool
-        Whether `settle` leads PX4 on its way into the air.
+        Whether the firmware is starting, so that `settle` must be called.
     """
 
     def __init__(
@@ -265,20 +263,20 @@ class Px4FirmwareFlight:
 
     @property
     def problem(self) -> str:
-        """Why the rotors are not commanded, '' if they are."""
+        """Reason why the rotors are not commanded; empty if they are."""
         return self._firmware.problem
 
     @property
     def is_settling(self) -> bool:
-        """Whether `settle` leads PX4 on its way into the air."""
+        """Whether the firmware is starting, so that `settle` must be called."""
         return self._held is not None and self._firmware.stage is not Stage.FLY
 
     def reset(self) -> None:
-        """Forget the integral."""
+        """Reset the integral."""
         self._set_points.reset()
 
     def settle(self) -> None:
-        """Let PX4's time go on while the drone is held where it was last seen."""
+        """Advance PX4's time while the drone is held at its last place."""
         if self._held is None:
             return
         if self._firmware.stage in (Stage.ARM, Stage.SPOOL):
@@ -293,13 +291,13 @@ class Px4FirmwareFlight:
             self._held = state
             self.settle()
             return self._thrusts()
-        if dt > 0.0:  # else this state is the one in which it was led into the air
+        if dt > 0.0:  # otherwise this is the state at the take-off
             self._lead(state, target, dt, self._at_rest if arm is None else arm)
             self._note(self._firmware.step(state, dt))
         return self._thrusts()
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] of a PX4 that lost its odometry: its failsafe acts."""
+        """Return the thrusts (n,) [N] after loss of odometry, when PX4's failsafe acts."""
         self._note(self._firmware.step(state, dt, is_placed=False))
         return self._thrusts()
 

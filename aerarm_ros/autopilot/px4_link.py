@@ -1,8 +1,9 @@
-"""The two lines to a PX4 that runs as a program of this host (SITL).
+"""Connections to a PX4 program on this host (SITL).
 
-On the one, TCP, this side is PX4's simulator: sensors go in, shares of thrust come out, and PX4's
-time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). On the other, UDP,
-this side is a companion computer: set points and commands go in, state comes out.
+In the TCP connection this side is PX4's simulator: it sends sensors and receives thrust fractions.
+PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In the UDP
+connection this side is a companion computer: it sends set points and commands, and receives
+states.
 """
 
 import select
@@ -17,22 +18,21 @@ from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
 from aerarm_ros.motion.signals import Array
 
 SIMULATOR_PORT, COMPANION_PORT, OFFBOARD_PORT = 4560, 14540, 14580
-"""TCP of the simulator, UDP of the companion, UDP of PX4; plus the number of the instance."""
+"""Ports: TCP of the simulator, UDP of the companion, UDP of PX4; add the number of the instance."""
 
 _HOST = '127.0.0.1'
-_SYSTEM, _COMPONENT = 245, 191  # this side: MAV_COMP_ID_ONBOARD_COMPUTER
+_SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER
 _ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _CHUNK = 65536
 
 
 class Controls(NamedTuple):
-    """What PX4 commands.
+    """Commands of PX4 to the rotors.
 
     Attributes
     ----------
     shares : (16,) ndarray
-        Of each rotor's largest thrust, 0 while it is disarmed.
-    is_armed : bool
+        Fraction of each rotor's largest thrust, 0 while PX4 is disarmed.
     """
 
     shares: Array
@@ -40,49 +40,49 @@ class Controls(NamedTuple):
 
 
 class Simulator(Protocol):
-    """PX4's simulator, as a flight uses it."""
+    """Interface of PX4's simulator."""
 
     is_lost: bool
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
-        """Send frames, the last of them the HIL_SENSOR of a time; return what answers it."""
+        """Send frames, the last of them a HIL_SENSOR; return PX4's answer."""
 
     def close(self) -> None:
         """Close the line."""
 
 
 class Companion(Protocol):
-    """The line for set points and commands, as a flight uses it."""
+    """Interface of the connection for set points and commands."""
 
     def send(self, frame: bytes) -> None:
         """Send a frame."""
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return what came since the last call, after up to `patience` [s] if nothing did."""
+        """Return the new messages, after waiting up to `patience` [s] for the first."""
 
     def close(self) -> None:
         """Close the line."""
 
 
 class SimulatorLink:
-    """Listens for a PX4, which connects to its simulator.
+    """Listen for PX4, which connects to its simulator.
 
     Parameters
     ----------
     port : int
-        TCP.
+        TCP port.
 
     Attributes
     ----------
     is_lost : bool
-        Whether a PX4 that was connected has ended or closed the line.
+        Whether a connected PX4 has ended or closed the connection.
     damaged : int
-        Frames with a wrong checksum.
+        Number of frames with a wrong checksum.
 
     Raises
     ------
     ValueError
-        If the port is taken.
+        If the port is in use.
     """
 
     def __init__(self, port: int = SIMULATOR_PORT) -> None:
@@ -100,14 +100,14 @@ class SimulatorLink:
 
     @property
     def damaged(self) -> int:
-        """Frames with a wrong checksum."""
+        """Number of frames with a wrong checksum."""
         return self._reader.damaged
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
-        """Send frames; return the controls that answer them, None without within `patience` [s].
+        """Send frames; return the controls that answer them within `patience` [s], or None.
 
-        The last frame is the HIL_SENSOR of `time_us`. What precedes it belongs to the moment
-        before, as PX4 stamps every message with the time of its last HIL_SENSOR.
+        The last frame is the HIL_SENSOR of `time_us`. Earlier frames belong to the previous time,
+        because PX4 stamps every message with the time of its last HIL_SENSOR.
         """
         line = self._connected(patience)
         if line is None:
@@ -154,17 +154,17 @@ class SimulatorLink:
 
 
 class CompanionLink:
-    """A UDP line to PX4's onboard port.
+    """UDP connection to PX4's onboard port.
 
     Parameters
     ----------
     port, px4_port : int
-        UDP of this side and of PX4.
+        UDP ports of this side and of PX4.
 
     Raises
     ------
     ValueError
-        If the port is taken.
+        If the port is in use.
     """
 
     def __init__(self, port: int = COMPANION_PORT, px4_port: int = OFFBOARD_PORT) -> None:
@@ -179,14 +179,14 @@ class CompanionLink:
             raise ValueError(_taken('UDP', port, error)) from None
 
     def send(self, frame: bytes) -> None:
-        """Send a frame; nothing happens while PX4 does not listen."""
+        """Send a frame; if PX4 does not listen, the frame is lost."""
         try:
             self._line.sendto(frame, self._px4)
         except (ConnectionRefusedError, BlockingIOError):
             return
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return what came since the last call, after up to `patience` [s] if nothing did."""
+        """Return the new messages, after waiting up to `patience` [s] for the first."""
         found = []
         select.select([self._line], [], [], patience)
         while True:
@@ -207,6 +207,6 @@ def companion_writer() -> FrameWriter:
 
 def _taken(kind: str, port: int, error: OSError) -> str:
     return (
-        f"loops 'px4_sitl': {kind} port {port}: {error.strerror}: end the other flight_control or "
-        'simulator, or give another px4_instance'
+        f"{kind} port {port} of loops 'px4_sitl' cannot be opened ({error.strerror}): stop the "
+        'other flight_control or simulator, or set another px4_instance'
     )

@@ -1,4 +1,4 @@
-"""PX4's cascade of loops, from a set point to thrust and moment."""
+"""Model of PX4's cascaded loops, from a set point to thrust and moment."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.motion.signals import Array
 
-_INTEGRAL_MAX = GRAVITY  # [m/s^2] of the velocity's
+_INTEGRAL_MAX = GRAVITY  # [m/s^2] largest integral action of the velocity loop
 _RATE_INTEGRAL_MAX = 0.3  # MC_RR_INT_LIM
 _YAW_WEIGHT = 0.4  # MC_YAW_WEIGHT
 _VELOCITY_CUTOFF = 5.0  # [Hz] MPC_VELD_LP, of the derivative of the velocity
@@ -23,21 +23,21 @@ _SPIN_CUTOFF = 20.0  # [Hz] IMU_DGYRO_CUTOFF, of the angular acceleration
 
 
 def _low_pass_share(cutoff: float, dt: float) -> float:
-    """Return the share of a new value in a first-order low-pass filter with a cut-off [Hz]."""
+    """Return the weight of a new value in a first-order low-pass with a cut-off [Hz]."""
     return float(1.0 - np.exp(-2.0 * np.pi * cutoff * dt))
 
 
 class Px4SetPoint(NamedTuple):
-    """The fields of px4_msgs/TrajectorySetpoint that its position loop reads, north-east-down.
+    """Fields of px4_msgs/TrajectorySetpoint for the position loop, north-east-down.
 
     Attributes
     ----------
     position : (3,) ndarray
         [m]
     yaw : float
-        From north to the right [rad]; NaN leaves the heading to itself.
+        From north to the right [rad]; NaN for no heading control.
     velocity, acceleration : (3,) ndarray
-        [m/s], [m/s^2]; NaN where there is none.
+        [m/s], [m/s^2]; NaN for none.
     """
 
     position: Array
@@ -47,7 +47,7 @@ class Px4SetPoint(NamedTuple):
 
 
 class Px4State(NamedTuple):
-    """Where the vehicle is, north-east-down, its body forward-right-down.
+    """State of the vehicle, north-east-down, its body forward-right-down.
 
     Attributes
     ----------
@@ -68,15 +68,15 @@ class Px4State(NamedTuple):
 class Px4Loops:
     """Position P, velocity PID, attitude P on the quaternion, angular velocity PID.
 
-    As in PX4's modules mc_pos_control (PositionControl.cpp), mc_att_control (AttitudeControl.cpp,
-    Brescianini, Hehn and D'Andrea 2013) and mc_rate_control; the acceleration of a set point is
-    added behind the velocity's PID, and the hover thrust stands for the weight.
+    The loops are those of PX4's modules mc_pos_control (PositionControl.cpp), mc_att_control
+    (AttitudeControl.cpp, Brescianini, Hehn and D'Andrea 2013) and mc_rate_control. The
+    acceleration of a set point is added after the velocity's PID. The hover thrust carries the
+    weight.
 
     Parameters
     ----------
-    gains : Px4Gains
     hover_thrust : float
-        As a share of the largest thrust: what PX4's estimator has found.
+        Result of PX4's hover thrust estimator, as a fraction of the largest thrust.
     """
 
     def __init__(self, gains: Px4Gains, hover_thrust: float) -> None:
@@ -92,7 +92,7 @@ class Px4Loops:
         self.reset()
 
     def reset(self) -> None:
-        """Forget integrals and derivatives."""
+        """Reset integrals and derivatives."""
         self._push, self._moment = np.zeros(3), np.zeros(3)
         self._velocity: Array | None = None
         self._rate: Array | None = None
@@ -100,17 +100,17 @@ class Px4Loops:
         self._acceleration, self._spin = np.zeros(3), np.zeros(3)
 
     def update(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> tuple[float, Array]:
-        """Return normalised thrust and torque (3,), forward-right-down.
+        """Return normalized thrust and torque (3,), forward-right-down.
 
         `dt` is the time since the last update [s].
         """
         thrust = self._thrust(state, wanted, dt)
-        # Without one it takes the heading that is, so that only its angular velocity is damped.
+        # Without a heading PX4 uses the present one, so that only the yaw rate is damped.
         yaw = yaw_of(state.rotation) if np.isnan(wanted.yaw) else wanted.yaw
         return float(np.linalg.norm(thrust)), self._torque(state, thrust, yaw, dt)
 
     def _thrust(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> Array:
-        """Return the thrust (3,) in the world, as a share of the largest."""
+        """Return the thrust (3,) in the world, as a fraction of the largest."""
         error = wanted.position - state.position
         velocity = self._position_p * error + np.nan_to_num(wanted.velocity)
         if self._velocity is not None and dt > 0.0:
@@ -152,10 +152,10 @@ class Px4Loops:
         return np.clip(torque, -1.0, 1.0)
 
     def _rates(self, rotation: Array, wanted: Array) -> Array:
-        """Return the angular velocity that is asked for, in body axes [rad/s]."""
-        tilt = _between(rotation[:, 2], wanted[:, 2])  # the shortest way for the thrust
+        """Return the desired angular velocity in body axes [rad/s]."""
+        tilt = _between(rotation[:, 2], wanted[:, 2])  # the shortest rotation of the thrust
         reduced = tilt @ rotation
-        # What is left is a turn about the body's z.
+        # The remaining rotation is about the body's z.
         left = reduced.T @ wanted
         turn = np.arctan2(left[1, 0], left[0, 0])
         around = pin.exp3(np.array([0.0, 0.0, _YAW_WEIGHT * turn]))
@@ -174,41 +174,40 @@ def _attitude(down: Array, yaw: float) -> Array:
 
 
 def _between(start: Array, end: Array) -> Array:
-    """Return the rotation that turns one unit vector to another by the shortest way."""
+    """Return the shortest rotation from one unit vector to another."""
     return np.array(pin.Quaternion.FromTwoVectors(start, end).toRotationMatrix())
 
 
 def _sine_vector(rotation: Array) -> Array:
-    """Return twice the quaternion's vector part of a rotation, its scalar part positive."""
+    """Return twice the vector part of a rotation's quaternion, with positive scalar part."""
     x, y, z, w = quaternion(rotation)
     vector: Array = np.copysign(2.0, w) * np.array([x, y, z])
     return vector
 
 
-_SINK = 0.97  # share of the weight that is lifted where the height is not known
+_SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class Px4Flight:
-    """`Px4Loops` on a drone's rotors, used as a `FlightControl`.
+    """`Px4Loops` with a drone's rotors, used as a `FlightControl`.
 
-    All that reaches the loops of the arm is the acceleration of a set point: neither its weight's
-    moment nor its inertia. The hover thrust is that of drone and arm at rest.
+    The only feedforward of the arm is the acceleration of a set point. The loops receive neither
+    the moment of the arm's weight nor its inertia. The hover thrust is that of drone and arm at
+    rest.
 
     Parameters
     ----------
-    drone : DroneConfig
     body : MassProperties
-        Of drone and arm at rest.
-    gains : Px4Gains
+        Mass properties of drone and arm at rest.
     knows_loops : bool
-        Whether the loops' gains serve to lean ahead.
+        Whether set points tilt ahead, by the inverse of the loops.
     holds_heading : bool
-        Whether set points have a heading; else it is left to itself.
+        Whether set points have a heading; otherwise PX4 does not control it.
 
     Attributes
     ----------
     problem : str
-        As a `FlightControl` has it.
+        See `FlightControl`.
     """
 
     problem = ''
@@ -236,13 +235,13 @@ class Px4Flight:
             self._acceleration = SetPointAcceleration(gains.mc_att_p, rate_gain, lasting)
 
     def reset(self) -> None:
-        """Forget integrals."""
+        """Reset the integrals."""
         self._loops.reset()
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Return the thrusts (n,) [N] that lead to the target, after a step of `dt` [s]."""
+        """Return the thrusts (n,) [N] toward the target, after a step of `dt` [s]."""
         wanted = target.acceleration
         if arm is not None:
             wanted = wanted + self._acceleration.update(arm, state.rotation, dt)
@@ -251,7 +250,7 @@ class Px4Flight:
         return self._thrusts(state, set_point, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] of a drone that knows its attitude only: level, sinking."""
+        """Return the thrusts (n,) [N] of a level, sinking drone without a known position."""
         sinking = np.array([0.0, 0.0, (1.0 - _SINK) * GRAVITY])
         here = Px4SetPoint(
             ned(state.position), heading(yaw_of(state.rotation)), np.zeros(3), sinking

@@ -1,4 +1,4 @@
-"""What PX4's simulator sends: sensors of a drone, as MAVLink frames."""
+"""Sensor data of a drone as MAVLink frames of PX4's simulator."""
 
 import numpy as np
 import pinocchio as pin
@@ -11,31 +11,31 @@ from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.motion.signals import Array
 
-# Where the emulated world's origin is: latitude, longitude [deg], height [m], and the magnetic
-# field there, north-east-down [gauss], of PX4's own world model in 2026.
+# Origin of the emulated world: latitude, longitude [deg], height [m], and the magnetic field,
+# north-east-down [gauss], from PX4's own world model in 2026.
 _ORIGIN = 47.397742, 8.545594, 488.0
 _FIELD = np.array([0.2152, 0.0120, 0.4306])
-_EARTH = 6371000.0  # [m], as PX4's projection has it
+_EARTH = 6371000.0  # [m], as in PX4's projection
 _IMU_FIELDS, _MAG_FIELDS, _BARO_FIELDS = 0x3F, 0x1C0, 0x1A00
 _FRAME_LOCAL_NED, _FRAME_BODY_FRD, _ESTIMATOR_VISION = 1, 12, 2
-_GPS_EVERY, _SLOW_EVERY = 25, 5  # HIL_SENSORs: 10 Hz, 50 Hz
+_GPS_EVERY, _SLOW_EVERY = 25, 5  # in HIL_SENSOR messages: 10 Hz, 50 Hz
 _MAG_NOISE, _PRESSURE_NOISE = 0.002, 0.02  # [gauss], [hPa]
 _VARIANCES = (1e-4, 1e-4, 1e-4)  # position [m^2], attitude [rad^2], velocity [m^2/s^2] of vision
 
 
 class SensorFrames:
-    """Packs what PX4 senses, with the noise of what the emulated world does not emulate.
+    """Pack sensor data for PX4, with noise for the sensors that the simulation lacks.
 
-    Accelerometer, gyroscope and odometry are as noisy as they come. Magnetometer, barometer and
-    satellite receiver have noise of their own. While a drone is held, one sample is repeated, so
-    that `is_held` adds noise to the IMU: PX4 takes equal samples for a sensor that is stuck.
+    Accelerometer, gyroscope and odometry keep the noise of their input. Magnetometer, barometer
+    and satellite receiver get their own noise. While a drone is held, its sample is repeated.
+    `is_held` then adds noise to the IMU, because PX4 treats equal samples as a sensor fault.
 
     Parameters
     ----------
-    writer : FrameWriter
     sensors : str
         One of `px4_setup.SENSORS`.
     seed : int
+        Seed of the noise.
     gps_noise : tuple of float
         Standard deviation of the receiver's position, and of its velocity [m], [m/s].
     """
@@ -58,7 +58,7 @@ class SensorFrames:
     def frames(
         self, time_us: int, state: FlightState, is_placed: bool = True, is_held: bool = False
     ) -> list[bytes]:
-        """Return the frames of a moment [us]; the place, if it is known, is that before it."""
+        """Return the frames of a time [us]; a known place precedes the other sensors."""
         before = self._before
         frames = []
         if before is not None and is_placed:

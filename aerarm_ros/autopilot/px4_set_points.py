@@ -1,4 +1,4 @@
-"""Set points for PX4, over MAVLink, with what the arm's motion takes."""
+"""Set points for PX4 over MAVLink, with feedforward of the arm's motion."""
 
 from typing import Any
 
@@ -17,30 +17,30 @@ from aerarm_ros.motion.signals import Array, limited
 
 _UP = np.array([0.0, 0.0, 1.0])
 _FRAME_LOCAL_NED = 1  # MAV_FRAME_LOCAL_NED
-# Of POSITION_TARGET_TYPEMASK: the bit that ignores the other one.
+# Bits of POSITION_TARGET_TYPEMASK that ignore the yaw, or the yaw rate.
 _TAKES_YAW_RATE, _TAKES_YAW = 1 << 10, 1 << 11
 _NO_RATES, _THRUST_BODY = 7, 32  # of ATTITUDE_TARGET_TYPEMASK
-_INTEGRAL = 3.0  # [m/s^2] at most
+_INTEGRAL = 3.0  # [m/s^2] largest integral action
 _STEP_MAX = 0.05  # [s]
 
 
 class Px4SetPoints:
-    """Makes the message of a target, for a drone in a state.
+    """Create the set point message for a target and a state of the drone.
 
-    Rotors in one plane: SET_POSITION_TARGET_LOCAL_NED, its acceleration that of
-    `SetPointAcceleration`; PX4 has all loops. A drone that pushes sideways stays level: PX4's
-    position loop would tilt it, so it gets SET_ATTITUDE_TARGET with its `thrust_body`, the force of
-    a position loop on this side and of what the arm does; PX4 has attitude and angular velocity.
+    A drone with rotors in one plane gets SET_POSITION_TARGET_LOCAL_NED with the acceleration of
+    `SetPointAcceleration`; PX4 closes all loops. A drone with tilted rotors stays level, but PX4's
+    position loop would tilt it. So a drone with tilted rotors gets SET_ATTITUDE_TARGET with
+    `thrust_body`: the force of this side's position loop plus the arm's feedforward. PX4 then
+    closes only the loops of attitude and angular velocity.
 
     Parameters
     ----------
-    drone : DroneConfig
     gains : FlightGains, optional
-        Of the position loop on this side.
+        Gains of this side's position loop.
     tilt : Px4Gains, optional
-        PX4's gains, for set points that tilt ahead; they do not without.
+        PX4's gains, for set points that tilt ahead; without them set points do not.
     holds_heading : bool
-        Whether set points have a heading; else it is left to itself.
+        Whether set points have a heading; otherwise PX4 does not control it.
 
     Raises
     ------
@@ -70,20 +70,20 @@ class Px4SetPoints:
 
     @property
     def needs_state(self) -> bool:
-        """Whether a message needs the drone's place and attitude."""
+        """Whether a message depends on the drone's place and attitude."""
         return self._is_full
 
     def reset(self) -> None:
-        """Forget the integral."""
+        """Reset the integral."""
         self._push = np.zeros(3)
 
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
     ) -> tuple[str, dict[str, Any]]:
-        """Return name and fields of the message, but its time.
+        """Return name and fields of the message, without its time.
 
-        `dt` [s] is the time since the last one; `origin` (3,) is where the target's frame begins in
-        PX4's local one, north-east-down [m].
+        `dt` [s] is the time since the last message. `origin` (3,) is the origin of the target's
+        frame in PX4's local frame, north-east-down [m].
         """
         if self._is_full:
             return self._attitude(state, target, dt, arm)

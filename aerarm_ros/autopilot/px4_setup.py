@@ -1,4 +1,4 @@
-"""PX4's parameters for a drone: rotors, hover thrust, gains, and where its position comes from."""
+"""PX4's parameters for a drone: rotors, hover thrust, gains and source of position."""
 
 from dataclasses import dataclass, field
 
@@ -11,13 +11,15 @@ from aerarm_ros.motion.signals import Array
 
 VISION, GPS = 'vision', 'gps'
 SENSORS = VISION, GPS
-"""Where PX4's position comes from: odometry as of motion capture, or a satellite receiver."""
+"""Source of PX4's position: odometry, as from motion capture, or a satellite receiver."""
 
 ROTORS = 12
-"""PX4's motors at most."""
+"""Largest number of motors in PX4."""
 
 AIRFRAME = '10016'
-"""none_iris: a multirotor whose simulator is this side; the parameters replace the rest of it."""
+"""Airframe none_iris, a multirotor with this process as simulator; the parameters override its
+other values.
+"""
 
 _FRD = np.array([1.0, -1.0, -1.0])
 _VISION_PARAMETERS = {
@@ -29,8 +31,8 @@ _GPS_PARAMETERS = {
     'EKF2_EV_CTRL': 0, 'EKF2_HGT_REF': 1, 'EKF2_GPS_CTRL': 7, 'EKF2_MAG_TYPE': 0,
     'EKF2_GPS_DELAY': 0.0, 'EKF2_REQ_GPS_H': 2.0,
 }  # fmt: skip
-# No manual control, no ground station, a battery that does not drain; one IMU. The last of them
-# keeps it armed while it is held.
+# No manual control, no ground station, a battery that does not drain; one IMU. The last parameter
+# keeps PX4 armed while the drone is held.
 _BENCH_PARAMETERS = {
     'COM_RC_IN_MODE': 4, 'COM_RCL_EXCEPT': 4, 'NAV_DLL_ACT': 0, 'CBRK_SUPPLY_CHK': 894281,
     'SIM_BAT_DRAIN': 86400.0, 'SENS_IMU_MODE': 1, 'EKF2_MULTI_IMU': 0, 'IMU_GYRO_RATEMAX': 250,
@@ -45,11 +47,10 @@ class Px4Setup:
 
     Attributes
     ----------
-    gains : Px4Gains
     sensors : str
         One of `SENSORS`.
     others : dict
-        Further parameters, by PX4's names; they win.
+        Further parameters, by PX4's names, which override all others.
 
     Raises
     ------
@@ -64,16 +65,18 @@ class Px4Setup:
     def __post_init__(self) -> None:
         """Check the choice of sensors."""
         if self.sensors not in SENSORS:
-            raise ValueError(f'sensors {self.sensors!r}: give one of {", ".join(SENSORS)}')
+            raise ValueError(
+                f'sensors = {self.sensors!r} is unknown: choose one of {", ".join(SENSORS)}'
+            )
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
         """Return PX4's parameters by name.
 
         Parameters
         ----------
-        drone : DroneConfig
         body : MassProperties
-            Of drone and arm at rest: PX4's levers begin at the centre of mass.
+            Mass properties of drone and arm at rest, because PX4's lever arms begin at the centre
+            of mass.
 
         Raises
         ------
@@ -81,12 +84,15 @@ class Px4Setup:
             If PX4 has too few motors, or the drone cannot hover on 10 to 80 % of its thrust.
         """
         if drone.n > ROTORS:
-            raise ValueError(f'drone: PX4 has {ROTORS} motors at most, {drone.name} has {drone.n}')
+            raise ValueError(
+                f'{drone.name} has {drone.n} rotors, but PX4 controls {ROTORS} at most: use '
+                'a drone file with fewer rotors'
+            )
         hover = hover_share(drone, body)
         if not 0.1 <= hover <= 0.8:
             raise ValueError(
-                f'drone: it hovers on {100.0 * hover:.0f} % of its thrust, and PX4 takes 10 to 80 %'
-                ' (MPC_THR_HOVER): check mass and thrust_max in the drone file'
+                f'the drone hovers at {100.0 * hover:.0f} % of its thrust, but PX4 accepts 10 to '
+                '80 % (MPC_THR_HOVER): check mass and thrust_max in the drone file'
             )
         by_sensors = {VISION: _VISION_PARAMETERS, GPS: _GPS_PARAMETERS}[self.sensors]
         return {
@@ -100,16 +106,16 @@ class Px4Setup:
 
 
 def hover_share(drone: DroneConfig, body: MassProperties) -> float:
-    """Return the share of all rotors' largest thrust that carries drone and arm."""
+    """Return the hover thrust as a fraction of all rotors' largest thrust."""
     lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
     return body.mass * GRAVITY / lift
 
 
 def force_unit(drone: DroneConfig) -> Array:
-    """Return the forces (3,) along the body's axes [N] of PX4's normalised thrust 1.
+    """Return the forces (3,) along the body's axes [N] of PX4's normalized thrust 1.
 
-    As ControlAllocationPseudoInverse scales its mixer: one over the mean entry of a column, of
-    those that are not zero; an axis without any has the unit of the body's z.
+    ControlAllocationPseudoInverse scales its mixer by one over the mean nonzero entry of a column.
+    An axis without entries has the unit of the body's z axis.
     """
     mixer = np.abs(np.linalg.pinv(drone.allocation * drone.column('thrust_max'))[:, :3])
     counts = np.count_nonzero(mixer > 1e-7, axis=0)
@@ -118,7 +124,7 @@ def force_unit(drone: DroneConfig) -> Array:
 
 
 def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-    """Return CA_* and the place of the IMU, forward-right-down from the centre of mass."""
+    """Return CA_* and the IMU's place, forward-right-down from the centre of mass."""
     found: dict[str, float] = {'CA_AIRFRAME': 0, 'CA_ROTOR_COUNT': drone.n}
     for i, rotor in enumerate(drone.rotors):
         place = _FRD * (np.array(rotor.position) - body.centre)

@@ -1,4 +1,4 @@
-"""The acceleration that a set point takes with it against the arm's motion."""
+"""Acceleration of a set point that compensates the arm's motion."""
 
 import numpy as np
 import pinocchio as pin
@@ -11,40 +11,40 @@ from aerarm_ros.model.inertia import cross
 from aerarm_ros.motion.signals import Array
 
 _UP = np.array([0.0, 0.0, 1.0])
-_TURN_MAX = 0.5  # [rad] of the heading
-_LEAN_MAX = 0.35  # [rad] that may be asked for besides what the force takes
+_TURN_MAX = 0.5  # [rad] largest correction of the heading
+_LEAN_MAX = 0.35  # [rad] largest tilt in addition to that of the force
 
 
 class SetPointAcceleration:
-    """Acceleration feed-forward for an autopilot that accepts an acceleration only.
+    """Acceleration feedforward for an autopilot that accepts an acceleration only.
 
-    Against the force f of the joints' motion that is `-f / m`; the weight is left to the
-    autopilot's hover thrust. Such an autopilot leans for it, late by its attitude loop, and no
-    input takes a moment. But a lean that is asked for makes its loops turn the drone, so where
-    their gains are known the set point leans ahead, by the inverse of a cascade of attitude and
+    The acceleration against the force f of the joints' motion is `-f / m`; the autopilot's hover
+    thrust carries the weight. The autopilot tilts for this acceleration with the delay of its
+    attitude loop, and accepts no moment. But its loops rotate the drone for a commanded tilt. If
+    their gains are known, the set point tilts ahead, by the inverse of a cascade of attitude and
     angular velocity::
 
         delta = (w + (J dw/dt + M) / k) / p
 
-    with the angular velocity w of the force that is fed forward, the moment M that rotors must give
-    against arm's weight and motion, p angular velocity per attitude error and k moment per error of
-    the angular velocity. What M has been for long, the loops' integral gives.
+    with the angular velocity w of the fed-forward force, and the moment M of the rotors against
+    the arm's weight and motion. p is the angular velocity per attitude error, k the moment per
+    error of the angular velocity. The loops' integral compensates a constant M.
 
     Parameters
     ----------
     attitude_gain : float
-        p [1/s]; 0 where the loops are not known.
+        p [1/s]; 0 if unknown.
     rate_gain : float
-        k [Nm s/rad]; 0 where it is not known.
+        k [Nm s/rad]; 0 if unknown.
     integral_rate : float
-        Of the integral over k [1/s].
+        Integral gain over k [1/s].
     yaw_gain : float
-        Moment about the vertical per error of the heading [Nm/rad], for `turn` alone.
+        Moment about the vertical per error of the heading [Nm/rad], only for `turn`.
 
     Raises
     ------
     ValueError
-        If one is negative.
+        If a value is negative.
     """
 
     def __init__(
@@ -79,9 +79,9 @@ class SetPointAcceleration:
         return np.asarray(acceleration + GRAVITY * level @ cross(lean, _UP))
 
     def turn(self, arm: FeedForward, dt: float) -> Array:
-        """Return the turn (3,) [rad] by which a level attitude brings about the moment alone.
+        """Return the rotation (3,) [rad] of a level attitude that causes only the moment.
 
-        In level axes, for a drone that pushes sideways and so tilts for no force.
+        In level axes, for a drone with tilted rotors, which does not tilt for a force.
         """
         if self._attitude_gain == 0.0 or self._rate_gain == 0.0:
             return np.zeros(3)
@@ -117,6 +117,6 @@ class SetPointAcceleration:
 
 
 def _bounded(turn: Array) -> Array:
-    """Return the part of a turn about the horizontal axes, within the bound."""
+    """Return the part of a rotation about the horizontal axes, within the bound."""
     tilt = turn * [1.0, 1.0, 0.0]
     return np.asarray(tilt * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(tilt)), 1e-9)))

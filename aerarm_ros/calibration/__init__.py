@@ -1,4 +1,5 @@
-"""Calibration of an arm's geometry, of its mount and of the drone's IMU.
+"""Calibration of an arm's geometry, its mount and the drone's IMU.
 
-Pure: observations and a URDF in; estimates, files and pages out.
+The package has no side effects: it converts observations and a URDF into estimates, file texts and
+pages.
 """

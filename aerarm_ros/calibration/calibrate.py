@@ -36,7 +36,7 @@ from aerarm_ros.calibration.observations import (
 )
 from aerarm_ros.motion.signals import Array
 
-_BESIDE = 0.05  # [rad], [m] that a posture may lie beside the range of others
+_BESIDE = 0.05  # [rad], [m] by which a posture may exceed the range of the others
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class CalibrationOptions:
     Attributes
     ----------
     level : {'auto', 'offsets', 'geometry'}
-        Joint offsets alone, link geometry as well, or what cross-validation prefers.
+        Joint offsets only, link geometry as well, or the level preferred by cross-validation.
     compliance : bool
-        Whether deflection of the joints under gravity is tried, where the URDF has masses.
+        Whether to try deflection of the joints under gravity, if the URDF has masses.
     eccentricity : bool
-        Whether the first harmonic of the gears is tried.
+        Whether to try the first harmonic of the gears.
     """
 
     level: str = 'auto'
@@ -58,22 +58,16 @@ class CalibrationOptions:
     eccentricity: bool = False
 
     def __post_init__(self) -> None:
-        """Check the level."""
+        """Validate the level."""
         if self.level not in ('auto', *LEVELS):
             raise CalibrationError(
-                f'--level {self.level}: give one of auto, {", ".join(LEVELS)}'
+                f'--level {self.level} is unknown: choose one of auto, {", ".join(LEVELS)}'
             )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Postures that took no part in the estimate.
-
-    Attributes
-    ----------
-    name : str
-    observations : Observations
-    """
+    """Postures that are not used for the estimate."""
 
     name: str
     observations: Observations
@@ -81,21 +75,22 @@ class HeldOut:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A calibrated arm.
+    """Calibrated geometry of an arm.
 
     Attributes
     ----------
-    chain : Chain
     registration : Fit
-        The geometry as drawn, with base frame and markers fitted to it alone.
+        Nominal geometry, with only base frame and markers fitted.
     best : Candidate
-        What was chosen.
+        Chosen model.
     tried : tuple of Candidate
+        All models tried.
     found : Identifiable
-        Of all errors that were considered.
+        Identifiability of all considered errors.
     held_out : tuple of HeldOut
+        Postures for validation.
     messages : list of str
-        What the user should know.
+        Notes for the user.
     """
 
     chain: Chain
@@ -108,21 +103,21 @@ class Calibration:
 
     @property
     def fit(self) -> Fit:
-        """The chosen estimate."""
+        """Chosen estimate."""
         return self.best.fit
 
     @property
     def observations(self) -> Observations:
-        """Fitted observations."""
+        """Observations used for the fit."""
         return self.fit.observations
 
     def errors(self, fit: Fit, observations: Observations | None = None) -> tuple[float, float]:
-        """Return root mean squares of position [m] and angle [rad] of a fit."""
+        """Return RMS errors of position [m] and angle [rad] of a fit."""
         observations = observations or self.observations
         return errors_of(observations.sources, fit.residuals(observations))
 
     def within(self, observations: Observations) -> Mask:
-        """Return which postures (M,) lie within the joint ranges of those that were fitted."""
+        """Return which postures (M,) are within the joint ranges of the fitted postures."""
         n = self.fit.geometry.n
         fitted_to = self.observations.q[:, :n]
         low, high = fitted_to.min(axis=0) - _BESIDE, fitted_to.max(axis=0) + _BESIDE
@@ -130,7 +125,7 @@ class Calibration:
         return np.asarray(((q >= low) & (q <= high)).all(axis=1))
 
     def marker_errors(self, observations: Observations) -> dict[str, float]:
-        """Return the root mean square position error of each marker or pose [m]."""
+        """Return the RMS position error of each marker or pose [m]."""
         found = {}
         for source, residual in zip(
             observations.sources, self.fit.residuals(observations), strict=True
@@ -144,7 +139,7 @@ class Calibration:
         return found
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
-        """Return value and standard deviation by joint of the estimated errors of a kind."""
+        """Return value and standard deviation by joint for the estimated errors of one kind."""
         fit = self.fit
         deviations = fit.deviations
         found = {}
@@ -161,21 +156,19 @@ def calibrate(
     held_out: Sequence[HeldOut] = (),
     options: CalibrationOptions | None = None,
 ) -> Calibration:
-    """Estimate geometric errors.
+    """Estimate the geometric errors of an arm.
 
     Parameters
     ----------
-    chain : Chain
     observations : Observations
-        Joint positions of the chain's robot, and what sensors measured.
+        Joint positions of the chain's robot, with sensor measurements.
     held_out : sequence of HeldOut
-        Sources in the same order; nothing is estimated from them.
-    options : CalibrationOptions, optional
+        Postures for validation only, with sources in the same order.
 
     Raises
     ------
     CalibrationError
-        If what was measured cannot be used, see `checks`; or too little can be estimated.
+        If measurements are unusable, see `checks`, or too few errors are identifiable.
     """
     options = options or CalibrationOptions()
     geometry = ArmGeometry(chain.robot, chain.link)
@@ -196,7 +189,8 @@ def calibrate(
     compliance = options.compliance and chain.has_masses
     if options.compliance and not chain.has_masses:
         messages.append(
-            'the URDF gives no masses: deflection of the joints under gravity is not estimated'
+            'the URDF gives no masses, so the deflection of the joints under gravity is '
+            'not estimated'
         )
     best, tried = chosen(start, options.level, compliance, options.eccentricity)
     kinds = LEVELS['geometry' if options.level == 'auto' else options.level]
@@ -207,7 +201,7 @@ def calibrate(
 
 
 def predicted_deviation(fit: Fit, q: Array) -> Array:
-    """Return standard deviations (M, K) of predictions of a fit in other postures [m], [rad]."""
+    """Return standard deviations (M, K) of a fit's predictions in other postures [m], [rad]."""
     count = len(q)
     index = np.zeros(count, dtype=int)
     sources = fit.observations.rows(index).sources
@@ -221,8 +215,8 @@ def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:
     if not names:
         return []
     return [
-        f'these postures do not show {", ".join(names)}: they stay as drawn; postures in which the '
-        'joints around them move more would show them'
+        f'the postures do not determine {", ".join(names)}, which keep their nominal values: '
+        'record postures in which the neighbouring joints move further'
     ]
 
 
@@ -237,14 +231,16 @@ def _without_copies(observations: Observations) -> tuple[Observations, list[str]
 
 
 def _like(one: HeldOut, observations: Observations) -> HeldOut:
-    """Return held-out postures with the markers of the others, in their order."""
+    """Return held-out postures with the same markers in the same order as the observations."""
     sources = []
     for source, other in zip(observations.sources, one.observations.sources, strict=True):
         if isinstance(source, MarkerSource):
             assert isinstance(other, MarkerSource)
             missing = [name for name in source.names if name not in other.names]
             if missing:
-                raise CalibrationError(f'{one.name}: has no marker {missing[0]}: add its columns')
+                raise CalibrationError(
+                    f'{one.name} lacks marker {missing[0]}: add the columns of that marker'
+                )
             order = [other.names.index(name) for name in source.names]
             other = replace(other, names=source.names, position=other.position[:, order])
         sources.append(other)

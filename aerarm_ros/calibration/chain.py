@@ -1,4 +1,4 @@
-"""The chain of joints from the base to what the observations are attached to."""
+"""Kinematic chain from the base to the link that carries the observed markers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.description.urdf_document import UrdfDocument, UrdfJoint
 
-_LIGHT = 1e-6  # [kg] of a link that the URDF gives no mass, so that it can be read
+_LIGHT = 1e-6  # [kg] for a link without mass in the URDF, so that it can be loaded
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,15 +20,15 @@ class Chain:
     Attributes
     ----------
     robot : Robot
-        The joints that move the link, all others locked.
+        Robot with only the joints that move the link; all others are locked.
     link : str
-        What the observations are attached to.
+        Link to which the observations are attached.
     ignored : tuple of str
-        Recorded joints that do not move it.
+        Recorded joints that do not move the link.
     text : str
-        The URDF as read.
+        Original text of the URDF.
     has_masses : bool
-        Whether the URDF gives masses, so that torques of gravity are known.
+        Whether the URDF contains masses, so that gravity torques are known.
     """
 
     robot: Robot
@@ -50,22 +50,23 @@ def chain_of(
     Parameters
     ----------
     text : str
-        The URDF.
+        Text of the URDF.
     recorded : collection of str
-        Joints whose positions are known; those that do not move the link are ignored.
+        Joints with known positions; joints that do not move the link are ignored.
     link : str
-        Where the observations are attached; if empty, the link at the end of the recorded joints.
+        Link to which the observations are attached; if empty, the link after the last recorded
+        joint.
     locked : sequence of str
         Joints of the chain that did not move.
     gravity_in_base : (3,) sequence
-        [m/s^2]
+        Gravity in the base frame [m/s^2].
 
     Raises
     ------
     CalibrationError
-        If the link is not known or not unique, or a joint of the chain has no recorded positions.
+        If the link is unknown or ambiguous, or a joint of the chain has no recorded positions.
     DescriptionError
-        If the text is no URDF.
+        If the text is not a URDF.
     """
     document = UrdfDocument(text)
     above = {joint.child: joint for joint in document.joints.values()}
@@ -73,13 +74,14 @@ def chain_of(
     known = [name for name in recorded if name in driven]
     if not known:
         raise CalibrationError(
-            f'none of the recorded joints ({_some(recorded)}) is in the URDF, which has '
-            f'{_some(sorted(driven))}: check the URDF, or rename the columns'
+            f'none of the recorded joints ({_some(recorded)}) is a joint of the URDF '
+            f'({_some(sorted(driven))}): check the URDF, or rename the columns'
         )
     link = link or _last_link(document, above, known)
     if link not in document.links:
         raise CalibrationError(
-            f'--link {link}: unknown link; the URDF has {_some(sorted(document.links))}'
+            f"link {link} (--link) is unknown: choose one of the URDF's links, "
+            f'{_some(sorted(document.links))}'
         )
     path = []
     at = link
@@ -90,11 +92,12 @@ def chain_of(
     missing = [name for name in moving if name not in known]
     if missing:
         raise CalibrationError(
-            f'no positions of joint {missing[0]}, which moves link {link}: the recorded joints are '
-            f'{_some(recorded)}; record it, or pass --lock {missing[0]} if it stood at zero'
+            f'no positions of joint {missing[0]}, which moves link {link}, are among the '
+            f'recorded joints {_some(recorded)}: record them, or pass --lock {missing[0]} if the '
+            'joint stayed at zero'
         )
     if not moving:
-        raise CalibrationError(f'--link {link}: no recorded joint moves it; name another link')
+        raise CalibrationError(f'no recorded joint moves link {link} (--link): name another link')
     children = [document.joints[name].child for name in moving]
     light, has_masses = _with_masses(text, children)
     robot = load_robot(light, gravity_in_base=gravity_in_base, joint_names=moving)
@@ -103,7 +106,7 @@ def chain_of(
 
 
 def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Sequence[str]) -> str:
-    """Return the link behind the last of the known joints of one chain."""
+    """Return the link after the last known joint of a chain."""
     ends = []
     for name in known:
         inner = {j for j in known if j != name}
@@ -118,14 +121,14 @@ def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Seque
     if len(last) > 1 or most < len(known) - 1:
         behind = [document.joints[name].child for count, name in sorted(ends)[::-1]]
         raise CalibrationError(
-            'the recorded joints do not form one chain: name the link that carries the markers '
-            f'with --link, such as {", ".join(behind[:3])}'
+            'the recorded joints form several chains: name the link that carries the markers '
+            f'with --link, for example {", ".join(behind[:3])}'
         )
     return document.joints[last[0]].child
 
 
 def _with_masses(text: str, links: Sequence[str]) -> tuple[str, bool]:
-    """Return the URDF with a mass for every one of some links, and whether it had them."""
+    """Return the URDF with a mass for each of the given links, and whether it had all masses."""
     root = ET.fromstring(text)
     lacking = [
         element
@@ -141,7 +144,7 @@ def _with_masses(text: str, links: Sequence[str]) -> tuple[str, bool]:
         ET.SubElement(inertial, 'inertia', moment)
     if not lacking:
         return text, True
-    # Of an arm some of whose masses are missing, torques of gravity are not known.
+    # If some masses of an arm are missing, its gravity torques are unknown.
     return ET.tostring(root, encoding='unicode'), False
 
 

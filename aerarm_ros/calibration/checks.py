@@ -1,4 +1,4 @@
-"""Whether measurements are what they should be, each fault with one clear error."""
+"""Checks of calibration measurements, each with one clear error."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from aerarm_ros.calibration.observations import (
 from aerarm_ros.motion.signals import Array
 
 FEWEST = 6
-"""Postures below which nothing is estimated."""
+"""Smallest number of postures for a calibration."""
 
-_JUMP = 5e-3  # [m] change of a distance between markers of a rigid body
-_SPREADS = 6.0  # median absolute deviations of a distance that are no jump
-_ALIKE = 1e-6  # [m] markers that differ by less are one
-_MILLIMETRES = (300.0, 3000.0)  # ratio of measured and predicted motion
-_MISFIT = 0.05  # share of the arm's motion that an arm as drawn may leave unexplained
+_JUMP = 5e-3  # [m] change of the distance between two markers on a rigid body
+_SPREADS = 6.0  # median absolute deviations of a distance below which there is no jump
+_ALIKE = 1e-6  # [m] closer markers are duplicates
+_MILLIMETRES = (300.0, 3000.0)  # ratio of measured to predicted motion
+_MISFIT = 0.05  # fraction of the arm's motion that a nominal arm may leave unexplained
 _LEAST_MISFIT = 3e-3  # [m]
-_LARGEST_TURN = 12.0  # [rad] of a joint, beyond which a position is in degrees
-_FAR, _FAR_SIGMAS = 0.02, 15.0  # [m], standard deviations of a single marker's jump
-_EXPLAINED = 0.2  # of the misfit that is left when markers are exchanged, or a joint's sign
+_LARGEST_TURN = 12.0  # [rad] joint position above which the unit must be degrees
+_FAR, _FAR_SIGMAS = 0.02, 15.0  # [m] and standard deviations of a single marker's jump
+_EXPLAINED = 0.2  # remaining fraction of the misfit after exchanging markers or inverting a joint
 
 
 def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
@@ -42,8 +42,8 @@ def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
             kept.append(k)
         else:
             messages.append(
-                f'marker {name} has the values of {source.names[same]} in every posture: it is '
-                'left out'
+                f'marker {name} has the values of {source.names[same]} in every posture and is '
+                'ignored'
             )
     names = tuple(source.names[k] for k in kept)
     return MarkerSource(
@@ -57,27 +57,28 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def check_count(observations: Observations) -> None:
-    """Require enough postures in which something was seen.
+    """Check that enough postures have measurements.
 
     Raises
     ------
     CalibrationError
+        If there are too few.
     """
     seen = np.any([source.seen for source in observations.sources], axis=0)
     if int(seen.sum()) < FEWEST:
         raise CalibrationError(
-            f'{int(seen.sum())} postures with measurements are too few: the base frame alone '
-            f'takes {FEWEST}; record at least 15, better 40'
+            f'only {int(seen.sum())} postures have measurements, but the base frame alone needs '
+            f'{FEWEST}: record at least 15, better 40'
         )
 
 
 def check_positions(observations: Observations, geometry: ArmGeometry) -> list[str]:
-    """Return warnings of joints beyond their limits.
+    """Return warnings about joints beyond their limits.
 
     Raises
     ------
     CalibrationError
-        If positions are missing, or in degrees.
+        If positions are missing or in degrees.
     """
     messages = []
     robot = geometry.robot
@@ -86,31 +87,31 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
         if not np.isfinite(q).all():
             row = int(np.flatnonzero(~np.isfinite(q))[0])
             raise CalibrationError(
-                f'{observations.labels[row]}: no position of joint {joint}: fill it in, or remove '
-                'the posture'
+                f'{observations.labels[row]} has no position of joint {joint}: add the value, or '
+                'remove the posture'
             )
         if not geometry.is_prismatic(i) and np.abs(q).max() > _LARGEST_TURN:
             raise CalibrationError(
-                f'joint {joint} is at {np.abs(q).max():.0f} rad in some posture: positions look '
-                'like degrees; pass --degrees, or state the unit in the column, as '
-                f'{joint} [deg]'
+                f'joint {joint} reaches {np.abs(q).max():.0f} rad: positions look like degrees; '
+                f'pass --degrees, or state the unit in the column name, as {joint} [deg]'
             )
         beyond = max(q.max() - robot.position_max[i], robot.position_min[i] - q.min())
         if beyond > 0.1:
             unit = 'm' if geometry.is_prismatic(i) else 'rad'
             messages.append(
-                f'joint {joint} is recorded {beyond:.2g} {unit} beyond the limits of the URDF'
+                f'the recorded positions of joint {joint} exceed the limits of the URDF '
+                f'by {beyond:.2g} {unit}'
             )
     return messages
 
 
 def check_units(observations: Observations, geometry: ArmGeometry) -> None:
-    """Require that the measured motion has about the range of the arm's motion.
+    """Check that the measured motion is about as large as the arm's motion.
 
     Raises
     ------
     CalibrationError
-        If it looks like millimetres.
+        If the measurements look like millimetres.
     """
     predicted = _spread(geometry.poses(observations.q, np.zeros(len(geometry.names))).position)
     for source in observations.sources:
@@ -123,19 +124,20 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
         measured = _spread(position)
         if predicted > 0.0 and _MILLIMETRES[0] < measured / predicted < _MILLIMETRES[1]:
             raise CalibrationError(
-                f'{source.name}: positions vary by {measured:.0f} between postures where the arm '
-                f'moves by {predicted:.2g} m: they look like millimetres; pass --length-unit mm, '
-                'or state the unit in the columns, as x1 [mm]'
+                f'{source.name}: positions vary by {measured:.0f}, but the arm moves by '
+                f'{predicted:.2g} m, so they look like millimetres; pass --length-unit mm, or '
+                'state the unit in the column names, as x1 [mm]'
             )
 
 
 def check_rigid(observations: Observations) -> None:
-    """Require that markers keep their distances.
+    """Check that markers keep their distances.
 
     Raises
     ------
     CalibrationError
-        If markers are exchanged in some postures, or one jumps; it names them and the posture.
+        If markers are exchanged in some postures, or a marker jumps; the message names markers and
+        posture.
     """
     for source in observations.sources:
         if isinstance(source, MarkerSource) and len(source.names) > 1:
@@ -145,7 +147,7 @@ def check_rigid(observations: Observations) -> None:
 def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
     pairs = list(combinations(range(len(source.names)), 2))
     distance = np.array([_distances(source.position, pair) for pair in pairs])
-    together = np.isfinite(distance).any(axis=1)  # some are never seen at once
+    together = np.isfinite(distance).any(axis=1)  # some markers are never visible at the same time
     pairs, distance = (
         [p for p, is_seen in zip(pairs, together, strict=True) if is_seen],
         (distance[together]),
@@ -167,8 +169,9 @@ def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
         after = np.array([_distances(swapped[None], pair)[0] for pair in pairs])
         if not np.any(np.abs(after - usual) > limit):
             raise CalibrationError(
-                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} are '
-                'swapped: exchange them, or label them again in the motion capture software'
+                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} '
+                'are swapped; exchange their columns, or label them again in the motion capture '
+                'software'
             )
     counts = [sum(wrong[k, row] for k, pair in enumerate(pairs) if m in pair)
               for m in range(len(source.names))]  # fmt: skip
@@ -180,23 +183,23 @@ def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
         else f'marker {source.names[0]} or {source.names[1]}'
     )
     raise CalibrationError(
-        f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm '
-        'relative to the others: leave its cells empty there, or remove it with --ignore '
-        f'{source.names[marker]}'
+        f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm relative to the others; leave '
+        f'its cells empty in these postures, or remove it with --ignore {source.names[marker]}'
     )
 
 
 def check_misfit(fit: Fit) -> None:
-    """Require that the URDF describes this arm, and that no marker jumps or is exchanged.
+    """Check that the URDF matches the arm, and that no marker jumps or is exchanged.
 
     Parameters
     ----------
     fit : Fit
-        With offsets.
+        Fit with joint offsets.
 
     Raises
     ------
     CalibrationError
+        If one of these faults explains the misfit.
     """
     observations, geometry = fit.observations, fit.geometry
     reach = _spread(geometry.poses(observations.q, fit.errors).position)
@@ -211,7 +214,7 @@ def check_misfit(fit: Fit) -> None:
 
 
 def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
-    """Find markers that are exchanged in a few postures, and one that jumps."""
+    """Detect markers that are exchanged in a few postures, and a marker that jumps."""
     labels = fit.observations.labels
     vectors = residual.reshape(len(residual), len(source.names), 3)
     off = np.linalg.norm(vectors, axis=2)
@@ -228,33 +231,34 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
         swapped[[one, other]] = swapped[[other, one]]
         if float(np.nansum((predicted - swapped) ** 2)) < _EXPLAINED**2 * before:
             raise CalibrationError(
-                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} are '
-                'swapped: exchange them, or label them again in the motion capture software'
+                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} '
+                'are swapped; exchange their columns, or label them again in the motion capture '
+                'software'
             )
     marker = int(np.nanargmax(off[row]))
     raise CalibrationError(
         f'{labels[row]}{others}: marker {source.names[marker]} jumps by '
-        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures: leave its cells '
-        'empty there, or remove a posture that was in motion'
+        f'{1000.0 * off[row, marker]:.0f} mm relative to the other postures; leave its cells '
+        'empty in these postures, or remove postures in which the arm moved'
     )
 
 
 def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
     text = (
-        f'the URDF does not describe this arm: {1e3 * typical:.0f} mm of its motion of '
-        f'{1e3 * reach:.0f} mm stay unexplained'
+        f'the URDF does not describe this arm: {1e3 * typical:.0f} mm of its {1e3 * reach:.0f} '
+        'mm of motion remain unexplained'
     )
     joint = _turning_back(fit, typical)
     if joint:
-        return f'{text}; joint {joint} seems to turn the other way: check its sign and its axis'
+        return f'{text}; joint {joint} may turn the other way: check its sign and its axis'
     return (
-        f'{text}; check that URDF, joint columns, units and the link of the markers (--link '
+        f'{text}; check that the URDF, joint columns, units and the marker link (--link '
         f'{fit.geometry.link}) belong together'
     )
 
 
 def _turning_back(fit: Fit, typical: float) -> str:
-    """Return the joint whose opposite sign explains most of the motion, '' if none does."""
+    """Return the joint whose sign inversion explains most of the motion, '' if none."""
     from aerarm_ros.calibration.fit import registered
 
     observations = fit.observations
@@ -272,7 +276,7 @@ def _distances(position: Array, pair: tuple[int, int]) -> Array:
 
 
 def _spread(position: Array) -> float:
-    """Return the root mean square distance of places from their median [m]."""
+    """Return the RMS distance of positions from their median [m]."""
     seen = position[np.isfinite(position).all(axis=1)]
     if not len(seen):
         return 0.0

@@ -1,4 +1,4 @@
-"""Which geometric errors data can tell, and which of these improve a prediction."""
+"""Identifiability of geometric errors, and choice of those that improve the prediction."""
 
 from __future__ import annotations
 
@@ -12,36 +12,37 @@ from aerarm_ros.calibration.geometry import ECCENTRICITY, KINDS, LINK_GEOMETRY, 
 from aerarm_ros.calibration.observations import CalibrationError, Mask, Observations, Source
 from aerarm_ros.motion.signals import Array
 
-_DEPENDENT = 1e-5  # share of a column that others leave, below which it is theirs
-_WEAK = 0.3  # standard deviations of all data by an error of typical size that shows nothing
-_POSTURES = 80  # random ones that show what any postures could tell
+_DEPENDENT = 1e-5  # independent fraction of a column, below which the column is dependent
+# effect of a typical error on all data in standard deviations, below which it is hidden
+_WEAK = 0.3
+_POSTURES = 80  # number of random postures that reveal general identifiability
 _FOLDS = 10
 _SIGNIFICANT = 2.0  # standard deviations
-_UNCERTAIN = 1.5  # typical sizes from which on a standard deviation says nothing
-_STILL = 0.3  # [rad] between all postures, below which a joint hardly moves
+_UNCERTAIN = 1.5  # typical sizes above which a standard deviation means unidentified
+_STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
-_WORTH = 0.03  # share by which its squared errors must be smaller
+_WORTH = 0.03  # fraction by which its squared errors must be smaller
 
 LEVELS = {
     'frames': (),
     'offsets': ('offset',),
     'geometry': ('offset', *LINK_GEOMETRY),
 }
-"""Kinds of errors of each level."""
+"""Kinds of geometric errors by level."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiable:
-    """Geometric errors that postures and sources can identify.
+    """Identifiability of geometric errors from given postures and sources.
 
     Attributes
     ----------
     columns : tuple of int
-        Errors that can be told apart from each other and from the sources' unknowns.
+        Errors that are separable from each other and from the sources' unknowns.
     absorbed : tuple of int
-        Errors that no posture could tell from those or from the unknowns.
+        Errors that no posture can separate from these.
     hidden : tuple of int
-        Errors that other postures would show.
+        Errors that other postures could reveal.
     """
 
     columns: tuple[int, ...]
@@ -51,19 +52,19 @@ class Identifiable:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One choice of errors, and how well it predicts postures that it was not fitted to.
+    """Choice of errors, with its prediction error on held-out postures.
 
     Attributes
     ----------
     name : str
-        Such as 'offsets + compliance'.
+        Name of the model, for example 'offsets + compliance'.
     fit : Fit
-        On all postures.
+        Fit to all postures.
     predicted : (M,) ndarray
-        Sum of squares of each posture's residuals, in the noise of the first candidate, when it was
-        left out.
+        Sum of squared residuals of each posture when held out, relative to the noise of the first
+        candidate.
     position, angle : float
-        Root mean square of left-out positions [m] (norm of the vector) and angles [rad].
+        RMS errors of held-out positions [m] (vector norm) and angles [rad].
     """
 
     name: str
@@ -74,12 +75,12 @@ class Candidate:
 
 
 def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
-    """Return which errors of some kinds can be estimated, by rank.
+    """Return which errors of given kinds are identifiable, by rank.
 
-    The sources' unknowns come first: an error that moves the arm as they do is theirs. Then come
-    the errors kind by kind in the order of `KINDS`, so an offset is preferred to a rotation of the
-    same joint. What random postures within the joints' limits could tell, and these do not, is
-    hidden.
+    The sources' unknowns come first: an error with the same effect is attributed to them. The
+    errors follow by kind in the order of `KINDS`, so an offset is preferred to a rotation of the
+    same joint. An error that random postures within the joints' limits would identify, but the
+    given postures do not, is hidden.
     """
     wanted = [k for kind in KINDS if kind in kinds for k in start.geometry.columns(kind)]
     wanted = [k for k in wanted if _has_effect(start.geometry, k)]
@@ -94,12 +95,12 @@ def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
 
 
 def check_unknowns(start: Fit) -> None:
-    """Require that the postures identify the sources' own unknowns.
+    """Check that the postures identify the sources' unknowns.
 
     Raises
     ------
     CalibrationError
-        If they are too few or too similar; it names one that stays unknown.
+        If postures are too few or too similar; the message names an undetermined unknown.
     """
     rows = free_columns(start, ())
     left = _left_of(rows)
@@ -113,13 +114,13 @@ def check_unknowns(start: Fit) -> None:
 
 
 def check_offsets(start: Fit, found: Identifiable) -> list[str]:
-    """Require that the postures identify the identifiable offsets; return warnings.
+    """Check that the postures identify the possible offsets; return warnings.
 
     Raises
     ------
     CalibrationError
-        If they do not show one, or half of them remain as uncertain as the drawing; it names the
-        offset, and the joints to move.
+        If an offset is not identifiable, or half of the offsets keep their prior uncertainty; the
+        message names the offset, and the joints to move.
     """
     geometry = start.geometry
     offsets = geometry.columns('offset')
@@ -147,9 +148,9 @@ def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
         if moved[k] < (_STILL if not geometry.is_prismatic(k) else 0.1 * _STILL)
     ]
     advice = (
-        f'{", ".join(still)} hardly move: let every joint move'
+        f'{", ".join(still)} hardly move: move every joint further'
         if still
-        else 'record more, in which all joints move further'
+        else 'record more postures, in which all joints move further'
     )
     return (
         f'{name} cannot be estimated{uncertain}: {len(start.observations)} postures are too few or '
@@ -160,20 +161,20 @@ def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
 def chosen(
     start: Fit, level: str, compliance: bool, eccentricity: bool
 ) -> tuple[Candidate, list[Candidate]]:
-    """Return the candidate that predicts best, and all that were tried.
+    """Return the candidate that predicts best, and all candidates.
 
-    Of each model, errors within two standard deviations of the drawing go back to the drawing, as
-    long as the prediction of left-out postures stays as good. A larger model must predict these
-    better by more than half a standard error of the difference, and by 3 % of the squares.
+    In each model, errors within two standard deviations of nominal are set to nominal, as long as
+    the prediction of held-out postures does not worsen. A larger model must improve the prediction
+    by more than half a standard error of the difference, and by 3 % of the squares.
 
     Parameters
     ----------
     start : Fit
-        The registration.
+        Registration of the nominal geometry.
     level : {'offsets', 'geometry', 'auto'}
-        The largest set of errors, or what the data choose.
+        Largest set of errors, or automatic choice.
     compliance, eccentricity : bool
-        Whether these are tried.
+        Whether to try these errors.
     """
     names = {'auto': ('offsets', 'geometry')}.get(level, (level,))
     scale = fitted(start, identifiable(start, LEVELS[names[0]]).columns)
@@ -197,7 +198,7 @@ def chosen(
 def _models(
     names: Sequence[str], compliance: bool, eccentricity: bool
 ) -> list[tuple[str, tuple[str, ...]]]:
-    """Return names and kinds of errors of the models to try, the smaller first."""
+    """Return names and kinds of errors of the models to try, smallest first."""
     extras: list[tuple[str, tuple[str, ...]]] = [('', ())]
     if compliance:
         extras.append((' + compliance', ('compliance',)))
@@ -212,9 +213,9 @@ def _models(
 
 
 def insignificant(fit: Fit) -> list[int]:
-    """Return the free errors within two standard deviations of the drawing, weakest first.
+    """Return the free errors within two standard deviations of nominal, weakest first.
 
-    The weakest goes first, and the others change as they would without it.
+    After each removal the remaining errors are updated as in a fit without it.
     """
     count = len(fit.free)
     values = fit.errors[list(fit.free)].copy()
@@ -238,7 +239,7 @@ def insignificant(fit: Fit) -> list[int]:
 
 
 def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
-    """Return each source's residuals (M, K) in postures that were left out of the fit."""
+    """Return each source's residuals (M, K) in held-out postures."""
     observations, count = start.observations, len(start.observations)
     order = np.random.default_rng(0).permutation(count)
     found = [np.full_like(residual, np.nan) for residual in start.residuals()]
@@ -252,7 +253,7 @@ def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
 
 
 def errors_of(sources: Sequence[Source], residuals: Sequence[Array]) -> tuple[float, float]:
-    """Return root mean squares of positions [m], of the whole vector, and of angles [rad]."""
+    """Return RMS errors of positions [m], as vector norm, and of angles [rad]."""
     squares: dict[str, list[Array]] = {'m': [], 'rad': []}
     for source, residual in zip(sources, residuals, strict=True):
         for unit, values in squares.items():
@@ -276,7 +277,7 @@ def _candidate(
     predicted = np.zeros(len(start.observations))
     for source, residual in zip(sources, residuals, strict=True):
         squares = (residual / source.sigma(*noise)) ** 2
-        # One posture that nothing explains shall not choose the model.
+        # A single unexplained posture must not determine the choice.
         predicted += np.nansum(np.minimum(squares, 25.0), axis=1)
     position, angle = errors_of(sources, residuals)
     return Candidate(name, fit, predicted, position, angle)
@@ -300,18 +301,18 @@ def _without_insignificant(
 
 
 def _is_implausible(fit: Fit, place: int, value: float) -> bool:
-    """Return whether a spring would be negative."""
+    """Return whether the value means a negative spring stiffness."""
     return fit.geometry.names[fit.free[place]].endswith('.compliance') and value < 0.0
 
 
 def _has_effect(geometry: ArmGeometry, column: int) -> bool:
-    """Return whether an error exists: gears of prismatic joints have no harmonic here."""
+    """Return whether an error is modelled; gears of prismatic joints have no harmonic."""
     joint, kind = divmod(column, len(KINDS))
     return not (geometry.is_prismatic(joint) and KINDS[kind] in ECCENTRICITY)
 
 
 def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:
-    """Return the columns that those before them, and the unknowns, do not make up."""
+    """Return the columns that are independent of earlier columns and of the unknowns."""
     rows = free_columns(start, wanted)
     count = len(wanted)
     basis = _orthonormal(rows[:, count:])
@@ -329,7 +330,7 @@ def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list
 
 
 def _left_of(rows: Array) -> Array:
-    """Return the share of each column that those before it leave."""
+    """Return the fraction of each column that is independent of earlier columns."""
     basis = np.zeros((len(rows), 0))
     shares = []
     for own in rows.T:
@@ -352,7 +353,7 @@ def _in_random_postures(start: Fit) -> Fit:
     low, high = start.geometry.robot.posture_range
     generator = np.random.default_rng(0)
     q = generator.uniform(low, high, (_POSTURES, start.geometry.robot.n))
-    # As if everything was seen, and as predicted: only the derivatives count.
+    # Assume complete, error-free measurements, because only the derivatives matter.
     index = np.resize(np.flatnonzero(_all_seen(start.observations)), _POSTURES)
     sources = start.observations.rows(index).sources
     observations = Observations(q, sources)

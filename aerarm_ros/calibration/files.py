@@ -1,4 +1,4 @@
-"""The files of a calibration: URDF, YAML, and the arm's configuration with offsets."""
+"""Output files of a calibration: URDF, YAML, and the arm's configuration with offsets."""
 
 from __future__ import annotations
 
@@ -26,24 +26,21 @@ _HEADER = """\
 # offsets: added to the recorded joint positions. geometry: displacement x, y, z and rotation
 # vector rx, ry, rz of a joint's frame, in that frame as drawn. compliance: deflection per torque of
 # gravity.
-# What is not listed is as drawn: insignificant, or not to be told from the rest.
+# All other values stay nominal: insignificant, or not distinguishable from the estimates.
 """
 _CONFIG_HEADER = (
-    "# The arm's configuration with calibrated offsets. Use it with the calibrated.urdf next to "
-    'it,\n'
-    '# which has no offsets. Comments: see the original file.\n'
+    "# The arm's configuration with calibrated offsets. Use it with calibrated.urdf of this\n"
+    '# folder, which has no offsets. The original file has the comments.\n'
 )
 
 
 def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:
-    """Return the URDF with calibrated origins of the joints, everything else unchanged.
+    """Return the URDF with calibrated joint origins and otherwise unchanged.
 
     Parameters
     ----------
-    calibration : Calibration
     with_offsets : bool
-        Whether the joints' zeros are those of the recorded positions. False where a configuration
-        has the offsets.
+        Whether to include the joint offsets. False if a configuration contains them.
     """
     fit = calibration.fit
     text = calibration.chain.text
@@ -87,13 +84,12 @@ def _displace(joint: ET.Element, value: Array, offset: float) -> None:
 
 
 def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
-    """Return the estimates as YAML.
+    """Return the estimates of a calibration as YAML.
 
     Parameters
     ----------
-    calibration : Calibration
     offsets_in : str
-        The file that holds the offsets, beside this one.
+        Name of the other file that contains the offsets.
     """
     fit = calibration.fit
     document: dict[str, Any] = {
@@ -114,12 +110,12 @@ def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
 
 
 def config_yaml(calibration: Calibration, source: Path) -> str:
-    """Return the arm's configuration with the estimated offsets added to those that it has.
+    """Return the arm's configuration with the estimated offsets added to its own.
 
     Raises
     ------
     ConfigError
-        If the file cannot be read any more.
+        If the file can no longer be read.
     """
     document = read_yaml(source)
     values = calibration.joint_values('offset')
@@ -132,7 +128,7 @@ def config_yaml(calibration: Calibration, source: Path) -> str:
 
 
 def summary(calibration: Calibration) -> dict[str, Any]:
-    """Return the figures of a calibration in plain numbers."""
+    """Return the results of a calibration as plain numbers."""
     fit = calibration.fit
     return {
         'model': calibration.best.name,
@@ -157,7 +153,7 @@ def summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def errors_summary(calibration: Calibration) -> dict[str, Any]:
-    """Return errors before and after, of all postures and of those held out [mm], [mrad]."""
+    """Return errors before and after calibration, of fitted and held-out postures [mm], [mrad]."""
     groups = {'training': calibration.observations}
     groups |= {held.name: held.observations for held in calibration.held_out}
     found: dict[str, Any] = {}
@@ -177,7 +173,7 @@ def errors_summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def frames(fit: Fit) -> dict[str, Any]:
-    """Return the sources' frames: the base in the sensor's, and what is attached to the link."""
+    """Return the sources' frames: base in sensor frame, and attached frame in link frame."""
     found: dict[str, Any] = {}
     for source, state in zip(fit.observations.sources, fit.states, strict=True):
         if isinstance(source, PlaneSource):
@@ -210,7 +206,7 @@ def _pose(rotation: Array, translation: Array) -> dict[str, Any]:
 
 
 def _as_drawn(calibration: Calibration) -> dict[str, list[str]]:
-    """Return why errors that were considered are as drawn."""
+    """Return, by reason, the considered errors that keep their nominal value."""
     names = calibration.fit.geometry.names
     found = calibration.found
     return {
@@ -237,7 +233,7 @@ def _mm(value: float) -> float | None:
 
 
 def _rounded(value: Any) -> Any:
-    """Return a document whose numbers have seven digits."""
+    """Return a document with numbers rounded to seven digits."""
     if isinstance(value, dict):
         return {key: _rounded(one) for key, one in value.items()}
     if isinstance(value, list):

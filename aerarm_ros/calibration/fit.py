@@ -13,28 +13,26 @@ from aerarm_ros.calibration.geometry import ArmGeometry, LinkPoses
 from aerarm_ros.calibration.observations import Observations
 from aerarm_ros.motion.signals import Array
 
-LENGTH, ANGLE = 1e-3, 5e-3  # [m], [rad] noise that a fit starts from
-_LEAST_LENGTH, _LEAST_ANGLE = 1e-7, 1e-7  # noise that data cannot fall below
-_OUTLIER = 3.0  # standard deviations from which on a residual counts less
+LENGTH, ANGLE = 1e-3, 5e-3  # [m], [rad] initial noise of a fit
+_LEAST_LENGTH, _LEAST_ANGLE = 1e-7, 1e-7  # lower bounds of the estimated noise
+_OUTLIER = 3.0  # standard deviations above which a residual has reduced weight
 _ROUNDS = 4
-_SETTLED = 0.03  # relative change of the noise at which rounds end
-_PRIOR = 3.0  # standard deviation of errors, in sizes that manufacture leaves
+_SETTLED = 0.03  # relative change of the noise at convergence
+_PRIOR = 3.0  # prior standard deviation of errors, in typical manufacturing errors
 _MAD = 1.4826
-_STEP = 0.01  # [m], [rad] of the sources' unknowns, for scaling
+_STEP = 0.01  # [m], [rad] scale of the sources' unknowns
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Estimated errors and unknowns.
+    """Estimated geometric errors and sources' unknowns.
 
     Attributes
     ----------
-    geometry : ArmGeometry
     observations : Observations
-        What was fitted.
+        Fitted observations.
     free : tuple of int
-        Places of the estimated errors in `geometry.names`; all others are as drawn.
-    errors : (P,) ndarray
+        Indices of the estimated errors in `geometry.names`; all others are nominal.
     states : tuple of ndarray
         State of each source.
     length, angle : float
@@ -51,12 +49,12 @@ class Fit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the free errors, then of the unknowns of all sources."""
+        """Names of the free errors, followed by the unknowns of all sources."""
         unknowns = [name for s in self.observations.sources for name in s.unknowns]
         return (*(self.geometry.names[k] for k in self.free), *unknowns)
 
     def residuals(self, observations: Observations | None = None) -> list[Array]:
-        """Return the residuals (M, K) of each source [m], [rad], of other postures if given."""
+        """Return the residuals (M, K) of each source [m], [rad], optionally for other postures."""
         observations = observations or self.observations
         poses = self.geometry.poses(observations.q, self.errors)
         return [
@@ -74,9 +72,9 @@ class Fit:
     def covariance(self) -> Array:
         """Covariance of the free errors and unknowns, in the order of `names`.
 
-        The larger of two standard deviations counts for each: that of independent residuals, and
-        that of residuals which are alike within a posture (cluster-robust, Liang and Zeger 1986,
-        with the correction for few clusters).
+        Each standard deviation is the larger of two: that of independent residuals, and that of
+        residuals correlated within a posture (cluster-robust, Liang and Zeger 1986, with the
+        correction for few clusters).
         """
         rows, residuals, clusters = self._weighted()
         information = rows.T @ rows
@@ -98,7 +96,7 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
     def _weighted(self) -> tuple[Array, Array, Array]:
-        """Return weighted rows and residuals in standard deviations, and their postures."""
+        """Return weighted rows, residuals in standard deviations, and the posture of each row."""
         rows, residuals, clusters = [], [], []
         jacobians = self.jacobian()
         sources = self.observations.sources
@@ -115,7 +113,7 @@ class Fit:
 
 
 def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
-    """Return the geometry as drawn, with the sources' unknowns fitted to it alone."""
+    """Return the nominal geometry with only the sources' unknowns fitted."""
     errors = np.zeros(len(geometry.names))
     poses = geometry.poses(observations.q, errors)
     states = tuple(source.register(poses) for source in observations.sources)
@@ -123,18 +121,17 @@ def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
 
 
 def fitted(start: Fit, free: Sequence[int], observations: Observations | None = None) -> Fit:
-    """Return the fit of some errors.
+    """Fit given errors and all unknowns.
 
-    Residuals count by the loss ``soft_l1`` beyond three standard deviations, which are those of
-    the residuals themselves, so the fit is repeated until they settle.
+    The loss is ``soft_l1`` beyond three standard deviations. The standard deviations are estimated
+    from the residuals, so the fit is repeated until they converge.
 
     Parameters
     ----------
     start : Fit
-        Where it starts; errors that are not free become zero.
-    free : sequence of int
+        Initial fit; errors that are not free become zero.
     observations : Observations, optional
-        Those of the start if not given.
+        Observations to fit; by default those of the initial fit.
     """
     errors = np.zeros_like(start.errors)
     errors[list(free)] = start.errors[list(free)]
@@ -157,9 +154,10 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
 
 
 def free_columns(fit: Fit, columns: Sequence[int]) -> Array:
-    """Return derivatives of all residuals that were seen by some errors and all unknowns.
+    """Return derivatives of all valid residuals with respect to given errors and all unknowns.
 
-    In standard deviations of the noise, per typical size of each error: (N, errors + unknowns).
+    Rows are divided by the noise, columns are per typical size of each error: (N, errors +
+    unknowns).
     """
     probe = Fit(
         fit.geometry, fit.observations, tuple(columns), fit.errors, fit.states, LENGTH, ANGLE
@@ -226,7 +224,7 @@ def _stepped(fit: Fit, step: Array) -> Fit:
 
 
 def _with_noise(fit: Fit) -> Fit:
-    """Return the fit with the noise of its residuals, by their median absolute deviation."""
+    """Return the fit with the noise estimated by the median absolute deviation of residuals."""
     number, noise = 0, {'m': [], 'rad': []}  # type: ignore[var-annotated]
     for source, residual in zip(fit.observations.sources, fit.residuals(), strict=True):
         for k, (_, unit) in enumerate(source.channels):
@@ -249,7 +247,7 @@ def _with_noise(fit: Fit) -> Fit:
 
 
 def _scale(values: Array) -> float:
-    """Return the standard deviation of most of the values: clipped at three, made up for."""
+    """Return the standard deviation of values clipped at three, corrected for the clipping."""
     scale = _MAD * float(np.median(np.abs(values)))
     if scale == 0.0:
         return float(np.sqrt(np.mean(values**2)))
@@ -272,7 +270,7 @@ def _jacobians(fit: Fit, observations: Observations, poses: LinkPoses) -> list[A
 
 
 def _inverse(matrix: Array) -> Array:
-    """Return the inverse of a symmetric matrix whose rows differ in size by much."""
+    """Return the inverse of a symmetric matrix with rows of very different magnitude."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)

@@ -1,4 +1,4 @@
-"""Geometric errors of an arm, and what they do to the pose of one of its links."""
+"""Geometric errors of an arm, and their effect on the pose of a link."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ sin, cos
 LINK_GEOMETRY = ('x', 'y', 'z', 'rx', 'ry', 'rz')
 ECCENTRICITY = ('sin', 'cos')
 
-# What manufacture and assembly leave: units of measure of the columns, and a weak prior.
+# Typical errors of manufacture and assembly: units of the columns, and a weak prior.
 TYPICAL = {
     'offset': 0.02,
     'compliance': 2e-3,
@@ -39,16 +39,15 @@ TYPICAL = {
 
 @dataclass(frozen=True, eq=False)
 class LinkPoses:
-    """Poses of a link's frame in the base frame, and their derivatives by the errors.
+    """Poses of a link's frame in the base frame, with derivatives by the errors.
 
     Attributes
     ----------
-    rotation : (M, 3, 3) ndarray
     position : (M, 3) ndarray
-        [m]
+        Position of the frame [m].
     jacobian : (M, 6, P) ndarray or None
-        Linear velocity of the frame's origin and angular velocity, along the base's axes, per
-        error, in the order of `ArmGeometry.names`.
+        Linear velocity of the frame's origin and angular velocity, in base axes, per error, in the
+        order of `ArmGeometry.names`.
     """
 
     rotation: Array
@@ -57,35 +56,34 @@ class LinkPoses:
 
 
 class ArmGeometry:
-    """The kinematic chain to a link, with errors.
+    """Kinematic chain to a link, with geometric errors.
 
     The pose is that of ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)`` with the placements ``M`` of the
-    URDF, errors ``E`` = displacement and rotation, and the true positions
-    ``p = q + offset - compliance g(q) + sin sin(q) + cos cos(q)``, where ``g`` is the torque of
-    gravity by the URDF's masses. Derivatives are those of Pinocchio's kinematic regressor, which
-    has a column for every displacement of every joint.
+    URDF, errors ``E`` (displacement and rotation), and the true positions
+    ``p = q + offset - compliance g(q) + sin sin(q) + cos cos(q)``, where ``g`` is the gravity
+    torque by the URDF's masses. Derivatives come from Pinocchio's kinematic regressor, which has a
+    column for every displacement of every joint.
 
     Parameters
     ----------
     robot : Robot
-        As drawn.
+        Nominal robot model.
     link : str
-        What the observations are attached to.
+        Link to which the observations are attached.
 
     Attributes
     ----------
-    robot : Robot
     link : str
-        Its full name.
+        Full name of the link.
     names : tuple of P str
-        Such as 'joint2.offset', joint by joint, kinds in the order of `KINDS`.
+        Error names, for example 'joint2.offset', joint by joint, kinds in the order of `KINDS`.
     typical : (P,) ndarray
-        Size of each error that manufacture leaves [rad], [m], [rad/Nm].
+        Typical manufacturing error of each kind [rad], [m], [rad/Nm].
 
     Raises
     ------
     ValueError
-        If there is no such link, or no joint moves it.
+        If the link is unknown, or no joint moves it.
     """
 
     def __init__(self, robot: Robot, link: str) -> None:
@@ -114,11 +112,11 @@ class ArmGeometry:
         return bool(np.any(self._subspaces[joint][:3]))
 
     def columns(self, *kinds: str) -> list[int]:
-        """Return the places of all errors of some kinds, in the order of `names`."""
+        """Return the indices of all errors of given kinds, in the order of `names`."""
         return [k for k, name in enumerate(self.names) if name.rpartition('.')[2] in kinds]
 
     def unit(self, column: int) -> str:
-        """Return the unit of an error."""
+        """Return the unit of a geometric error."""
         joint, kind = divmod(column, len(KINDS))
         if KINDS[kind] == 'compliance':
             return 'm/N' if self.is_prismatic(joint) else 'rad/Nm'
@@ -137,20 +135,18 @@ class ArmGeometry:
         return true
 
     def gravity_torque(self, q: Array) -> Array:
-        """Return the torques of gravity (M, n) [Nm] as drawn."""
+        """Return the nominal gravity torques (M, n) [Nm]."""
         model = self.robot.model
         data = model.createData()
         return np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
 
     def poses(self, q: Array, errors: Array, with_jacobian: bool = False) -> LinkPoses:
-        """Return the link's poses.
+        """Return the link's poses, optionally with derivatives.
 
         Parameters
         ----------
         q : (M, n) ndarray
             Recorded joint positions of the robot [rad].
-        errors : (P,) ndarray
-        with_jacobian : bool
         """
         model, inner = self.placed(errors)
         data = model.createData()
@@ -203,12 +199,12 @@ class ArmGeometry:
 
 
 def error_transform(value: Array) -> Any:
-    """Return displacement and rotation of a joint's errors (10,) as pinocchio.SE3."""
+    """Return the displacement and rotation of a joint's errors (10,) as pinocchio.SE3."""
     return pin.SE3(pin.exp3(np.array(value[4:7])), np.array(value[1:4]))
 
 
 def _subspace(model: Any, joint: int) -> Array:
-    """Return the axis (6,) of a joint of one degree of freedom, in its frame."""
+    """Return the axis (6,) of a joint with one degree of freedom, in its frame."""
     data = model.joints[joint].createData()
     model.joints[joint].calc(data, np.zeros(model.nq), np.zeros(model.nv))
     return np.array(data.S).reshape(6, -1)[:, 0]

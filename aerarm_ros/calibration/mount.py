@@ -1,4 +1,4 @@
-"""Poses of the arm's base and of the IMU on a drone, from a recording in which both move."""
+"""Poses of the arm's base and the IMU on a drone, from a recording in which both move."""
 
 from __future__ import annotations
 
@@ -25,28 +25,27 @@ from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.motion.signals import Array
 
 GRAVITY = 9.81  # [m/s^2]
-_SAMPLES = 600  # frames that the mount is fitted to
-_STEPS = (0.02, 0.005, 0.001)  # [s] in which the time offset is looked for
-_SEARCH = 0.03  # [s] about the time offset that speeds show
-_RATE = 200.0  # [Hz] at which IMU and pose are compared
-_SMOOTH = 0.08  # [s] standard deviation of the window over both
-_BIAS = 0.3  # [m/s^2] prior of the accelerometer's bias
-_TILT = 0.5  # [m/s^2] prior of gravity across the z axis of the pose's frame
-_LEAST_TURN = 0.15  # [rad] of the drone, below which nothing shows the IMU
+_SAMPLES = 600  # number of frames for the mount fit
+_STEPS = (0.02, 0.005, 0.001)  # [s] step sizes of the search for the time offset
+_SEARCH = 0.03  # [s] search range around the time offset estimated from speeds
+_RATE = 200.0  # [Hz] common sampling rate of IMU and pose
+_SMOOTH = 0.08  # [s] standard deviation of the smoothing window
+_BIAS = 0.3  # [m/s^2] prior standard deviation of the accelerometer's bias
+_TILT = 0.5  # [m/s^2] prior standard deviation of gravity across the z axis of the pose's frame
+_LEAST_TURN = 0.15  # [rad] rotation of the drone below which the IMU pose is not identifiable
 _ITERATIONS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class FramePose:
-    """Pose of a frame on the drone's body, with standard deviations.
+    """Pose of a frame relative to the drone's body, with standard deviations.
 
     Attributes
     ----------
     position : (3,) ndarray
-        [m]
-    rotation : (3, 3) ndarray
+        Position [m].
     position_std, rotation_std : (3,) ndarray
-        [m], [rad] about the body's axes.
+        Standard deviations [m], [rad] about the body's axes.
     """
 
     position: Array
@@ -56,21 +55,20 @@ class FramePose:
 
     @property
     def rpy(self) -> Array:
-        """(3,) roll, pitch and yaw [rad], as in a URDF."""
+        """Roll, pitch and yaw (3,) [rad], as in a URDF."""
         return np.asarray(Rotation.from_matrix(self.rotation).as_euler('xyz'))
 
 
 @dataclass(frozen=True, eq=False)
 class MountResult:
-    """Result for the pose of the arm's base on the drone.
+    """Estimated pose of the arm's base on the drone.
 
     Attributes
     ----------
-    pose : FramePose
     fit : Fit
-        Of the markers in the body frame.
+        Fit to the markers in the body frame.
     late : float
-        By which the joint states' stamps are later than the sensor's [s].
+        Delay of the joint states' stamps relative to the sensor's [s].
     """
 
     pose: FramePose
@@ -80,15 +78,14 @@ class MountResult:
 
 @dataclass(frozen=True, eq=False)
 class ImuResult:
-    """Result for the pose of the IMU on the drone.
+    """Estimated pose of the IMU on the drone.
 
     Attributes
     ----------
-    pose : FramePose
     late : float
-        By which its stamps are later than the pose's [s].
+        Delay of the IMU's stamps relative to the pose's [s].
     bias : (3,) ndarray
-        Of the accelerometer, in the IMU's axes [m/s^2].
+        Bias of the accelerometer, in the IMU's axes [m/s^2].
     """
 
     pose: FramePose
@@ -99,22 +96,23 @@ class ImuResult:
 def calibrate_mount(
     geometry: ArmGeometry, time: Array, q: Array, drone: Track, markers: Sequence[Track]
 ) -> MountResult:
-    """Estimate where the arm's base is on the drone.
+    """Estimate the pose of the arm's base on the drone.
 
-    Markers on the arm, seen in the frame of the drone's body, move as those of an arm on a fixed
-    base: the base frame in the sensor's frame is the mount.
+    Markers on the arm, expressed in the drone's body frame, move like markers on an arm with a
+    fixed base. The base frame in the sensor's frame is therefore the mount.
 
     Parameters
     ----------
     geometry : ArmGeometry
-        Calibrated.
+        Calibrated geometry.
     time : (T,) ndarray
-        Of the joint states [s].
+        Time of the joint states [s].
     q : (T, n) ndarray
+        Joint positions [rad].
     drone : Track
-        Pose of the drone's body, in the frame in which the markers are seen.
+        Pose of the drone's body, in the frame of the marker positions.
     markers : sequence of Track
-        On the geometry's link.
+        Markers on the geometry's link.
 
     Raises
     ------
@@ -122,7 +120,7 @@ def calibrate_mount(
         If the arm or the drone does not move, or the recordings do not overlap.
     """
     if not markers:
-        raise CalibrationError('no markers on the arm: the mount needs at least one')
+        raise CalibrationError('the arm has no markers: attach at least one marker to the arm')
     seen = [_in_body(track, drone) for track in markers]
     frames, position = _frames(seen, time)
     offsets = [time_offset(time, q, track) for track in seen]
@@ -145,7 +143,7 @@ def calibrate_mount(
     if fit.length > 0.02:
         raise CalibrationError(
             f'the markers are {1000.0 * fit.length:.0f} mm from their predicted positions: check '
-            'that markers and drone have the same frame, and calibrate the arm first'
+            'that markers and drone poses use one frame, and calibrate the arm first'
         )
     rotation, translation = base_pose(fit.states[0])
     deviations = fit.deviations
@@ -154,18 +152,18 @@ def calibrate_mount(
 
 
 def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuResult:
-    """Estimate where the IMU is on the drone.
+    """Estimate the pose of the IMU on the drone.
 
-    The same window smooths both sides of ``R_WI f + g = p'' + R'' r``: derivatives are the
-    window's, so nothing is differentiated that has noise, and the lever r is linear. Rates give
-    the rotation.
+    One window smooths both sides of ``R_WI f + g = p'' + R'' r``. The derivatives are those of the
+    window, so no noisy signal is differentiated, and the equation is linear in the lever r. Angular
+    rates determine the rotation.
 
     Parameters
     ----------
     drone : Track
-        Pose of the body in a frame whose z axis is about vertical.
+        Pose of the body in a frame with approximately vertical z axis.
     time : (T,) ndarray
-        Of the IMU [s].
+        Time of the IMU samples [s].
     rate, force : (T, 3) ndarray
         Angular velocity [rad/s] and specific force [m/s^2] in the IMU's axes.
 
@@ -179,14 +177,15 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
     late, agreement = _rate_offset(body_time, body_rate, time, rate)
     if agreement < 0.5:
         raise CalibrationError(
-            'the rotation of the IMU differs from that of the drone: check that --imu and '
-            '--drone-pose are of the same drone, and that the drone turns by 20 degrees about two '
-            'axes'
+            'the rotations of IMU and drone disagree: check that --imu and --drone-pose belong '
+            'to one drone, and that it turns by 20 degrees about two axes'
         )
     own_time = time - late
     first, last = max(own_time[0], drone.time[0]) + 0.3, min(own_time[-1], drone.time[-1]) - 0.3
     if last - first < 5.0:
-        raise CalibrationError('IMU and drone overlap for less than 5 s: record them together')
+        raise CalibrationError(
+            'IMU and drone poses overlap for less than 5 s: record both at the same time'
+        )
     grid = np.arange(first, last, 1.0 / _RATE)
 
     def shifted(more: float) -> _ImuData:
@@ -204,7 +203,7 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
 
 
 class _ImuData:
-    """IMU and pose on one grid, smoothed alike."""
+    """IMU and pose data on a common grid with common smoothing."""
 
     def __init__(self, drone: Track, time: Array, rate: Array, force: Array, grid: Array) -> None:
         assert drone.rotation is not None
@@ -220,25 +219,25 @@ class _ImuData:
         turned = np.swapaxes(self.rotation[:-1], 1, 2) @ self.rotation[1:]
         body = Rotation.from_matrix(turned).as_rotvec() * _RATE
         body = np.vstack([body, body[-1:]])
-        # Of the interval between two samples: half a sample later than its first.
+        # Mean over the interval between two samples, at half a sample after the first.
         self.body_rate = self.smooth(0.5 * (body + np.roll(body, 1, axis=0)))
         self.own_rate = self.smooth(self.rate)
         self.acceleration = self.second(position)
         self.lever = self.second(self.rotation.reshape(len(grid), 9)).reshape(-1, 3, 3)
 
     def smooth(self, values: Array) -> Array:
-        """Return smoothed values, ends cut off."""
+        """Return smoothed values without the ends."""
         return np.asarray(gaussian_filter1d(values, self._sigma, axis=0)[self.inside])
 
     def second(self, values: Array) -> Array:
-        """Return the second derivative of smoothed values, ends cut off."""
+        """Return the second derivative of smoothed values without the ends."""
         found = gaussian_filter1d(values, self._sigma, axis=0, order=2) * _RATE**2
         return np.asarray(found[self.inside])
 
 
 def _solved_imu(data: _ImuData, late: float) -> ImuResult:
     rotation, rate_bias, _ = _rotation_by_rates(data)
-    values = np.zeros(9)  # lever, bias of force, gravity beside the vertical
+    values = np.zeros(9)  # lever, accelerometer bias, horizontal gravity
     count = len(data.acceleration)
     force = data.force
     covariance = np.zeros((12, 12))
@@ -247,7 +246,7 @@ def _solved_imu(data: _ImuData, late: float) -> ImuResult:
         turned = np.einsum('mij,mj->mi', to_world, force)
         measured = data.smooth(turned)
         of_bias = data.smooth(to_world.reshape(len(to_world), 9)).reshape(-1, 3, 3)
-        # A small turn of the IMU about the body's axes: R_WB [d]x R_BI f.
+        # A small rotation of the IMU about the body's axes: R_WB [d]x R_BI f.
         in_body = force @ rotation.T
         cross = _cross(in_body)
         of_turn = -data.smooth((data.rotation @ cross).reshape(len(cross), 9)).reshape(-1, 3, 3)
@@ -275,9 +274,9 @@ def _solved_imu(data: _ImuData, late: float) -> ImuResult:
 def _weighted_step(
     data: _ImuData, rotation: Array, rate_bias: Array, force: Array, columns: Array, values: Array
 ) -> tuple[Array, Array]:
-    """Return a Gauss-Newton step of turn (3) and values (9), and its covariance.
+    """Return a Gauss-Newton step of rotation (3) and values (9), and its covariance.
 
-    Smoothed samples are alike over the window: they count as many as are independent.
+    Smoothed samples are correlated within the window, so only the independent ones count.
     """
     expected = (data.own_rate - rate_bias) @ rotation.T
     rates = expected - data.body_rate
@@ -300,14 +299,14 @@ def _weighted_step(
 
 
 def _rotation_by_rates(data: _ImuData) -> tuple[Array, Array, float]:
-    """Return rotation of the IMU on the body, bias of its rates and misfit, by Kabsch's method."""
+    """Return IMU rotation on the body, rate bias and misfit, by Kabsch's method."""
     body = data.body_rate - data.body_rate.mean(axis=0)
     own = data.own_rate - data.own_rate.mean(axis=0)
     strength = np.linalg.svd(body, compute_uv=False) / np.sqrt(len(body))
     if strength[1] < _LEAST_TURN:
         raise CalibrationError(
-            f'the drone turns with {strength[1]:.2g} rad/s only about a second axis: record a '
-            'flight, or a motion by hand, that rolls, pitches and yaws by 20 degrees'
+            f'the drone turns only slowly ({strength[1]:.2g} rad/s) about a second axis: record '
+            'a flight, or a motion by hand, that rolls, pitches and yaws by 20 degrees'
         )
     left, _, right = np.linalg.svd(body.T @ own)
     sign = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
@@ -325,9 +324,9 @@ def _body_rates(drone: Track) -> tuple[Array, Array]:
 
 
 def _rate_offset(time: Array, rate: Array, other_time: Array, other: Array) -> tuple[float, float]:
-    """Return by how much the other's stamps are late, by the integrals of the rates' sizes."""
+    """Return the stamp delay of the other signal, from the integrals of absolute rates."""
     speeds = [np.linalg.norm(values, axis=1) for values in (rate, other)]
-    # What `time_offset` differentiates: angles turned through in all.
+    # `time_offset` differentiates its input, so pass total angles.
     walks = [
         np.concatenate([[0.0], np.cumsum(0.5 * (s[1:] + s[:-1]) * np.diff(t))])
         for s, t in zip(speeds, (time, other_time), strict=True)
@@ -337,14 +336,14 @@ def _rate_offset(time: Array, rate: Array, other_time: Array, other: Array) -> t
 
 
 def _in_body(track: Track, drone: Track) -> Track:
-    """Return a marker in the frame of the drone's body."""
+    """Return a marker track expressed in the drone's body frame."""
     assert drone.rotation is not None
     inside = (track.time >= drone.time[0]) & (track.time <= drone.time[-1])
     inside &= np.isfinite(track.position).all(axis=1)
     if inside.sum() < 50:
         raise CalibrationError(
-            f'{track.name} and the drone are seen together in {int(inside.sum())} frames: record '
-            'both for at least 20 s'
+            f'only {int(inside.sum())} frames show both {track.name} and the drone: record both '
+            'for at least 20 s'
         )
     time = track.time[inside]
     turn = Slerp(drone.time, Rotation.from_matrix(drone.rotation))(time)
@@ -353,13 +352,13 @@ def _in_body(track: Track, drone: Track) -> Track:
 
 
 def _frames(tracks: Sequence[Track], time: Array) -> tuple[Array, Array]:
-    """Return times (M,) within the joint states', and positions (M, K, 3), NaN where hidden."""
+    """Return times (M,) within the joint states, and positions (M, K, 3), NaN where not visible."""
     common = np.unique(np.concatenate([track.time for track in tracks]))
     common = common[(common > time[0] + 0.5) & (common < time[-1] - 0.5)]
     common = common[:: max(1, len(common) // _SAMPLES)]
     if len(common) < 50:
         raise CalibrationError(
-            'markers and joint states overlap in fewer than 50 frames: record them together'
+            'markers and joint states overlap in fewer than 50 frames: record both at the same time'
         )
     position = np.full((len(common), len(tracks), 3), np.nan)
     for k, track in enumerate(tracks):
@@ -380,13 +379,13 @@ def _cross(vectors: Array) -> Array:
 
 
 _HEADER = """\
-# The drone with calibrated poses of the arm's base (mount) and of the IMU, in place of what was
-# there. Comments: see the file that it was made from.
+# The drone with calibrated poses of the arm's base (mount) and of the IMU, which replace the
+# nominal ones. The original file has the comments.
 """
 
 
 def drone_yaml(source: Path, mount: FramePose | None, imu: FramePose | None) -> str:
-    """Return a drone file with calibrated poses.
+    """Return a drone file with the calibrated poses.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What was measured of an arm at rest, and how well a geometry predicts it.
+"""Sensor measurements of an arm at rest, and their prediction by a geometry.
 
-Each source of observations has unknowns of its own: the base frame in the sensor's frame, and what
-is attached to the arm. A source predicts its measurements from the poses of the link that it is
-attached to, and has the derivatives.
+Each source of observations has its own unknowns: the base frame in the sensor's frame, and the
+points or frames attached to the arm. A source predicts its measurements from the poses of the link
+to which it is attached, with derivatives.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from aerarm_ros.calibration.geometry import LinkPoses
 from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]
-"""Which of some rows."""
+"""Boolean mask of rows."""
 
 
 class CalibrationError(ValueError):
-    """Unusable data or option; the message states where, and what to check."""
+    """Unusable data or option; the message states the location, and what to check."""
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
-_STARTS = 400  # rotations from which a registration starts
-_SPREAD = 0.35  # [rad] typical distance of the nearest of so many to any rotation
+_STARTS = 400  # number of initial rotations of a registration
+_SPREAD = 0.35  # [rad] typical distance of the nearest initial rotation
 _REFINED = 6
 
 
@@ -40,9 +40,9 @@ class Source(ABC):
     Attributes
     ----------
     name : str
-        For reports.
+        Name in reports.
     base_known : bool
-        Whether the sensor's frame is the arm's base frame.
+        Whether the sensor's frame equals the arm's base frame.
     """
 
     name: str
@@ -51,27 +51,27 @@ class Source(ABC):
     @property
     @abstractmethod
     def unknowns(self) -> tuple[str, ...]:
-        """Names of the source's own unknowns, base frame first."""
+        """Names of the source's unknowns, base frame first."""
 
     @property
     @abstractmethod
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit, 'm' or 'rad', of each of the K residuals of a posture."""
+        """Name and unit, 'm' or 'rad', of each of the K residuals per posture."""
 
     @abstractmethod
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return predicted less measured (M, K) [m], [rad]; NaN where not seen."""
+        """Return predicted minus measured values (M, K) [m], [rad]; NaN where not measured."""
 
     @abstractmethod
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
         """Return derivatives of the residuals (M, K, P) and (M, K, U).
 
-        By the errors of the geometry, and by the source's own unknowns.
+        The derivatives are with respect to the geometric errors and the source's unknowns.
         """
 
     @abstractmethod
     def register(self, poses: LinkPoses) -> Array:
-        """Return a first state (S,) from measurements and poses of the geometry as drawn."""
+        """Return an initial state (S,) from measurements and nominal poses."""
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
@@ -79,28 +79,28 @@ class Source(ABC):
 
     @abstractmethod
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return the source in some of its postures."""
+        """Return the source restricted to given postures."""
 
     @property
     @abstractmethod
     def seen(self) -> Mask:
-        """(M,) whether something was seen."""
+        """Mask (M,) of postures with measurements."""
 
     def sigma(self, length: float, angle: float) -> Array:
-        """Return the noise (K,) of the channels from that of lengths [m] and angles [rad]."""
+        """Return the noise (K,) of the channels from the noise of lengths [m] and angles [rad]."""
         return np.array([length if unit == 'm' else angle for _, unit in self.channels])
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerSource(Source):
-    """Positions of markers on the link, each at an unknown place.
+    """Positions of markers on the link, each at an unknown position.
 
     Attributes
     ----------
     names : tuple of str
-        Of the markers.
+        Names of the markers.
     position : (M, markers, 3) ndarray
-        In the sensor's frame [m].
+        Positions in the sensor's frame [m].
     """
 
     names: tuple[str, ...]
@@ -108,24 +108,24 @@ class MarkerSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Base frame (6), then each marker's place in the link's frame (3)."""
+        """Base frame (6), followed by each marker's position in the link's frame (3)."""
         places = tuple(f'{marker}.{axis}' for marker in self.names for axis in 'xyz')
         return (*_base_names(self), *places)
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Three positions per marker."""
+        """Three position coordinates per marker."""
         return tuple((f'{marker} {axis}', 'm') for marker in self.names for axis in 'xyz')
 
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return predicted less measured positions (M, 3 markers) [m]."""
+        """Return predicted minus measured positions (M, 3 markers) [m]."""
         rotation, translation, places = _split(state)
         in_base = poses.position[:, None] + np.einsum('mij,kj->mki', poses.rotation, places)
         predicted = in_base @ rotation.T + translation
         return np.asarray((predicted - self.position).reshape(len(self.position), -1))
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """See `Source.jacobians`."""
+        """Return the derivatives of the residuals, see `Source.jacobians`."""
         assert poses.jacobian is not None
         rotation, _, places = _split(state)
         count, markers = len(self.position), len(self.names)
@@ -145,13 +145,13 @@ class MarkerSource(Source):
         return by_errors.reshape(shape), by_unknowns.reshape(shape)
 
     def register(self, poses: LinkPoses) -> Array:
-        """Return base rotation (9), translation (3) and places (3 per marker)."""
+        """Return base rotation (9), translation (3) and marker positions (3 per marker)."""
         if self.base_known:
             return self._linear(poses, np.eye(3))[1]
         return _best_start(lambda rotation: self._linear(poses, rotation))
 
     def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
-        """Return the least residual for a base rotation, and the state: linear in the rest."""
+        """Return the least residual and state for a base rotation; the rest is linear."""
         seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
         rows, values = [], []
         markers = len(self.names)
@@ -169,19 +169,19 @@ class MarkerSource(Source):
         return cost, np.concatenate([rotation.ravel(), solution])
 
     def moved(self, state: Array, step: Array) -> Array:
-        """Return the state after a step of base frame and places."""
+        """Return the state after a step of base frame and marker positions."""
         first = 0 if self.base_known else 6
         moved = _moved_base(state, step[:first])
         moved[12:] += step[first:]
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return some postures."""
+        """Return the source restricted to given postures."""
         return replace(self, position=self.position[index])
 
     @property
     def seen(self) -> Mask:
-        """(M,) whether any marker was seen."""
+        """Mask (M,) of postures with a visible marker."""
         return np.asarray(np.asarray(np.isfinite(self.position).all(axis=2)).any(axis=1))
 
 
@@ -191,12 +191,11 @@ class PoseSource(Source):
 
     Attributes
     ----------
-    rotation : (M, 3, 3) ndarray
     position : (M, 3) ndarray
-        Of the body in the sensor's frame [m].
+        Position of the body in the sensor's frame [m].
     eye_in_hand : bool
-        Whether the camera is on the link and sees what is fixed: the unknown base frame is then
-        that in the fixed body's frame, and what is attached is the camera.
+        Whether the camera is on the link and observes a fixed body. The unknown base frame is then
+        relative to the fixed body's frame, and the attached frame is that of the camera.
     """
 
     rotation: Array
@@ -205,13 +204,13 @@ class PoseSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Base frame (6), then the attached frame in the link's (6)."""
+        """Base frame (6), followed by the attached frame in the link's frame (6)."""
         what = 'camera' if self.eye_in_hand else 'body'
         return (*_base_names(self), *(f'{self.name}.{what}.{axis}' for axis in _AXES))
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Position and rotation vector."""
+        """Position and rotation vector of the pose."""
         return tuple(
             (f'{self.name} {axis}', 'rad' if axis.startswith('r') else 'm') for axis in _AXES
         )
@@ -220,14 +219,14 @@ class PoseSource(Source):
         """Return differences of position [m] and rotation vectors [rad], (M, 6)."""
         rotation, position = self._predicted(poses, state)
         turn = Rotation.from_matrix(np.swapaxes(self._filled(), 1, 2) @ rotation).as_rotvec()
-        # In the sensor's axes, as the positions.
+        # In the sensor's axes, like the positions.
         turn = np.einsum('mij,mj->mi', self._filled(), turn)
         residuals = np.hstack([position - self.position, turn])
         residuals[~self.seen] = np.nan
         return residuals
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """See `Source.jacobians`; the rotation's to first order in the residual."""
+        """Return the derivatives of the residuals, first-order in the rotation residual."""
         assert poses.jacobian is not None
         base, _, attached = _split_poses(state)
         lever = poses.rotation @ attached[1]
@@ -252,11 +251,11 @@ class PoseSource(Source):
         return by_errors, by_unknowns
 
     def _inverse_derivative(self, poses: LinkPoses, state: Array) -> Array:
-        """Return (M, 6, 6): twist of the inverse pose by that of a pose, along fixed axes."""
+        """Return (M, 6, 6) derivatives of the inverse pose's twist by the pose's twist."""
         rotation, position = self._predicted(poses, state)
         result = np.zeros((len(position), 6, 6))
         result[:, :3, :3] = -rotation
-        forward = -np.einsum('mji,mj->mi', rotation, position)  # of the pose itself
+        forward = -np.einsum('mji,mj->mi', rotation, position)  # of the pose before inversion
         result[:, :3, 3:] = -rotation @ _cross_matrix(forward)
         result[:, 3:, 3:] = -rotation
         return result
@@ -274,7 +273,7 @@ class PoseSource(Source):
         return np.where(self.seen[:, None, None], self.rotation, np.eye(3))
 
     def register(self, poses: LinkPoses) -> Array:
-        """Return base rotation (9), translation (3), attached rotation (9) and place (3)."""
+        """Return base rotation (9), translation (3), attached rotation (9) and position (3)."""
         if self.base_known:
             return self._linear(poses, np.eye(3))[1]
         return _best_start(lambda rotation: self._linear(poses, rotation))
@@ -310,12 +309,12 @@ class PoseSource(Source):
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return some postures."""
+        """Return the source restricted to given postures."""
         return replace(self, rotation=self.rotation[index], position=self.position[index])
 
     @property
     def seen(self) -> Mask:
-        """(M,) whether the pose was seen."""
+        """Mask (M,) of postures with a measured pose."""
         return np.asarray(np.isfinite(self.position).all(axis=1))
 
 
@@ -328,7 +327,7 @@ class PlaneSource(Source):
     Attributes
     ----------
     touches : (M,) ndarray
-        Whether the point touches the plane in a posture.
+        Whether the point touches the plane in each posture.
     """
 
     touches: Array
@@ -341,17 +340,17 @@ class PlaneSource(Source):
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """The distance from the plane."""
+        """Distance of the point from the plane."""
         return ((f'{self.name} distance', 'm'),)
 
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return the distances (M, 1) [m]."""
+        """Return the distances from the plane (M, 1) [m]."""
         point = poses.position + poses.rotation @ state[4:]
         distance = point @ state[:3] - state[3]
         return np.where(self.seen, distance, np.nan)[:, None]
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """See `Source.jacobians`."""
+        """Return the derivatives of the residuals, see `Source.jacobians`."""
         assert poses.jacobian is not None
         normal, lever = state[:3], poses.rotation @ state[4:]
         point = poses.position + lever
@@ -362,7 +361,7 @@ class PlaneSource(Source):
         return by_errors[:, None], by_unknowns[:, None]
 
     def register(self, poses: LinkPoses) -> Array:
-        """Return normal (3), distance (1) and point (3)."""
+        """Return the plane's normal (3), its distance (1) and the contact point (3)."""
         normals = Rotation.random(_STARTS, rng=np.random.default_rng(0)).as_matrix()[:, :, 2]
         best = min((self._linear(poses, normal) for normal in normals), key=lambda one: one[0])
         return best[1]
@@ -372,7 +371,7 @@ class PlaneSource(Source):
         along = normal @ poses.rotation[seen]
         matrix = np.hstack([along, -np.ones((len(along), 1))])
         value = -poses.position[seen] @ normal
-        # The point is not far from the link: of what contacts leave open the nearest.
+        # Of all solutions, choose the point nearest to the link's origin.
         solution = np.linalg.lstsq(matrix, value, rcond=1e-3)[0]
         cost = float(np.sum((matrix @ solution - value) ** 2))
         return cost, np.concatenate([normal, solution[3:], solution[:3]])
@@ -386,12 +385,12 @@ class PlaneSource(Source):
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return some postures."""
+        """Return the source restricted to given postures."""
         return replace(self, touches=self.touches[index])
 
     @property
     def seen(self) -> Mask:
-        """(M,) whether the point touches the plane."""
+        """Mask (M,) of postures in which the point touches the plane."""
         return self.touches.astype(bool)
 
 
@@ -404,9 +403,9 @@ class Observations:
     q : (M, n) ndarray
         Recorded joint positions [rad].
     sources : tuple of Source
-        Each with M postures.
+        Sources with M postures each.
     labels : tuple of M str
-        What a posture is called in messages, such as 'row 12'.
+        Name of each posture in messages, for example 'row 12'.
     """
 
     q: Array
@@ -414,7 +413,7 @@ class Observations:
     labels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Name postures that have no label."""
+        """Generate labels for postures without a label."""
         if not self.labels:
             names = tuple(f'posture {k + 1}' for k in range(len(self.q)))
             object.__setattr__(self, 'labels', names)
@@ -424,7 +423,7 @@ class Observations:
         return len(self.q)
 
     def rows(self, index: Sequence[int] | npt.NDArray[Any]) -> Observations:
-        """Return some of the postures."""
+        """Return the observations restricted to given postures."""
         places = np.asarray(index)
         if places.dtype == bool:
             places = np.flatnonzero(places)
@@ -451,7 +450,7 @@ def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
 
 
 def _moved_base(state: Array, step: Array) -> Array:
-    """Return a copy whose base frame is displaced, and turned about its origin."""
+    """Return a copy with the base frame displaced, and rotated about its origin."""
     moved = state.copy()
     if len(step):
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
@@ -461,7 +460,7 @@ def _moved_base(state: Array, step: Array) -> Array:
 
 
 def _best_start(linear: object) -> Array:
-    """Return the state of the base rotation that leaves the least, refined by random turns."""
+    """Return the state of the base rotation with the least residual, after random refinement."""
     assert callable(linear)
     generator = np.random.default_rng(0)
     starts = Rotation.random(_STARTS, rng=generator)
@@ -477,7 +476,7 @@ def _best_start(linear: object) -> Array:
 
 
 def _turned(angular: Array, lever: Array) -> Array:
-    """Return velocities (M, 3, P) of points at levers (M, 3) by angular velocities (M, 3, P)."""
+    """Return velocities (M, 3, P) of points at levers (M, 3) for angular velocities (M, 3, P)."""
     return np.cross(angular, lever[:, :, None], axis=1)
 
 
@@ -489,7 +488,7 @@ def _cross_matrix(vector: Array) -> Array:
 
 
 def _tangents(normal: Array) -> Array:
-    """Return two unit vectors (2, 3) that are normal to a unit vector and to each other."""
+    """Return two unit vectors (2, 3) perpendicular to a unit vector and to each other."""
     least = np.eye(3)[int(np.argmin(np.abs(normal)))]
     first = np.cross(normal, least)
     first /= np.linalg.norm(first)

@@ -1,4 +1,4 @@
-"""Postures at rest out of a recording, and the time offset between its sensors."""
+"""Postures at rest in a recording, and the time offset between its sensors."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from aerarm_ros.calibration.observations import (
 )
 from aerarm_ros.motion.signals import Array
 
-_STILL = 2e-3  # [rad], [m] by which a joint at rest may move within the window
+_STILL = 2e-3  # [rad], [m] tolerated motion of a joint at rest within the window
 _WINDOW = 0.25  # [s]
-_SHORTEST = 0.4  # [s] of rest that counts
-_SETTLING = 0.15  # [s] left out at the begin of a rest, and half of it at the end
-_RATE = 200.0  # [Hz] at which speeds are compared
-_LARGEST_OFFSET = 6.0  # [s] that is looked for
-_SMOOTH = 0.05  # [s] of speeds
-_AGREES = 0.5  # correlation of speeds below which no offset is found
+_SHORTEST = 0.4  # [s] shortest rest that counts
+_SETTLING = 0.15  # [s] excluded at the start of a rest, and half of it at the end
+_RATE = 200.0  # [Hz] sampling rate for comparing speeds
+_LARGEST_OFFSET = 6.0  # [s] search range
+_SMOOTH = 0.05  # [s] smoothing of speeds
+_AGREES = 0.5  # correlation of speeds below which the offset is undetermined
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +33,12 @@ class Track:
 
     Attributes
     ----------
-    name : str
     time : (T,) ndarray
-        [s]
+        Time [s].
     position : (T, 3) ndarray
-        [m]
+        Position [m].
     rotation : (T, 3, 3) ndarray or None
-        None for a marker.
+        Rotation matrix; None for a marker.
     """
 
     name: str
@@ -50,12 +49,12 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class RestingArm:
-    """Where an arm rested during a recording.
+    """Rest periods of an arm during a recording.
 
     Attributes
     ----------
     start, end : (M,) ndarray
-        Of each rest, without settling [s], by the clock of the joint states.
+        Start and end of each rest, without settling [s], by the clock of the joint states.
     q : (M, n) ndarray
         Mean joint positions [rad].
     """
@@ -66,18 +65,18 @@ class RestingArm:
 
 
 def resting_arm(time: Array, q: Array) -> RestingArm:
-    """Return where no joint moves by more than 2 mrad within 0.25 s, for 0.4 s or longer.
+    """Return the rests, in which no joint moves by more than 2 mrad in 0.25 s for at least 0.4 s.
 
     Parameters
     ----------
     time : (T,) ndarray
-        [s], increasing.
+        Increasing time [s].
     q : (T, n) ndarray
-        [rad]
+        Joint positions [rad].
     """
     ahead = np.minimum(np.searchsorted(time, time + _WINDOW), len(time) - 1)
     moved = np.abs(q[ahead] - q).max(axis=1)
-    # A sine could be back by then.
+    # Also check the middle of the window, because a sine could return by its end.
     half = np.minimum(np.searchsorted(time, time + 0.5 * _WINDOW), len(time) - 1)
     moved = np.maximum(moved, np.abs(q[half] - q).max(axis=1))
     still = moved < _STILL
@@ -98,16 +97,17 @@ def resting_arm(time: Array, q: Array) -> RestingArm:
 
 
 def time_offset(time: Array, q: Array, track: Track) -> tuple[float, float]:
-    """Return by how much a track's stamps are later than the joint states', and the agreement.
+    """Return the delay of a track's stamps relative to the joint states', and the agreement.
 
-    The offset aligns the speed of the thing with that of the joints: it is the maximum of their
-    cross-correlation, between two samples by a parabola.
+    The offset aligns the speed of the track with that of the joints. It is the maximum of their
+    cross-correlation, interpolated by a parabola.
 
     Returns
     -------
     offset : float
-        [s]; 0 where speeds do not agree.
+        Delay [s]; 0 if the speeds do not agree.
     correlation : float
+        Correlation of the speeds at this delay.
     """
     first, last = max(time[0], track.time[0]), min(time[-1], track.time[-1])
     seen = np.isfinite(track.position).all(axis=1)
@@ -134,28 +134,26 @@ def rest_observations(
     eye_in_hand: Sequence[str] = (),
     base_known: bool = False,
 ) -> Observations:
-    """Return sensor measurements while the arm rested: means of position and rotation.
+    """Return mean sensor positions and rotations for each rest of the arm.
 
     Parameters
     ----------
-    rests : RestingArm
-    tracks : sequence of Track
     offsets : mapping
-        Name of a track to what its stamps are late [s].
+        Delay of the stamps by track name [s].
     eye_in_hand : sequence of str
-        Tracks of poses that a camera on the arm saw.
+        Pose tracks measured by a camera on the arm.
     base_known : bool
         Whether positions are in the arm's base frame.
 
     Raises
     ------
     CalibrationError
-        If the arm does not rest, or nothing was seen meanwhile.
+        If the arm does not rest, or there are no measurements during the rests.
     """
     if not len(rests.q):
         raise CalibrationError(
-            f'the arm never rests for {_SHORTEST:g} s: let it stop in each posture for a second, '
-            'as `arm calibrate` does'
+            f'the arm never rests for {_SHORTEST:g} s: stop in each posture for one second, as '
+            '`arm calibrate` does'
         )
     markers = [track for track in tracks if track.rotation is None]
     sources: list[Source] = []
@@ -175,8 +173,8 @@ def rest_observations(
         rests.start - rests.start[0]))  # fmt: skip
     if not any(source.seen.any() for source in sources):
         raise CalibrationError(
-            'no sensor saw anything while the arm rested: check that its stamps are of the same '
-            'time as those of the joint states'
+            'no sensor measured anything while the arm rested: check that sensors and joint '
+            'states are stamped by one clock'
         )
     return Observations(rests.q, tuple(sources), labels)
 
@@ -193,7 +191,7 @@ def _means(
         inside = (track.time >= begin + late) & (track.time <= end + late) & seen
         if not inside.any():
             continue
-        # One glitch among many frames shall not move the mean.
+        # A single outlier among many frames must not change the mean.
         place[k] = _robust_mean(track.position[inside])
         if turn is not None and track.rotation is not None:
             turn[k] = Rotation.from_matrix(track.rotation[inside]).mean().as_matrix()
@@ -208,7 +206,7 @@ def _robust_mean(values: Array) -> Array:
 
 
 def _speed(grid: Array, time: Array, values: Array) -> Array:
-    """Return a smoothed speed on a grid, without its mean; 0 outside of the time."""
+    """Return a smoothed speed on a grid, without its mean; 0 outside the recorded time."""
     order = np.argsort(time, kind='stable')
     on_grid = np.column_stack([np.interp(grid, time[order], column[order]) for column in values.T])
     width = max(1, round(_SMOOTH * _RATE))
@@ -221,7 +219,7 @@ def _speed(grid: Array, time: Array, values: Array) -> Array:
 
 
 def _correlation(one: Array, other: Array, lags: int) -> Array:
-    """Return the correlation of one with other delayed by -lags to lags samples."""
+    """Return the correlation of `one` with `other` delayed by -lags to lags samples."""
     size = 1 << int(np.ceil(np.log2(len(one) + len(other))))
     product = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
     whole = np.fft.irfft(product, size)

@@ -14,26 +14,26 @@ from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, 
 from aerarm_ros.motion.signals import Array
 
 _CANDIDATES = 400
-_MARGIN = 0.05  # [rad], [m] to the limits of the joints
-_REGULAR = 1e-6  # of the information before the first posture
+_MARGIN = 0.05  # [rad], [m] distance from the joint limits
+_REGULAR = 1e-6  # relative regularization of the information before the first posture
 _EXCHANGES = 3  # passes over the chosen postures
-# Of the markers that are assumed: no three on a line [m].
+# Positions of the assumed markers, not collinear [m].
 _PLACES = ((0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (0.0, 0.0, 0.08))
 
 
 @dataclass(frozen=True, eq=False)
 class PostureChoice:
-    """Postures for a calibration.
+    """Postures chosen for a calibration.
 
     Attributes
     ----------
     q : (M, n) ndarray
-        [rad], in the order in which they are visited.
+        Postures [rad], in the order of visits.
     information : float
-        Logarithm of the determinant of the information matrix per error, beside that of as many
-        random postures: positive is better.
+        Logarithm of the information matrix's determinant per error, relative to that of as many
+        random postures; positive is better.
     parameters : int
-        Errors that the postures tell apart.
+        Number of errors that the postures identify.
     """
 
     q: Array
@@ -51,23 +51,22 @@ def choose_postures(
 ) -> PostureChoice:
     """Return the postures that identify the geometric errors best.
 
-    Of random postures inside the joints' limits that are allowed and visible, a greedy choice
-    maximises the determinant of the information matrix of all identifiable errors, base frame and
-    markers; then each posture is exchanged for a better one, if there is one (Fedorov 1972).
+    From random postures within the joint limits that are allowed and visible, a greedy choice
+    maximizes the determinant of the information matrix of all identifiable errors, base frame and
+    markers. Then each posture is exchanged for a better one, if possible (Fedorov 1972).
 
     Parameters
     ----------
-    geometry : ArmGeometry
     count : int
-        Number of postures.
+        Number of postures to choose.
     is_allowed : callable
-        Whether the arm may be in a posture (n,): self-collision, ground.
+        Returns whether a posture (n,) is allowed, given self-collisions and the ground.
     is_visible : callable, optional
-        Whether sensors see the markers in a posture.
+        Returns whether sensors see the markers in a posture.
     start : (n,) ndarray, optional
-        Where the arm is: each posture is followed by the nearest of those left.
+        Present posture; each posture is followed by the nearest remaining one.
     seed : int
-        Of the random postures.
+        Seed of the random postures.
 
     Raises
     ------
@@ -108,18 +107,18 @@ def _candidates(
     if len(found) < 2 * count:
         raise CalibrationError(
             f'only {len(found)} of {tried} random postures are free of collisions and visible: '
-            f'check the clearances and the ground, or ask for fewer than {count} postures'
+            f'check the clearances and the ground, or request fewer than {count} postures'
         )
     return np.array(found)
 
 
 def _assumed(geometry: ArmGeometry, q: Array) -> Fit:
-    """Return the arm as drawn, with three markers on the link."""
+    """Return the nominal arm with three markers on the link."""
     names = ('a', 'b', 'c')
     source = MarkerSource('mocap', names, np.zeros((len(q), len(names), 3)))
     state = np.concatenate([np.eye(3).ravel(), np.zeros(3), np.ravel(_PLACES)])
     poses = geometry.poses(q, np.zeros(len(geometry.names)))
-    # As if measured without error: a robust loss weighs residuals.
+    # Assume error-free measurements, because a robust loss weights residuals.
     exact = source.residuals(poses, state).reshape(len(q), len(names), 3)
     source = MarkerSource('mocap', names, exact)
     return Fit(geometry, Observations(q, (source,)), (), np.zeros(len(geometry.names)), (state,))
@@ -160,7 +159,7 @@ def _log_determinant(matrix: Array) -> float:
 
 
 def _shortest_way(q: Array, start: Array | None) -> list[int]:
-    """Return an order in which each posture is followed by the nearest that is left."""
+    """Return an order in which each posture is followed by the nearest remaining one."""
     left = list(range(len(q)))
     at = q[0] if start is None else start
     order = []

@@ -1,4 +1,4 @@
-"""The report of a calibration: one page, and a table for the terminal."""
+"""Report of a calibration as a page, and as a table for the terminal."""
 
 from __future__ import annotations
 
@@ -26,34 +26,33 @@ from aerarm_ros.pages.plots import figure_html, plotting_script
 
 _METRIC = (
     'Root mean square of the distance between measured and predicted position, and of the angle '
-    'between measured and predicted orientation. Before: the URDF as drawn; base frame and markers '
-    'are fitted to the same postures. Held-out postures took no part in any fit: base frame and '
-    'markers are those of the training postures.'
+    'between measured and predicted orientation. "Before" is the URDF as drawn, with base frame '
+    'and markers fitted to the training postures. Held-out postures take no part in any fit.'
 )
 _CHOICE = (
     'Each model was fitted ten times, each time without a tenth of the postures, and predicted '
-    'those. Of each model, estimates within two standard deviations of the drawing go back to the '
-    'drawing. A larger model is chosen if it predicts better by more than half a standard error.'
+    'that tenth. In every model, estimates within two standard deviations of the nominal value '
+    'are set to the nominal value. A larger model is chosen if its prediction is better by more '
+    'than half a standard error.'
 )
 _PARAMETERS = (
-    'Offsets are added to recorded positions. x, y, z and the rotation vector rx, ry, rz displace '
-    "a joint's frame in that frame as drawn. Standard deviations allow for residuals that are "
-    'alike within a posture.'
+    'Offsets are added to recorded positions. x, y, z and the rotation vector rx, ry, rz '
+    "displace a joint's frame, in the coordinates of its nominal frame. Standard deviations "
+    'allow for correlated residuals within a posture.'
 )
 _ABSORBED = (
-    'Base frame, markers or other errors of this list have the same effect on the measurement. No '
-    'posture distinguishes them, so these stay at their nominal values.'
+    'Base frame, markers or other errors of this list have the same effect on the measurement. '
+    'No posture distinguishes these errors, so they stay at their nominal values.'
 )
 
 
 def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> str:
-    """Return the whole report as HTML, offline and self-contained.
+    """Return the complete report as self-contained HTML that opens offline.
 
     Parameters
     ----------
-    calibration : Calibration
     mapping : sequence of str
-        What the columns or topics of the input were taken as.
+        Interpretation of the input's columns or topics.
     """
     body = [paragraph(headline(calibration), 'lead')]
     if calibration.messages:
@@ -74,8 +73,8 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
 
 
 def headline(calibration: Calibration) -> str:
-    """Return the result in a sentence."""
-    observations, name = calibration.observations, 'in the postures that were fitted'
+    """Return the result in one sentence."""
+    observations, name = calibration.observations, 'in the fitted postures'
     if calibration.held_out:
         held = calibration.held_out[0]
         observations, name = held.observations, f'in {len(held.observations)} held-out postures'
@@ -119,7 +118,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def _extrapolation(calibration: Calibration, observations: Observations) -> str:
-    """Return the errors within the joint ranges that were fitted and beyond, '' if none is."""
+    """Return errors within and beyond the fitted joint ranges, '' if no posture is beyond."""
     within = calibration.within(observations)
     if within.all() or not within.any():
         return ''
@@ -251,7 +250,7 @@ def _estimate_table(calibration: Calibration) -> Html:
         for name, column, value, deviation in _estimates(fit)
     ]
     if not rows:
-        return paragraph('All errors are insignificant: the arm is as drawn.')
+        return paragraph('All errors are insignificant: the arm matches its drawing.')
     return table(['error', 'estimate', 'standard deviation', 'unit'], rows)
 
 
@@ -262,7 +261,7 @@ def _frame_table(fit: Fit) -> Html:
         for name in source.unknowns:
             rows.append([name, 1e3 * float(deviations[name])])
         values = ', '.join(number(float(value), 6) for value in state)
-        rows.append([f'{source.name}: state as estimated [m]', Html(values)])
+        rows.append([f'{source.name}, estimated position [m]', Html(values)])
     return folded('Standard deviations [mm], [mrad]', table(['unknown', 'deviation'], rows))
 
 
@@ -271,9 +270,9 @@ def _as_drawn(calibration: Calibration) -> Html:
     found = calibration.found
     gone = [names[k] for k in found.columns if k not in calibration.fit.free]
     groups = {
-        'Insignificant, or not in the chosen model': gone,
-        'Not shown by these postures': [names[k] for k in found.hidden],
-        'Absorbed by others': [names[k] for k in found.absorbed],
+        'Insignificant, or outside the chosen model': gone,
+        'Not determined by these postures': [names[k] for k in found.hidden],
+        'Indistinguishable from other errors': [names[k] for k in found.absorbed],
     }
     parts = [
         paragraph(f'{title}: {", ".join(listed) or "none"}.') for title, listed in groups.items()

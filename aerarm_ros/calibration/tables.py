@@ -1,4 +1,4 @@
-"""Postures and measurements from a table: CSV, or arrays in an .npz file."""
+"""Postures and measurements from a table: a CSV file, or arrays in an .npz file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ANGLE_UNITS = {'rad': 1.0, 'mrad': 1e-3, 'deg': np.pi / 180.0, '°': np.pi / 18
 _LARGEST = 2**28  # bytes
 _UNIT = re.compile(r'\s*[\[(]([^\[\]()]*)[\])]\s*$')
 _AXIS = r'(?P<axis>qx|qy|qz|qw|phi[xyz]|roll|pitch|yaw|[xyz])'
-# x1, qx_1, x[1]; then marker1.x, tool_x, m1/qx; then x alone.
+# Accepted forms: x1, qx_1, x[1]; marker1.x, tool_x, m1/qx; x alone.
 _FORMS = (
     re.compile(rf'^{_AXIS}[_.]?(?P<name>\d+)$', re.IGNORECASE),
     re.compile(rf'^{_AXIS}\[(?P<name>\d+)\]$', re.IGNORECASE),
@@ -29,22 +29,22 @@ _FORMS = (
     re.compile(rf'^{_AXIS}(?P<name>)$', re.IGNORECASE),
 )
 _SAME = {'phix': 'roll', 'phiy': 'pitch', 'phiz': 'yaw'}
-_UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cells of what was not seen
+_UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cell contents that mean a missing measurement
 _CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
 
 @dataclass(eq=False)
 class Measured:
-    """Measurements of one marker or pose, row by row; missing ones are NaN.
+    """Measurements of one marker or pose by row; NaN where missing.
 
     Attributes
     ----------
     position : (M, 3) ndarray
-        [m]
+        Position [m].
     rotation : (M, 3, 3) ndarray or None
-        None for a marker.
+        Rotation matrix; None for a marker.
     columns : str
-        Where it stands in the table.
+        Names of its table columns.
     """
 
     position: Array
@@ -54,22 +54,22 @@ class Measured:
 
 @dataclass(eq=False)
 class PostureTable:
-    """Joint positions and measurements, row by row.
+    """Joint positions and measurements by row.
 
     Attributes
     ----------
     joints : dict of str to (M,) ndarray
-        Positions [rad], of prismatic joints [m].
+        Positions [rad], for prismatic joints [m].
     measured : dict of str to Measured
-        By the name of marker or body.
+        Measurements by name of marker or body.
     contacts : dict of str to (M,) ndarray
-        By the name of the plane: 1 where the tool touches it.
+        Contacts by name of the plane; 1 where the tool touches it.
     time : (M,) ndarray or None
-        [s]
+        Time [s].
     mapping : list of str
-        What each column was taken as, in words.
+        Interpretation of each column as text.
     unused : list of str
-        Columns that mean nothing here.
+        Columns without meaning for a calibration.
     """
 
     joints: dict[str, Array] = field(default_factory=dict)
@@ -92,46 +92,50 @@ def read_postures(
     rename: Mapping[str, str] | None = None,
     prismatic: Collection[str] = (),
 ) -> PostureTable:
-    """Read joint positions, markers, poses and contacts.
+    """Read joint positions, markers, poses and contacts from a table.
 
-    Columns of a CSV file: a joint's name alone (`elbow`), or as the identifier reads it
-    (`q_elbow`, `elbow.position [deg]`); markers as `x1, y1, z1` or `tip.x [mm], tip.y, tip.z`;
-    poses with `qx, qy, qz, qw` or `roll, pitch, yaw` (also `phix1 ...`) added; `contact_table`
-    with 0 or 1. Empty cells were not seen. Arrays of an .npz file: `q` (M, n) with `joint_names`,
-    `markers` (M, K, 3) with `marker_names`, `time`.
+    Accepted columns of a CSV file are a joint's name (`elbow`) or the identifier's names
+    (`q_elbow`, `elbow.position [deg]`). Markers have columns `x1, y1, z1` or `tip.x [mm], tip.y,
+    tip.z`. Poses have additional columns `qx, qy, qz, qw` or `roll, pitch, yaw` (also `phix1 ...`).
+    Contacts have a column such as `contact_table` with 0 or 1. Empty cells mean missing
+    measurements. An .npz file contains the arrays `q` (M, n) with `joint_names`, `markers` (M, K,
+    3) with `marker_names`, and `time`.
 
     Parameters
     ----------
-    path : Path
     known_joints : collection of str
         Driven joints of the URDF.
     length_unit : str
-        Of positions whose column states none: 'm' (also if empty), 'cm', 'mm'.
+        Unit of positions whose column states none: 'm' (also if empty), 'cm', 'mm'.
     degrees : bool
-        Whether angles are in degrees where their column states no unit.
+        Whether angles are in degrees if their column states no unit.
     rename : mapping, optional
-        Names of the table's joints to the URDF's.
+        URDF joint name by name in the table.
     prismatic : collection of str
-        Those of the joints whose positions are lengths [m], degrees or not.
+        Joints whose positions are lengths [m], independent of `degrees`.
 
     Raises
     ------
     CalibrationError
-        If it cannot be read, or has no joint or nothing that was measured.
+        If the file cannot be read, or contains no joint or no measurements.
     """
     try:
         if path.stat().st_size > _LARGEST:
-            raise CalibrationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
+            raise CalibrationError(f'{path} is larger than {_LARGEST >> 20} MB: shorten the file')
         is_npz = path.suffix.lower() == '.npz'
         wrong: dict[str, str] = {}
         columns = _npz_columns(path) if is_npz else _csv_columns(path, wrong)
     except OSError as error:
-        raise CalibrationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise CalibrationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
         if isinstance(error, CalibrationError):
             raise
         reason = ' '.join(str(error).split())
-        raise CalibrationError(f'{path}: is no table of numbers ({reason})') from None
+        raise CalibrationError(
+            f'{path} is not a table of numbers ({reason}): check the file format'
+        ) from None
     reader = _Reader(path, known_joints, length_unit, degrees, rename or {}, prismatic)
     table = reader.table(columns)
     for name, problem in wrong.items():
@@ -141,7 +145,7 @@ def read_postures(
 
 
 class _Reader:
-    """Sorts columns by what they mean."""
+    """Assigns table columns to joints, markers, poses and contacts."""
 
     def __init__(
         self,
@@ -170,14 +174,13 @@ class _Reader:
             self._thing(thing, axes)
         if not table.joints:
             raise CalibrationError(
-                f'{self._path}: no column is a joint of the URDF ({_some(self._known)}); its '
-                f'columns are {_some(columns)}: name them as the joints, or pass '
-                '--rename COLUMN=JOINT'
+                f'none of the columns of {self._path} ({_some(columns)}) is a joint of the URDF '
+                f'({_some(self._known)}): name them as the joints, or pass --rename COLUMN=JOINT'
             )
         if not table.measured and not table.contacts:
             raise CalibrationError(
-                f'{self._path}: no marker: name its columns x1, y1, z1 [m]; its columns are '
-                f'{_some(columns)}'
+                f'{self._path} has no marker (its columns are {_some(columns)}): name marker '
+                'columns x1, y1, z1 [m]'
             )
         return table
 
@@ -207,7 +210,7 @@ class _Reader:
         return False
 
     def _numbered_joints(self, columns: Mapping[str, Array]) -> None:
-        """Take `q1 ... qn` as the URDF's joints in turn, where no column is named by a joint."""
+        """Use `q1 ... qn` as the URDF's joints in order if no column has a joint name."""
         if self._table.joints:
             return
         numbered = []
@@ -229,7 +232,7 @@ class _Reader:
     def _add_joint(self, joint: str, column: str, values: Array, unit: str) -> None:
         if joint in self._table.joints:
             raise CalibrationError(
-                f'{self._path}: column {column} is a second one of joint {joint}: leave one out'
+                f'{self._path} has two columns of joint {joint}, the second is {column}: remove one'
             )
         self._table.joints[joint] = values
         if unit == 'rad' and joint in self._prismatic:
@@ -246,7 +249,7 @@ class _Reader:
             return _ANGLE_UNITS[self._angle_unit]
         if unit.lower() not in units:
             raise CalibrationError(
-                f'{self._path}: column {name}: unit {unit} is not known: give one of '
+                f'column {name} of {self._path} has the unknown unit {unit}: use one of '
                 f'{", ".join(units)}'
             )
         return units[unit.lower()]
@@ -273,7 +276,8 @@ class _Reader:
         thing = self._axes.setdefault(match['name'] or '1', {})
         if axis in thing:
             raise CalibrationError(
-                f'{self._path}: columns {thing[axis][0]} and {name} are the same: leave one out'
+                f'columns {thing[axis][0]} and {name} of {self._path} mean the same '
+                'quantity: remove one'
             )
         thing[axis] = (name, values, factor)
         return True
@@ -286,8 +290,8 @@ class _Reader:
             return
         if missing:
             raise CalibrationError(
-                f'{self._path}: marker {thing} has no {missing[0]}: its columns are '
-                f'{", ".join(names)}; add it, or leave these out'
+                f'marker {thing} of {self._path} has no {missing[0]}, only {", ".join(names)}: '
+                'add the column, or remove the marker'
             )
         position = np.column_stack([axes[axis][2] * axes[axis][1] for axis in 'xyz'])
         rotation = _rotation(axes)
@@ -300,7 +304,7 @@ class _Reader:
 
 
 def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
-    """Return the rotations (M, 3, 3) of quaternions or roll, pitch and yaw; None without."""
+    """Return rotations (M, 3, 3) from quaternions or roll, pitch and yaw; None without either."""
     for keys in (('qx', 'qy', 'qz', 'qw'), ('roll', 'pitch', 'yaw')):
         if not all(key in axes for key in keys):
             continue
@@ -319,7 +323,7 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
 
 
 def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
-    """Return the columns, and note those that hold other things than numbers."""
+    """Return the columns, and store the names of non-numeric ones in `wrong`."""
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         header = file.readline().lstrip('#').strip()
         found = [d for d in (';', '\t', ',') if d in header]
@@ -327,20 +331,22 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
         names = [name.strip().strip('"') for name in header.split(delimiter)]
         if all(_is_number(name) for name in names):
             raise CalibrationError(
-                f'{path}: the first line must name the columns, as x1, y1, z1, joint1, joint2'
+                f'the first line of {path} must name the columns, for example x1, y1, '
+                'z1, joint1, joint2'
             )
         rows = [line.rstrip('\r\n').split(delimiter) for line in file if line.strip()]
     if not rows:
-        raise CalibrationError(f'{path}: has no rows below its first line')
+        raise CalibrationError(f'{path} has no rows below its first line: add the measurements')
     for number, row in enumerate(rows, start=2):
         if len(row) != len(names):
             raise CalibrationError(
-                f'{path}: line {number} has {len(row)} values for {len(names)} columns'
+                f'line {number} of {path} has {len(row)} values, but there are '
+                f'{len(names)} columns: correct the line'
             )
     seen = [name for name in names if name]
     twice = next((name for name in seen if names.count(name) > 1), None)
     if twice is not None:
-        raise CalibrationError(f'{path}: column {twice} is given twice: leave one out')
+        raise CalibrationError(f'{path} has two columns named {twice}: remove one')
     columns = {}
     for place, name in enumerate(names):
         texts = [row[place].strip().strip('"') for row in rows]
@@ -349,7 +355,7 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
         values = np.array([_number(text) for text in texts])
         for line, (text, value) in enumerate(zip(texts, values, strict=True), start=2):
             if np.isnan(value) and text.lower() not in _UNSEEN:
-                wrong[name] = f"'{text}' in line {line} is no number: leave the cell empty"
+                wrong[name] = f"'{text}' in line {line} is not a number: leave the cell empty"
                 break
         columns[name or f'column {place + 1}'] = values
     return columns
@@ -358,7 +364,9 @@ def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
 def _npz_columns(path: Path) -> dict[str, Array]:
     with zipfile.ZipFile(path) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
-            raise CalibrationError(f'{path}: larger than {_LARGEST >> 20} MB, unpacked: cut it')
+            raise CalibrationError(
+                f'{path} is larger than {_LARGEST >> 20} MB when unpacked: shorten the file'
+            )
     columns: dict[str, Array] = {}
     with np.load(path, allow_pickle=False) as file:
         arrays = {key: np.asarray(file[key]) for key in file.files}
@@ -380,7 +388,10 @@ def _npz_columns(path: Path) -> dict[str, Array]:
             columns[key] = values
     lengths = {len(values) for values in columns.values()}
     if len(lengths) > 1:
-        raise CalibrationError(f'{path}: its arrays differ in length: {sorted(lengths)} rows')
+        raise CalibrationError(
+            f'the arrays of {path} differ in length ({sorted(lengths)} rows): save arrays of '
+            'equal length'
+        )
     return columns
 
 

@@ -1,5 +1,5 @@
-"""The first power-on of an arm: which motor turns which joint, which way, by which gear, how well.
+"""Commissioning of an arm: identifies motors, joints, directions, gears and drive quality.
 
-In come the bridge's reports and a person's answers; out go prompts, requests to the bridge, what
-was found, and a record beside the configuration. `Commissioning` is the entry point.
+The inputs are the bridge's reports and a person's answers. The outputs are prompts, requests to the
+bridge, findings, and a record next to the configuration. `Commissioning` is the entry point.
 """

@@ -1,4 +1,4 @@
-"""The guided procedure: one joint after the other, one step after the other."""
+"""Guided commissioning procedure, joint by joint and step by step."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ from aerarm_ros.hardware.boards.commissioning_probe import (
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.kinematics import Kinematics
 
-_TURN = 0.5 * np.pi  # [rad] that a hand turns a joint by, against a set square
+_TURN = 0.5 * np.pi  # [rad] by which a person turns a joint, against a set square
 _TURN_MIN = 0.5
-_ROOM = 0.05  # [rad] that stay to the limit
-_TOOL_MOVES = 0.02  # [m/rad]
+_ROOM = 0.05  # [rad] minimum distance to the limit
+_TOOL_MOVES = 0.02  # [m/rad] tool motion above which a direction is described by it
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """Instruction for a person, to confirm.
+    """Instruction for a person, to be confirmed.
 
     Attributes
     ----------
     text
-        What to do; the answer is yes once it is done, or no to leave the step out.
+        Instruction; the answer is yes when done, or no to skip the step.
     hand
-        Joint's name and angle [rad] to which its hand turns it; None if nothing is turned.
+        Joint name and target angle [rad] for a turn by hand; None for no turn.
     """
 
     text: str
@@ -55,22 +55,22 @@ class Prompt:
 
 
 class CommissioningStep(ABC):
-    """A step of one joint.
+    """Commissioning step of one joint.
 
     Attributes
     ----------
     kind
-        What the bridge shall do, as in `ProbeRequest`.
+        Requested action of the bridge, as in `ProbeRequest`.
     number
-        Counts up where the bridge shall begin again.
+        Counter that increases when the bridge must restart the action.
     prompt
-        What a person has to confirm, None while nothing is asked.
+        Instruction to confirm, None if there is none.
     findings, measured
-        What is wrong, and what was measured.
+        Problems found, and measured values.
     is_done
-        Whether the step is over.
+        Whether the step is finished.
     is_fatal
-        Whether the joint's other steps make no sense after it.
+        Whether the joint's remaining steps must be skipped.
     """
 
     kind = WATCH
@@ -86,13 +86,13 @@ class CommissioningStep(ABC):
 
     @abstractmethod
     def update(self, report: ProbeReport) -> None:
-        """Take what the bridge reports on the step's last request."""
+        """Process the bridge's report on the step's last request."""
 
     def answer(self, yes: bool) -> None:
-        """Take the answer to the prompt."""
+        """Process the answer to the prompt."""
         self.prompt = None
         if not yes:
-            self.findings.append(f'{self._name}: left out by the user')
+            self.findings.append(f'{self._name}: skipped by the user')
             self._end()
 
     def _end(self, fatal: bool = False) -> None:
@@ -100,25 +100,26 @@ class CommissioningStep(ABC):
 
 
 class BoardStep(CommissioningStep):
-    """Looks whether the board of the joint answers."""
+    """Step that checks whether the joint's board answers."""
 
     def update(self, report: ProbeReport) -> None:
-        """End with the first report."""
+        """Finish with the first report."""
         if report.phase != 'watching':
             problem = report.reason or f'the bridge is {report.mode}'
         else:
             problem = report.boards[self._joint]
         if not problem and report.mode == 'fault':
-            problem = "the bridge is in fault: see its console, 'arm clear_fault'"
+            problem = "the bridge is in fault: see its log, then 'arm clear_fault'"
         if problem:
             self.findings.append(f'{self._name}: {problem}')
         self._end(bool(problem))
 
 
 class TurnStep(CommissioningStep):
-    """A hand turns the joint by a known angle and back, the motors off.
+    """Step in which a person turns the joint by a known angle and back, with motors off.
 
-    That tells the encoder's channel, its direction, the gear, and where its index pulses are.
+    The turn identifies the encoder's channel, its direction, the gear ratio, and the angles of its
+    index pulses.
     """
 
     def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
@@ -135,8 +136,9 @@ class TurnStep(CommissioningStep):
                 (self._name, home),
             ),
             Prompt(
-                f'Turn {self._name} by {np.degrees(turn):+.0f} degrees, to {home + turn:.4g} rad, '
-                f'within 3 degrees, and keep it there: {_direction(config, robot, joint, turn)}.',
+                f'Turn {self._name} by {np.degrees(turn):+.0f} degrees, to {home + turn:.4g} '
+                'rad, within 3 degrees, and keep it at that angle: '
+                f'{_direction(config, robot, joint, turn)}.',
                 (self._name, home + turn),
             ),
             Prompt(f'Turn {self._name} back to {home:.4g} rad.', (self._name, home)),
@@ -146,14 +148,14 @@ class TurnStep(CommissioningStep):
         self._ask()
 
     def answer(self, yes: bool) -> None:
-        """Take the answer; the next report ends what was asked for."""
+        """Process the answer; the next report finishes the requested action."""
         super().answer(yes)
         self._is_confirmed = yes
         if yes and self._stage == 0:
-            self.number += 1  # count from here
+            self.number += 1  # restart counting at the present angle
 
     def update(self, report: ProbeReport) -> None:
-        """Judge what was confirmed."""
+        """Evaluate the confirmed motion."""
         if not self._is_confirmed or self.is_done:
             return
         if report.phase != 'watching':
@@ -174,7 +176,7 @@ class TurnStep(CommissioningStep):
         findings, measured = turn_findings(self._config, self._joint, self._turn, report)
         self.findings += findings
         self.measured |= measured
-        if not measured:  # another motor's encoder: what that motor would turn nobody knows
+        if not measured:  # another motor's encoder moved, so the gear ratio is undetermined
             self._end(fatal=True)
             return
         offset = pulse_offset(self._config, self._joint, self._home_angle, report)
@@ -182,8 +184,9 @@ class TurnStep(CommissioningStep):
             self.measured['pulse_offset'] = offset
         elif not findings:
             self.findings.append(
-                f'{self._name}: no index pulse was seen between two frames in order, homing needs '
-                'its place: turn the joint slowly, check what else the host does, and repeat'
+                f'{self._name}: homing needs the place of the index pulse, but no index pulse '
+                'was seen between two consecutive frames. Turn the joint slowly, check the load '
+                'of this computer, and repeat'
             )
 
     def _ask(self) -> None:
@@ -191,24 +194,25 @@ class TurnStep(CommissioningStep):
 
 
 class DriveStep(CommissioningStep):
-    """The motor turns its joint forth and back, at low torque and speed."""
+    """Step in which the motor turns its joint back and forth at low torque and speed."""
 
     def __init__(self, config: ArmConfig, robot: Robot, joint: int) -> None:
         super().__init__(config, robot, joint)
         self.prompt = Prompt(
-            f'The motor of {self._name} aligns now, and turns it by {REACH:g} rad to either side. '
-            'Support the arm, keep your hands off the joint. THE ARM MOVES. Drive it?'
+            f'The motor of {self._name} aligns now, then turns the joint by {REACH:g} rad to '
+            'both sides. Support the arm and keep your hands off the joint. THE ARM MOVES. Drive '
+            'the motor?'
         )
 
     def answer(self, yes: bool) -> None:
-        """Take the answer; yes starts the motor."""
+        """Process the answer; yes starts the motor."""
         super().answer(yes)
         if yes:
             self.kind = DRIVE
             self.number += 1
 
     def update(self, report: ProbeReport) -> None:
-        """Judge the drive once it is over."""
+        """Evaluate the drive once it is finished."""
         if self.kind != DRIVE or report.phase not in ('done', 'failed'):
             return
         findings, measured = drive_findings(self._config, self._joint, report)
@@ -218,34 +222,34 @@ class DriveStep(CommissioningStep):
 
 
 def _turn(config: ArmConfig, joint: int) -> float:
-    """Return the angle by which a hand turns a joint from its home configuration [rad]."""
+    """Return the angle by which a person turns a joint from its home configuration [rad]."""
     this, home = config.joints[joint], config.rest_position[joint]
     up, down = this.position_max - home - _ROOM, home - this.position_min - _ROOM
     room = up if up >= min(_TURN, down) else -down
     turn = float(np.clip(room, -_TURN, _TURN))
     if abs(turn) < _TURN_MIN:
         raise ValueError(
-            f'{this.name} has {abs(turn):.2f} rad to turn from its home configuration: '
-            f'commissioning needs {_TURN_MIN:g} rad, choose another rest_position'
+            f'{this.name} can turn only {abs(turn):.2f} rad from its home configuration, but '
+            f'commissioning needs {_TURN_MIN:g} rad: choose another rest_position'
         )
     return turn
 
 
 def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
-    """Return the direction of a joint, for a person next to the arm in its home configuration."""
+    """Return a joint's direction as text, for a person next to the arm at home."""
     try:
         tool = Kinematics(robot)
-    except ValueError:  # an arm without a frame of that name
+    except ValueError:  # the arm has no frame of that name
         tool = Kinematics(robot, robot.link_names[-1])
     speed = np.sign(turn) * tool.jacobian(np.array(config.rest_position))[:, joint]
     if np.linalg.norm(speed[:3]) > _TOOL_MOVES:
-        return f'the tool sets out towards {_axis(speed[:3])} of the base'
+        return f'the tool starts to move towards {_axis(speed[:3])} of the base'
     axis = _axis(speed[3:])
-    return f'counter-clockwise for an eye that the axis {axis} of the base points at'
+    return f"counter-clockwise, seen from the tip of the base's axis {axis}"
 
 
 def _axis(vector: NDArray[np.float64]) -> str:
-    """Return the base's axis that is nearest to a vector, as '+x'."""
+    """Return the base axis nearest to a vector, for example '+x'."""
     along = int(np.argmax(np.abs(vector)))
     return f'{"+" if vector[along] > 0.0 else "-"}{"xyz"[along]}'
 
@@ -254,33 +258,33 @@ _STEPS = (BoardStep, TurnStep, DriveStep)
 
 
 class Commissioning:
-    """Guides a person through the first power-on of an arm, without any input or output of its own.
+    """Guided first power-on of an arm, independent of user interface and transport.
 
-    The client shows `prompt` and takes the answer, sends `request` to the bridge again and
-    again, and calls `update` with the bridge's reports.
+    The client shows `prompt` and passes on the answer, repeats `request` to the bridge, and calls
+    `update` with the bridge's reports.
 
     Parameters
     ----------
     config, robot
-        The arm as drawn, by the names of its topics.
+        Configuration and robot model, with joint names as on the topics.
     record
-        What is known already; joints of other numbers keep their entries.
+        Earlier results; the entries of joints that are not commissioned are kept.
     joints
-        Numbers of the joints to commission, in turn.
+        Numbers of the joints to commission, in order.
     client
-        Name that no other client has, for the bridge.
+        Unique name of the client, for the bridge.
 
     Raises
     ------
     ValueError
-        If a joint has no room to be turned.
+        If a joint cannot be turned far enough.
 
     Attributes
     ----------
     record
-        With the results so far.
+        Record with the results so far.
     news
-        Lines for the person, in order: joints begun, findings, results.
+        Lines for the person, in order: started joints, findings, results.
     """
 
     def __init__(
@@ -305,18 +309,18 @@ class Commissioning:
 
     @property
     def is_done(self) -> bool:
-        """Whether every joint was looked at, or it was ended."""
+        """Whether all joints are finished, or the procedure was ended."""
         return self._is_ended or not self._steps
 
     @property
     def prompt(self) -> Prompt | None:
-        """Instruction that a person has to confirm, None while the bridge works."""
+        """Instruction to confirm, None while the bridge works."""
         step = self._step
         return None if step is None else step.prompt
 
     @property
     def request(self) -> ProbeRequest:
-        """Next request to the bridge; repeat it at 10 Hz or more."""
+        """Next request to the bridge, to be repeated at 10 Hz or more."""
         step = self._step
         if step is None:
             return ProbeRequest(f'{self._client}:end', OFF)
@@ -324,14 +328,14 @@ class Commissioning:
         return ProbeRequest(f'{self._client}:{self._at}.{step.number}', step.kind, name)
 
     def answer(self, yes: bool) -> None:
-        """Take a person's answer to the prompt."""
+        """Process a person's answer to the prompt."""
         step = self._step
         if step is not None and step.prompt is not None:
             step.answer(yes)
             self._go_on()
 
     def update(self, now: datetime, report: ProbeReport) -> None:
-        """Take a report of the bridge, at a date; others than on the last request are ignored."""
+        """Process the bridge's report with its date; reports on earlier requests are ignored."""
         step = self._step
         if step is None or report.id != self.request.id:
             return
@@ -339,7 +343,7 @@ class Commissioning:
         self._go_on(now)
 
     def end(self) -> None:
-        """Stop here: the joint that is under way gets no entry, the bridge is asked for OFF."""
+        """End the procedure: the present joint gets no entry, and the bridge is asked to stop."""
         self._is_ended = True
 
     @property

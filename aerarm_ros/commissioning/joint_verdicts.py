@@ -1,4 +1,4 @@
-"""What the measurements of one joint say about its motor, encoder, gear and driver."""
+"""Evaluation of one joint's measurements: motor, encoder, gear and driver."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.commissioning_probe import REACH, SPEED, ProbeReport
 
 RATIO_TOLERANCE = 0.05
-_NOT_TURNED = 0.2  # share of the turn that an encoder has to count at least
-_ALSO_TURNED = 0.25  # share of the turn by which another joint may be carried along
+_NOT_TURNED = 0.2  # least fraction of the turn that an encoder must count
+_ALSO_TURNED = 0.25  # fraction of the turn by which another joint may move along
 _PULSES_OFF = 2
-_RETURN_TOLERANCE = 0.05  # [rad] at the joint, of a hand that places it twice
-_NOT_DRIVEN = 0.5  # share of the way that a drive has to reach
+_RETURN_TOLERANCE = 0.05  # [rad] at the joint, placement error of a hand between two placements
+_NOT_DRIVEN = 0.5  # least fraction of the travel that a drive must reach
 _DELIVERED = (0.8, 1.2)
-# Friction of a made gear beside the configuration's: 30 % of spread, and what a gear of a printed
-# part runs in by; the allowance is for joints with hardly any.
+# Friction of a real gear relative to the configured one: 30 % spread, and running-in of printed
+# gears. The allowance applies to joints with almost no friction.
 _FRICTION = (0.3, 2.0)
 _FRICTION_ALLOWANCE = 0.05  # [Nm]
 _TURN = 2.0 * pi
@@ -27,23 +27,23 @@ Measured = dict[str, float]
 def turn_findings(
     config: ArmConfig, joint: int, turn: float, report: ProbeReport
 ) -> tuple[Findings, Measured]:
-    """Judge a joint that a hand turned while the motors were off.
+    """Evaluate a joint that a person turned with motors off.
 
     Parameters
     ----------
     config
-        The arm.
+        Configuration of the arm.
     joint
-        Its number.
+        Number of the joint.
     turn
-        Angle by which it was turned [rad], positive in the joint's direction.
+        Angle of the turn [rad], positive in the joint's direction.
     report
-        Of the bridge, since before the turn.
+        Bridge report that covers the whole turn.
 
     Returns
     -------
     findings
-        What is wrong, and what to check; empty for a joint as configured.
+        Problems with what to check; empty for a joint as configured.
     measured
         `reduction`: motor turns per joint turn.
     """
@@ -53,68 +53,72 @@ def turn_findings(
     most = max(range(config.n), key=turned.__getitem__)
     if turned[most] < _NOT_TURNED:
         return [
-            f'{this.name}: no encoder counted the turn: check that the right joint was turned, '
+            f'{this.name}: no encoder counted the turn; check that you turned the right joint, '
             f'the encoder cable, and the magnet of {this.motor.name}'
         ], {}
     if most != joint:
         other = config.joints[most]
         return [
-            f'{this.name}: its turn was counted by the encoder of {other.name}: swap the cables, '
-            f'or board and channel of {this.name} ({this.board}, {this.channel}) and {other.name} '
+            f'{this.name}: the encoder of {other.name} counted this turn; swap the cables, or '
+            f'board and channel of {this.name} ({this.board}, {this.channel}) and {other.name} '
             f'({other.board}, {other.channel})'
         ], {}
     findings = []
     carried = [name for i, name in enumerate(names) if i != joint and turned[i] > _ALSO_TURNED]
     if carried:
-        findings.append(f'{this.name}: {", ".join(carried)} turned as well: hold it, and repeat')
+        findings.append(
+            f'{this.name}: {", ".join(carried)} turned as well; hold the other joints still '
+            'and repeat'
+        )
     travel = report.travel[joint]
     if travel * turn * this.sign < 0.0:
         findings.append(
-            f'{this.name}: its encoder counts against the configuration: set sign: {-this.sign}'
+            f'{this.name}: the encoder counts in the opposite direction to the '
+            f'configuration; set sign: {-this.sign}'
         )
     reduction, expected = abs(travel / turn), 1.0 / this.gear.ratio
     off = reduction / expected - 1.0
     if abs(off) > RATIO_TOLERANCE:
         findings.append(
-            f'{this.name}: the motor makes {reduction:.2f} turns per turn of the joint, the '
-            f'configuration has {expected:.4g} ({100.0 * off:+.0f} %): correct the gear, or turn '
-            'the joint by the requested angle'
+            f'{this.name}: the motor makes {reduction:.2f} turns per turn of the joint, but the '
+            f'configuration says {expected:.4g} ({100.0 * off:+.0f} %); correct the gear ratio, '
+            'or turn the joint by the requested angle'
         )
     pulses = report.span[joint] / _TURN
     if abs(report.pulses[joint] - pulses) > _PULSES_OFF:
         findings.append(
-            f'{this.name}: {report.pulses[joint]} index pulses in {pulses:.1f} motor turns: check '
-            "the encoder's index line"
+            f'{this.name}: {report.pulses[joint]} index pulses in {pulses:.1f} motor turns; '
+            "check the encoder's index line"
         )
     return findings, {'reduction': reduction}
 
 
 def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
-    """Judge a joint that was turned back to where its turn began; arguments as `turn_findings`."""
+    """Evaluate a joint that was turned back to its start; arguments as in `turn_findings`."""
     this = config.joints[joint]
     off = this.gear.ratio * report.travel[joint]
     if abs(off) <= _RETURN_TOLERANCE:
         return []
     return [
-        f'{this.name}: back at its mark the encoder is {off:+.3f} rad off: place the joint '
-        'exactly, or check the encoder for lost counts and the gear for slip'
+        f'{this.name}: after the return to its mark, the encoder reads {off:+.3f} rad off; place '
+        'the joint exactly, or check the encoder for lost counts and the gear for slip'
     ]
 
 
 def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[Findings, Measured]:
-    """Judge a joint whose motor was driven forth and back; arguments as `turn_findings`.
+    """Evaluate a joint that its motor drove back and forth; arguments as in `turn_findings`.
 
     Returns
     -------
     findings
-        What is wrong, and what to check.
+        Problems with what to check.
     measured
-        `delivered`: measured per requested current. `friction` and `load`: half the difference and
-        half the sum of the torques in both directions [Nm].
+        `delivered`: ratio of measured to requested current. `friction` and `load`: half the
+        difference and half the sum of the torques in both directions [Nm].
     """
     this = config.joints[joint]
     if report.phase != 'done' or len(report.strokes) != 2:
-        return [f'{this.name}: it was not driven: {report.reason or report.phase}'], {}
+        return [f'{this.name}: the motor was not driven ({report.reason or report.phase})'], {}
     gears = config.column('gear.ratio').tolist()
     way = [gear * span / (2.0 * REACH) for gear, span in zip(gears, report.span, strict=True)]
     others = [
@@ -124,19 +128,19 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
     effort = this.torque_per_ampere
     if way[joint] < _NOT_DRIVEN:
         moved = (
-            f'{", ".join(others)} moved instead: check the channels'
+            f'{", ".join(others)} moved instead, check the channels'
             if others
-            else f'it was blocked at {effort * report.current_max:.2f} Nm: its friction is too '
-            'high, a motor phase is open, or the joint is held'
+            else f'the joint was blocked at {effort * report.current_max:.2f} Nm, so its '
+            'friction is too high, a motor phase is open, or something holds the joint'
         )
         return [f'{this.name}: its motor did not move it; {moved}'], {}
     findings = []
     if others:
-        findings.append(f'{this.name}: {", ".join(others)} moved as well: check the motor phases')
+        findings.append(f'{this.name}: {", ".join(others)} moved as well; check the motor phases')
     if min(up.speed, -down.speed) < 0.5 * SPEED:
         findings.append(
-            f'{this.name}: it ran at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead of '
-            f'{SPEED:+g} and {-SPEED:+g}: check the direction of its motor'
+            f'{this.name}: the joint ran at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead '
+            f'of {SPEED:+g} and {-SPEED:+g}; check the direction of its motor'
         )
     measured = {
         'friction': 0.5 * effort * (up.measured - down.measured),
@@ -157,7 +161,7 @@ def _driver_findings(name: str, measured: Measured) -> Findings:
     if low <= share <= high:
         return []
     return [
-        f'{name}: the driver delivers {100.0 * share:.0f} % of the requested current: check the '
+        f'{name}: the driver delivers {100.0 * share:.0f} % of the requested current; check the '
         "supply voltage, the motor phases, and the board's current measurement"
     ]
 
@@ -172,7 +176,7 @@ def _friction_findings(name: str, friction: float, expected: float) -> Findings:
         else ('check the coupling of the gear to the motor')
     )
     return [
-        f'{name}: its friction is {friction:.3f} Nm, the configuration has {expected:.3f} Nm: '
+        f'{name}: friction is {friction:.3f} Nm, but the configuration says {expected:.3f} Nm; '
         f'{what}, check torque constant and gear'
     ]
 
@@ -185,8 +189,7 @@ def pulse_offset(
     Parameters
     ----------
     home_angle
-        Motor angle of the joint's place when the report began [rad], zero at the configuration's
-        offset.
+        Motor angle at the start of the report [rad], relative to the configured offset.
     """
     angle = report.pulse_angle[joint]
     return None if angle is None else (home_angle + angle) % _TURN

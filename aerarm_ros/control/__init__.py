@@ -1,13 +1,13 @@
 """Control of the arm, without ROS: (state, reference, dt) -> command.
 
-In come measured states, IMU samples and what users and planners ask for; out goes one
-`JointCommand` for every state. The rooms, in the order of their imports:
+A controller receives measured states, IMU samples, and references of users and planners. A
+controller returns one `JointCommand` per state. The packages, in the order of their imports:
 
-- checks: limits, gains and other numbers are refused before they do harm
-- base: how the drone moves the arm's base, and the arm the drone
-- references: what to follow, from trajectories, set points and streams
+- checks: reject invalid limits, gains and other numbers
+- base: motion of the arm's base by the drone, and wrench of the arm on the drone
+- references: references from trajectories, set points and streams
 - compensation: friction, steady errors and unknown forces
-- laws: one control law a file
+- laws: one control law per file
 
-`ControlLoop` puts one of each together into a cycle.
+`ControlLoop` combines one of each into a cycle.
 """

@@ -13,17 +13,17 @@ from aerarm_ros.motion.signals import Array
 class RejectedInputError(ValueError):
     """Rejected reference or sensor sample; the message states the reason and what to check.
 
-    Whoever raises it has changed nothing: the arm keeps doing what it did.
+    The function that raises this error has changed nothing, so the arm continues its motion.
     """
 
 
 def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return `values` as a private (n,) array, a scalar being repeated.
+    """Return a copy of `values` as an (n,) array; a scalar is repeated.
 
     Raises
     ------
     ValueError
-        If their number isn't n, or one is negative or not finite.
+        If their number is not n, or one is negative or not finite.
     """
     array = finite(name, values, n)
     if np.any(array < 0.0):
@@ -32,12 +32,12 @@ def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
 
 
 def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return `values` as a private (n,) array, a scalar being repeated.
+    """Return a copy of `values` as an (n,) array; a scalar is repeated.
 
     Raises
     ------
     ValueError
-        If their number isn't n, or one is not finite.
+        If their number is not n, or one is not finite.
     """
     array = np.asarray(values, dtype=float)
     if array.shape not in ((), (n,)):
@@ -53,7 +53,7 @@ def positive(name: str, value: float) -> float:
     Raises
     ------
     ValueError
-        If it isn't positive and finite.
+        If it is not positive and finite.
     """
     if not (np.isfinite(value) and value > 0.0):
         raise ValueError(f'{name} = {value} must be positive and finite')
@@ -80,7 +80,6 @@ class JointLimits:
 
     Attributes
     ----------
-    names : tuple of str
     position_min, position_max : (n,) ndarray
         [rad]
     velocity_max, acceleration_max : (n,) ndarray
@@ -108,7 +107,7 @@ class JointLimits:
         return len(self.names)
 
     def order(self, names: Sequence[str]) -> list[int]:
-        """Return where each joint of the arm stands in `names`.
+        """Return the index of each of the arm's joints in `names`.
 
         Raises
         ------
@@ -117,13 +116,13 @@ class JointLimits:
         """
         if sorted(names) != sorted(self.names):
             raise RejectedInputError(
-                f'joint names {list(names)} are not those of the arm: give each of '
+                f'joint names {list(names)} do not match the arm: name each of '
                 f'{list(self.names)} once'
             )
         return [list(names).index(name) for name in self.names]
 
     def including(self, q: Array) -> 'JointLimits':
-        """Return limits widened to a posture (n,) [rad]: an arm beyond them may come back."""
+        """Return the limits, widened to include a posture (n,) [rad] beyond them."""
         return replace(
             self,
             position_min=np.minimum(self.position_min, q),
@@ -136,7 +135,7 @@ class JointLimits:
         Raises
         ------
         RejectedInputError
-            If one is outside or not a number; the message names the joint.
+            If a position is outside or not a number; the message names the joint.
         """
         low, high = self.position_min - _ROUNDING, self.position_max + _ROUNDING
         inside = (q >= low) & (q <= high)
@@ -155,7 +154,7 @@ class JointLimits:
         Raises
         ------
         RejectedInputError
-            If one is too fast or not a number; the message names the joint.
+            If a velocity is too large or not a number; the message names the joint.
         """
         self._check_size(what, dq, self.velocity_max, 'rad/s')
 
@@ -165,7 +164,7 @@ class JointLimits:
         Raises
         ------
         RejectedInputError
-            If one is too large or not a number; the message names the joint.
+            If an acceleration is too large or not a number; the message names the joint.
         """
         self._check_size(what, ddq, self.acceleration_max, 'rad/s^2')
 
@@ -176,6 +175,6 @@ class JointLimits:
             joint = int(np.argmin(inside))
             raise RejectedInputError(
                 f'{what}: {self.names[joint]} needs {size[joint]:.3g} {unit}, '
-                f'{size[joint] - largest[joint]:.3g} more than its limit of {largest[joint]:.3g}: '
-                'slow the motion down'
+                f'{size[joint] - largest[joint]:.3g} more than its limit of '
+                f'{largest[joint]:.3g}; slow the motion down'
             )

@@ -1,4 +1,4 @@
-"""Compensation of what the model leaves out: friction, integral action and a momentum observer."""
+"""Compensation of model errors: friction, integral action and a momentum observer."""
 
 from typing import Any
 
@@ -13,9 +13,9 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class ErrorIntegral:
-    """`Ki` times the integral of the error, held within plus and minus `limit`.
+    """`Ki` times the integral of the error, limited to plus and minus `limit`.
 
-    The limit is what keeps a blocked or saturated joint from winding up.
+    The limit prevents windup at a blocked or saturated joint.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class ErrorIntegral:
         self._value = np.zeros(n)
 
     def reset(self) -> None:
-        """Start again from zero."""
+        """Reset the integral to zero."""
         self._value = np.zeros_like(self._value)
 
     def update(self, error: Array, dt: float) -> Array:
@@ -48,19 +48,19 @@ class ErrorIntegral:
 
 
 class Fade:
-    """A share that moves to 1 or to 0 at a steady pace.
+    """A weight that moves to 1 or to 0 at a constant rate.
 
     Parameters
     ----------
     duration : float
-        From 0 to 1 [s], positive.
+        Time from 0 to 1 [s], positive.
     share : float
-        At first, 0 to 1.
+        Initial weight, 0 to 1.
 
     Attributes
     ----------
     share : float
-        Now, 0 to 1; may be set where nothing can jump.
+        Present weight, 0 to 1; may be set if this causes no jump.
     """
 
     def __init__(self, duration: float, share: float) -> None:
@@ -68,22 +68,22 @@ class Fade:
         self.share = share
 
     def update(self, dt: float, is_on: bool) -> float:
-        """Move on for a cycle of `dt` [s], toward 1 if it `is_on`, and return the share."""
+        """Advance by `dt` [s], toward 1 if `is_on` and else toward 0, and return the weight."""
         change = self._rate * dt
         self.share = min(1.0, self.share + change) if is_on else max(0.0, self.share - change)
         return self.share
 
 
 class FrictionCompensation:
-    """Thesis (2.6) with `tanh(dq / width)` for the sign, and the friction of loaded gears.
+    """Thesis (2.6) with `tanh(dq / width)` for the sign, and load-dependent friction.
 
-    A gear loses a share of the torque it passes on, so dry friction is `f_s + f_l |load|`. It
-    matters where a load comes and goes with the drone: at 4 % of 1.5 Nm, the first joint's
-    friction changes by a quarter of itself.
+    A gear loses a fraction of the transmitted torque, so dry friction is `f_s + f_l |load|`.
+    Load-dependent friction matters for loads that vary with the drone: at 4 % of 1.5 Nm, the first
+    joint's friction changes by a quarter.
 
-    Fed with a reference velocity it is exact and free of noise. Fed with a measured one it
-    acts, about rest, as a negative damping `fraction * fs / width`: with a fraction below one
-    the true friction is still larger at every velocity, so the joint stays passive.
+    With a reference velocity, the compensation is exact and without noise. With a measured
+    velocity, it acts near rest as a negative damping `fraction * fs / width`. With a fraction
+    below one the true friction is larger at every velocity, so the joint stays passive.
 
     Parameters
     ----------
@@ -94,14 +94,14 @@ class FrictionCompensation:
     width : float
         Velocity [rad/s] at which three quarters of the Coulomb friction are compensated.
     fraction : float
-        Part of the friction that is compensated, 0 to 1.
+        Compensated fraction of the friction, 0 to 1.
     load_share : float or (n,) array_like
-        f_l, dry friction per torque that the gear passes on [-].
+        f_l, dry friction per transmitted torque [-].
 
     Raises
     ------
     ValueError
-        If a coefficient is negative, the width isn't positive or the fraction not in 0 .. 1.
+        If a coefficient is negative, the width is not positive, or the fraction is not in 0 .. 1.
     """
 
     def __init__(
@@ -114,21 +114,21 @@ class FrictionCompensation:
     ) -> None:
         n = np.size(viscous)
         if not 0.0 <= fraction <= 1.0:
-            raise ValueError(f'fraction = {fraction} of the friction must lie in 0 .. 1')
+            raise ValueError(f'friction fraction = {fraction} must lie in 0 .. 1')
         self._viscous = fraction * non_negative('viscous friction', viscous, n)
         self._coulomb = fraction * non_negative('Coulomb friction', coulomb, n)
-        share = fraction * non_negative('load share', load_share, n)
+        share = fraction * non_negative('load-dependent friction', load_share, n)
         self._load_share = share if np.any(share) else None
         self._steepness = 1.0 / positive('width', width)
 
     def torque(self, dq: Array, load: Array | None = None) -> Array:
-        """Return the torque [Nm] that keeps velocity `dq` (n,) [rad/s] against friction.
+        """Return the torque [Nm] that overcomes friction at velocity `dq` (n,) [rad/s].
 
         Parameters
         ----------
         dq : (n,) ndarray
         load : (n,) ndarray, optional
-            Torque [Nm] that the gears pass on to the links; none if not given.
+            Torque [Nm] that the gears transmit to the links; none by default.
         """
         dry: Any = self._coulomb
         if load is not None and self._load_share is not None:
@@ -137,7 +137,7 @@ class FrictionCompensation:
         return torque
 
     def slopes(self, dq: Array, load: Array) -> tuple[Array, Array]:
-        """Return how `torque` changes with velocity [Nms/rad] and with load [-].
+        """Return the derivatives of `torque` by velocity [Nms/rad] and by load [-].
 
         Parameters
         ----------
@@ -153,22 +153,21 @@ class FrictionCompensation:
 
 
 class MomentumObserver:
-    """First-order estimate r of the torques the model does not explain.
+    """First-order estimate r of the torques that the model does not explain.
 
     With the momentum `p = B(q) dq`, of which `dp/dt = tau + C^T dq - h + C dq + tau_ext`::
 
         r = K (p - p(0) - integral of (tau - tau_f + C^T dq - (h - C dq) + r) dt)
 
-    so that `dr/dt = K (tau_ext - r)` without joint accelerations or an inverse of B: contact,
-    payload and errors of the model appear in r with the time constant 1/K. `h` holds
-    gravity and the motion of the base. On a base that answers, B is the inertia that the joints
-    feel there and p the sum of `B d(dq)` over the cycles, which needs no rate of B; what disturbs
-    the base appears in r too, as far as the joints feel it. De Luca, Albu-Schaeffer, Haddadin,
-    Hirzinger: Collision detection and safe reaction with the DLR-III (2006).
+    so that `dr/dt = K (tau_ext - r)` without joint accelerations or an inverse of B. Contact,
+    payload and model errors appear in r with the time constant 1/K. `h` contains gravity and the
+    motion of the base. On a base that responds, B is the effective joint inertia there. p is then
+    the sum of `B d(dq)` over the cycles, which needs no rate of B. Disturbances of the base appear
+    in r as far as they act on the joints. De Luca, Albu-Schaeffer, Haddadin, Hirzinger: Collision
+    detection and safe reaction with the DLR-III (2006).
 
     Parameters
     ----------
-    dynamics : MovingBaseDynamics
     gain : (n,) array_like
         K [1/s]
     friction : FrictionCompensation, optional
@@ -177,7 +176,7 @@ class MomentumObserver:
     Raises
     ------
     ValueError
-        If a gain is negative or their number isn't n.
+        If a gain is negative or their number is not n.
     """
 
     def __init__(
@@ -196,7 +195,7 @@ class MomentumObserver:
 
     @property
     def residual(self) -> Array:
-        """r, (n,) [Nm]: torque on the joints beyond drive and model, positive along +q."""
+        """r, (n,) [Nm]: joint torque beyond drive and model, positive along +q."""
         return self._residual
 
     def reset(self) -> None:
@@ -206,7 +205,7 @@ class MomentumObserver:
         self._residual = np.zeros_like(self._residual)
 
     def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Array:
-        """Take the state after a cycle of `dt` [s] and return r, (n,) [Nm].
+        """Process the state after a cycle of `dt` [s] and return r, (n,) [Nm].
 
         `state.tau` is the drives' torque during the cycle.
         """
@@ -228,7 +227,7 @@ class MomentumObserver:
     def _momentum(
         self, q: Array, dq: Array, base: BaseMotion | None
     ) -> tuple[Array, Array | float]:
-        """Return the momentum and the part of its rate that B's own rate makes, dB/dt dq."""
+        """Return the momentum, and the part dB/dt dq of its rate."""
         if isinstance(base, FreeBaseMotion):
             if self._last_dq is not None:
                 change = self._dynamics.inertia_matrix(q, base) @ (dq - self._last_dq)

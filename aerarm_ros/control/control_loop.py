@@ -17,7 +17,7 @@ Followed = TypeVar('Followed', contravariant=True)
 
 
 class ControlLaw(Protocol[Followed]):
-    """Turns state and reference into a command."""
+    """Interface of a control law, which computes a command from state and reference."""
 
     def take_over(self, q: Array) -> None:
         """Start at the present posture (n,) [rad]."""
@@ -45,41 +45,40 @@ class ReferenceSource(Protocol[Produced]):
 
 Reference = TypeVar('Reference')
 
-# After a longer silence [s] the arm may have been moved by others.
+# [s] After a longer silence another node may have moved the arm.
 LONGEST_GAP = 0.1
-# A command acts from the next cycle on, for one cycle: in its middle [s] after the state.
+# [s] A command acts from the next cycle on, for one cycle; this is the middle of that time.
 COMMAND_DELAY = 1.5e-3
-# Time [s] in which compensation comes and goes.
+# [s] in which compensation fades in and out.
 _COMPENSATION_FADE = 0.5
 
 
 class ControlLoop(Generic[Reference]):
-    """Everything a controller does between a state and its command.
+    """All steps of a controller between a state and its command.
 
     Parameters
     ----------
     limits : JointLimits
-        Efforts are cut at `effort_max`.
-    source : ReferenceSource
+        Limits of the joints; efforts are clipped at `effort_max`.
     law : ControlLaw
-        Of the references that `source` makes.
+        Control law for the references of `source`.
     observer : MomentumObserver, optional
-        It must know the friction that the law compensates.
+        Disturbance observer, with the friction that the law compensates.
     base : BaseMotionEstimator or FreeBaseEstimator, optional
         Default: the base is still under the dynamics' own gravity.
     compensation_max : (n,) array_like
-        Largest torque [Nm] with which the observed disturbance is compensated; zero only
-        observes. A command without effort is left as it is.
+        Largest torque [Nm] that compensates the observed disturbance; with zero the disturbance is
+        only observed. A command without effort stays unchanged.
 
     Attributes
     ----------
     compensating : bool
-        Whether the disturbance is compensated now, up to `compensation_max`; to be switched
-        off while a person guides the arm. It comes and goes smoothly.
+        Whether the disturbance is compensated, up to `compensation_max`; to be switched off while
+        a person guides the arm. The compensation fades in and out.
     take_overs : int
-        How often control began at the arm's posture: at first, and after every gap.
+        Number of times that control began at the arm's posture: at the start, and after every gap.
     skipped : int
-        States without a command because a number was missing or their time didn't advance.
+        States without a command because a number was missing or their time did not advance.
 
     Raises
     ------
@@ -106,7 +105,7 @@ class ControlLoop(Generic[Reference]):
         self._effort_min = -limits.effort_max
         self._fade = Fade(_COMPENSATION_FADE, share=float(self.compensating))
         self._last: float | None = None
-        self._has_answered = False  # a state since control began
+        self._has_answered = False  # whether a state was answered since control began
         self._unobserved: tuple[ArmState, float, float] | None = None
         self.take_overs = 0
         self.skipped = 0
@@ -121,14 +120,15 @@ class ControlLoop(Generic[Reference]):
         self._last = None
 
     def update(self, state: ArmState, now: float) -> JointCommand | None:
-        """Return the command that answers the state of `now` [s], None if there is none.
+        """Return the command for the state at `now` [s], or None.
 
-        Control starts with the second state, which may be of the same time: the first only says
-        where the arm is.
+        Control starts with the second state, even at an equal time; the first only provides the
+        arm's posture.
         """
         self.observe()
         q, dq, _ = state
-        # A sum is NaN or infinite if one of its terms is; of so few, Python's is the quickest.
+        # A sum is NaN or infinite if one of its terms is. For few terms, Python's sum is the
+        # fastest.
         if not isfinite(sum(q.tolist()) + sum(dq.tolist())):
             self.skipped += 1
             return None
@@ -149,11 +149,11 @@ class ControlLoop(Generic[Reference]):
         return self._finish(command, dt)
 
     def observe(self) -> None:
-        """Let the observer and the base's estimator take the newest state.
+        """Update the observer and the base's estimator with the newest state.
 
-        The next `update` does it otherwise. To call it once the command is sent takes their time
-        out of the command's delay; the compensation is a cycle late either way, which a time
-        constant of many cycles forgives.
+        Without this call the next `update` does so. A call after the command is sent removes this
+        computation from the command's delay. The compensation is one cycle late in both cases,
+        which is short compared with its time constant.
         """
         if self._unobserved is None:
             return
@@ -162,8 +162,9 @@ class ControlLoop(Generic[Reference]):
         if self.base is not None:
             self.base.observe(state, now)
         if self.observer is not None and isfinite(sum(state.tau.tolist())):
-            # The torque acted in the cycle that ended with the state. The base at another time
-            # would look like a disturbance, and its compensation undo the law's prediction.
+            # The torque acted in the cycle that ended with the state. The base's motion at another
+            # time would appear as a disturbance, whose compensation would cancel the law's
+            # prediction.
             base = None if self.base is None else self.base.motion(now, -0.5 * dt)
             self.observer.update(state, dt, base)
 
@@ -179,7 +180,7 @@ class ControlLoop(Generic[Reference]):
             self.observer.reset()
 
     def _finish(self, command: JointCommand, dt: float) -> JointCommand:
-        """Compensate the disturbance and cut the effort at its limits."""
+        """Compensate the disturbance and clip the effort at its limits."""
         q, dq, effort = command
         if effort is None:
             return command

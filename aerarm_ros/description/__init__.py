@@ -1,6 +1,6 @@
-"""The arm as data, checked when it is read.
+"""Description of arm and drone, validated when read.
 
-In come a URDF and YAML files; out go the robot, with its Pinocchio model and frames, and frozen
-dataclasses of boards, motors, gears, joints and limits, and of the drone that carries it all. A
-wrong file is one clear error.
+URDF and YAML files are converted into the robot with its Pinocchio model and frames, and into
+frozen dataclasses of boards, motors, gears, joints, limits and the drone. An invalid file causes
+one clear error.
 """

@@ -1,4 +1,4 @@
-"""The drive train of a whole arm, read from YAML."""
+"""Configuration of a whole arm's drive train, read from YAML."""
 
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -32,25 +32,24 @@ ENCODERS = ('incremental', 'absolute')
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """A dual-motor control board on its SPI bus.
+    """Dual-motor control board on its SPI bus.
 
     Attributes
     ----------
-    name : str
     device : str
-        Device file, e.g. '/dev/spidev0.0' (bus 0, chip select 0).
+        Device file, for example '/dev/spidev0.0' (bus 0, chip select 0).
     clock_hz : int
         SPI clock [Hz].
     mode : int
         SPI mode 0-3 (clock polarity and phase).
     encoders : str
-        'incremental' if they count from where the board was switched on, 'absolute' if they know
-        their angle then; '' for what the frame profile says.
+        'incremental' if the encoders count from power-on, 'absolute' if they know their angle at
+        power-on; '' for the frame profile's type.
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range.
+        If a value is outside its range.
     """
 
     name: str
@@ -60,7 +59,7 @@ class BoardConfig:
     encoders: str = ''
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_name('board', 'name', self.name)
         owner = f'board {self.name}'
         check_name(owner, 'device', self.device)
@@ -71,22 +70,22 @@ class BoardConfig:
 
 @dataclass(frozen=True, slots=True)
 class PowerStageConfig:
-    """Consumption of the boards, and their handling of braking energy.
+    """Power consumption of the boards, and their use of braking energy.
 
     Attributes
     ----------
     recovery : float
-        Share of a braking motor's electrical power that the supply takes back, 0 to 1; the rest
-        is burnt.
+        Fraction of a braking motor's electrical power that the supply absorbs, 0 to 1; the rest is
+        dissipated.
     standby : float
-        Power of all boards with no current in any motor [W].
+        Power of all boards without motor current [W].
     voltage_min, voltage_max : float
-        Supply voltages [V] beyond which the arm is stopped, where the boards report them.
+        Supply voltages [V] beyond which the arm is stopped, if the boards report them.
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range.
+        If a value is outside its range.
     """
 
     recovery: float = 0.0
@@ -95,7 +94,7 @@ class PowerStageConfig:
     voltage_max: float = 1e3
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_range('power_stage', 'recovery', self.recovery, 0.0, 1.0, '')
         check_range('power_stage', 'standby', self.standby, 0.0, 1e3, 'W')
         check_range('power_stage', 'voltage_min', self.voltage_min, 0.0, 1e3, 'V')
@@ -122,35 +121,34 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class ArmConfig:
-    """Configuration of an arm: everything except its URDF.
+    """Configuration of an arm without its URDF.
 
     Attributes
     ----------
-    name : str
     joints : tuple of JointConfig
-        From base to tool, n of them.
+        The n joints from base to tool.
     boards : tuple of BoardConfig
-        `JointConfig.board` counts them from 0.
+        Boards, indexed from 0 by `JointConfig.board`.
     profile : str
-        Name of the boards' frame profile, e.g. 'uomodri_v3'.
+        Name of the boards' frame profile, for example 'uomodri_v3'.
     gravity_in_base : tuple of 3 floats
-        [m/s^2]
+        Gravity in the base frame [m/s^2].
     rest_position : tuple of n floats
-        Posture [rad] to which the arm is brought to rest.
+        Home configuration [rad].
     coupled_joints : tuple of (joint, driver)
-        Joints that feel the velocity and acceleration of another one, for identification.
+        Joints driven by velocity and acceleration of another joint, for identification.
     rated_payload : tuple of 4 floats
-        The most that the arm carries: mass [kg], and x, y, z of its centre in the frame of the
-        last link's joint [m]. With up to it the bridge's limits hold.
+        Largest payload for which the bridge's limits are valid: mass [kg], and x, y, z of its
+        centre in the frame of the last link's joint [m].
     power_stage : PowerStageConfig
-        What the boards take for themselves, and what becomes of braking energy.
+        Power consumption of the boards, and their use of braking energy.
     emulated_only : bool
-        Whether some of it is guessed, so that no real motor may be driven by it.
+        Whether some values are guessed, so that the configuration must not drive real motors.
 
     Raises
     ------
     ConfigError
-        If parts contradict each other, e.g. two joints on one channel of a board.
+        If parts contradict each other, for example two joints on one channel of a board.
     """
 
     name: str
@@ -165,11 +163,11 @@ class ArmConfig:
     emulated_only: bool = False
 
     def __post_init__(self) -> None:
-        """Check what involves more than one part."""
+        """Validate conditions that involve several parts."""
         check_name('arm', 'name', self.name)
         check_name('arm', 'profile', self.profile)
         if not self.joints:
-            raise ConfigError('arm: joints is empty: an arm has at least one joint')
+            raise ConfigError('arm: joints is empty; list at least one joint')
         _check_unique('joints', 'name', (joint.name for joint in self.joints))
         _check_unique('boards', 'name', (board.name for board in self.boards))
         _check_unique('boards', 'device', (board.device for board in self.boards))
@@ -190,39 +188,39 @@ class ArmConfig:
         return tuple(joint.name for joint in self.joints)
 
     def column(self, field: str) -> npt.NDArray[np.float64]:
-        """Return one number of every joint.
+        """Return one numeric attribute of every joint.
 
         Parameters
         ----------
         field : str
-            Attribute of `JointConfig`, or of its parts: 'effort_max', 'reflected_inertia',
+            Attribute of `JointConfig` or of its parts: 'effort_max', 'reflected_inertia',
             'motor.current_max', 'gear.ratio'.
 
         Returns
         -------
         (n,) ndarray
-            In the attribute's unit, in the order of `joint_names`.
+            Values in the attribute's unit, in the order of `joint_names`.
 
         Raises
         ------
         AttributeError
-            If a joint has no such attribute.
+            If a joint lacks the attribute.
         """
         value = attrgetter(field)
         return np.array([value(joint) for joint in self.joints], dtype=float)
 
     def absolute_encoders(self, default: str) -> tuple[bool, ...]:
-        """Return whether each joint's encoder is absolute; `default` is the profile's kind."""
+        """Return whether each joint's encoder is absolute; `default` is the profile's type."""
         return tuple(
             (self.boards[joint.board].encoders or default) == 'absolute' for joint in self.joints
         )
 
     def with_encoders(self, kind: str) -> 'ArmConfig':
-        """Return a copy whose boards have encoders of a kind of `board_config.ENCODERS`."""
+        """Return a copy with another encoder type, one of `ENCODERS`."""
         return replace(self, boards=tuple(replace(board, encoders=kind) for board in self.boards))
 
     def with_prefix(self, prefix: str) -> 'ArmConfig':
-        """Return a copy with a prefix before the name of every joint."""
+        """Return a copy with a prefix added to every joint name."""
         return replace(
             self,
             joints=tuple(replace(joint, name=prefix + joint.name) for joint in self.joints),
@@ -236,27 +234,31 @@ class ArmConfig:
         for joint in self.joints:
             if joint.board >= len(self.boards):
                 raise ConfigError(
-                    f'joint {joint.name}: board = {joint.board}, but boards lists only '
-                    f'{len(self.boards)} (numbered from 0)'
+                    f'joint {joint.name}: board = {joint.board}, but boards has only '
+                    f'{len(self.boards)} entries (numbered from 0); correct the number'
                 )
             place = (joint.board, joint.channel)
             if place in taken:
                 raise ConfigError(
-                    f'joint {joint.name}: board {joint.board}, channel {joint.channel} already '
-                    f'belongs to joint {taken[place]}: correct board or channel of one of them'
+                    f'joint {joint.name}: board {joint.board}, channel {joint.channel} is '
+                    f'already used by joint {taken[place]}; correct board or channel of one of '
+                    'them'
                 )
             taken[place] = joint.name
 
     def _check_gravity(self) -> None:
         if len(self.gravity_in_base) != 3:
-            raise ConfigError(f'arm: gravity_in_base = {self.gravity_in_base} needs x, y and z')
+            raise ConfigError(
+                f'arm: gravity_in_base = {self.gravity_in_base} needs x, y and z [m/s^2]'
+            )
         for value in self.gravity_in_base:
             check_range('arm', 'gravity_in_base', value, -20.0, 20.0, 'm/s^2')
 
     def _check_rest_position(self) -> None:
         if len(self.rest_position) != self.n:
             raise ConfigError(
-                f'arm: rest_position has {len(self.rest_position)} values for {self.n} joints'
+                f'arm: rest_position has {len(self.rest_position)} values for {self.n} '
+                'joints; give one per joint'
             )
         for joint, value in zip(self.joints, self.rest_position, strict=True):
             key = f'rest_position of {joint.name}'
@@ -266,14 +268,15 @@ class ArmConfig:
         for joint, driver in self.coupled_joints:
             if joint == driver or not {joint, driver} <= set(self.joint_names):
                 raise ConfigError(
-                    f'arm: coupled_joints: {joint}, {driver} are not two of the joints '
+                    f'arm: coupled_joints: {joint} and {driver} must be two different joints of '
                     f'{", ".join(self.joint_names)}'
                 )
 
     def _check_rated_payload(self) -> None:
         if len(self.rated_payload) != 4:
             raise ConfigError(
-                f'arm: rated_payload = {self.rated_payload} needs a mass and x, y, z of its centre'
+                f'arm: rated_payload = {self.rated_payload} needs mass, x, y and z of '
+                "the payload's centre of mass"
             )
         check_range('arm', 'mass of rated_payload', self.rated_payload[0], 0.0, 100.0, 'kg')
         for value in self.rated_payload[1:]:
@@ -281,17 +284,17 @@ class ArmConfig:
 
 
 def load_arm_config(path: Path | str | None = None) -> ArmConfig:
-    """Read the drive train of an arm.
+    """Read the drive train configuration of an arm.
 
     Parameters
     ----------
     path : Path or str, optional
-        YAML file laid out as the packaged config/aerarm.yaml, which is the default.
+        YAML file in the format of the packaged config/aerarm.yaml, which is the default.
 
     Raises
     ------
     ConfigError
-        If the file can't be read or says something wrong; one line, with file and key.
+        If the file cannot be read or is invalid; one line, with file and key.
     """
     return load(path, 'aerarm.yaml', _arm)
 
@@ -346,7 +349,9 @@ def _coupled_joints(entries: Any) -> tuple[tuple[str, str], ...]:
         if not (
             isinstance(pair, list) and len(pair) == 2 and all(isinstance(x, str) for x in pair)
         ):
-            raise ConfigError(f'coupled_joints: {pair!r} is not a pair [joint, driver] of names')
+            raise ConfigError(
+                f'coupled_joints: {pair!r} must be a pair [joint, driver] of joint names'
+            )
     return tuple((joint, driver) for joint, driver in pairs)
 
 
@@ -354,7 +359,7 @@ def _part(where: str, key: str, entry: dict[str, Any], known: Mapping[str, objec
     name = entry[key]
     if not isinstance(name, str) or name not in known:
         listed = ', '.join(map(str, known))
-        raise ConfigError(f'{where}: {key} = {name!r} is not one of {key}s: {listed}')
+        raise ConfigError(f'{where}: {key} = {name!r} must be one of the {key}s {listed}')
     return known[name]
 
 

@@ -1,4 +1,4 @@
-"""The drives of `config/aerarm.yaml`: motors, gears and joints."""
+"""Configuration of drives in `config/aerarm.yaml`: motors, gears and joints."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from aerarm_ros.description.config_reader import (
 
 @dataclass(frozen=True, slots=True)
 class GearConfig:
-    """A reduction gear, thesis section 4.2.
+    """Reduction gear, thesis section 4.2.
 
     Attributes
     ----------
     kind : str
-        E.g. 'cycloidal'.
+        Type, for example 'cycloidal'.
     ratio : float
         k_g = joint speed / motor speed, thesis (4.6); below one for a reduction.
     efficiency : float
-        eta_g of thesis (4.7).
+        Efficiency eta_g of thesis (4.7).
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range, such as a ratio given upside down.
+        If a value is outside its range, for example for an inverse ratio.
     """
 
     kind: str
@@ -37,7 +37,7 @@ class GearConfig:
     efficiency: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_name('gear', 'kind', self.kind)
         owner = f'gear {self.kind}'
         check_range(owner, 'ratio (joint speed / motor speed)', self.ratio, 1e-4, 1.0, '')
@@ -47,34 +47,34 @@ class GearConfig:
 RATED_AMBIENT = 25.0
 """Ambient temperature for which a continuous current is stated [degC]."""
 COPPER = 0.00393
-"""Growth of copper's resistance per kelvin, as a share of that at 20 degC (IEC 60028) [1/K]."""
-# A motor without data: of its short-time current this share counts as continuous. Small outrunners
-# without the airflow of a propeller bear 0.3 to 0.5 of what their data sheets state for 180 s.
+"""Temperature coefficient of copper's resistance at 20 degC (IEC 60028) [1/K]."""
+# Continuous current as a fraction of the short-time current, for a motor without data. Small
+# outrunners without propeller airflow bear 0.3 to 0.5 of their data sheets' current for 180 s.
 _GUESSED_SHARE = 0.33
 
 
 @dataclass(frozen=True, slots=True)
 class ThermalConfig:
-    """Continuous current and time constants of a motor as it is mounted.
+    """Continuous current and thermal time constants of a mounted motor.
 
     Attributes
     ----------
     continuous_current : float
-        Quadrature current [A] that brings the winding to `temperature_max` after a long time, at
-        an ambient temperature of 25 degC.
+        Quadrature current [A] that finally heats the winding to `temperature_max`, at an ambient
+        temperature of 25 degC.
     temperature_max : float
-        Of the winding [degC]: below what its insulation, the magnets and the mount bear.
+        Largest winding temperature [degC], below the limits of insulation, magnets and mount.
     winding_time : float
-        Time constant of the winding with its stator against the housing [s].
+        Time constant between the winding (with its stator) and the housing [s].
     housing_time : float
-        Time constant of the housing with its mount against the air [s].
+        Time constant between the housing (with its mount) and the air [s].
     housing_share : float
-        Share of the thermal resistance that lies between housing and air.
+        Fraction of the thermal resistance between housing and air.
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range.
+        If a value is outside its range.
     """
 
     continuous_current: float
@@ -84,7 +84,7 @@ class ThermalConfig:
     housing_share: float = 0.6
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         owner = 'thermal'
         check_range(owner, 'continuous_current', self.continuous_current, 1e-3, 500.0, 'A')
         check_range(owner, 'temperature_max', self.temperature_max, 60.0, 250.0, 'degC')
@@ -93,21 +93,21 @@ class ThermalConfig:
         check_range(owner, 'housing_share', self.housing_share, 0.05, 0.95, '')
         if self.housing_time < self.winding_time:
             raise ConfigError(
-                f'{owner}: housing_time = {self.housing_time} is below winding_time = '
-                f'{self.winding_time}: the housing warms more slowly than the winding'
+                f'{owner}: housing_time = {self.housing_time} must not be below winding_time = '
+                f'{self.winding_time}, because the housing warms more slowly than the winding'
             )
 
     @classmethod
     def guessed(cls, current_max: float) -> ThermalConfig:
-        """Return a cautious guess for a motor of which only the short-time current [A] is known."""
+        """Return conservative thermal data for a motor with a known short-time current [A] only."""
         return cls(float(f'{_GUESSED_SHARE * current_max:.2g}'))
 
 
 def torque_constant(kv: float) -> float:
     """Return the torque constant [Nm/A] of a motor from its velocity constant, thesis (4.3).
 
-    Holds for a field-oriented current (amplitude of the phase current, i_d = 0) and a `kv`
-    given for the line-to-line voltage; `3/2 / sqrt(3)` comes from those two conventions.
+    The formula assumes a field-oriented current (amplitude of the phase current, i_d = 0) and a
+    `kv` for the line-to-line voltage; the factor `3/2 / sqrt(3)` follows from these conventions.
 
     Parameters
     ----------
@@ -119,32 +119,31 @@ def torque_constant(kv: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class MotorConfig:
-    """A brushless motor, thesis table 4.1.
+    """Brushless motor, thesis table 4.1.
 
     Attributes
     ----------
     name : str
-        Type, e.g. 'MN5006'.
-    pole_pairs : int
+        Motor type, for example 'MN5006'.
     kv : float
         Velocity constant for the line-to-line voltage [rpm/V].
     current_max : float
         Largest quadrature current [A].
     rotor_inertia : float
-        J_m [kg m^2], motor side.
+        Motor-side rotor inertia J_m [kg m^2].
     resistance : float
-        Of one phase [ohm].
+        Phase resistance [ohm].
     torque_constant_measured : float or None
-        K_i [Nm/A] from a motor bench; None to compute it from `kv`.
+        Torque constant K_i [Nm/A] from a motor bench; None to compute it from `kv`.
     resistance_std : float or None
-        Standard deviation of `resistance` [ohm], from a motor bench; None for an estimate.
+        Standard deviation of `resistance` [ohm] from a motor bench; None for an estimate.
     thermal : ThermalConfig or None
-        How warm it gets; None if nothing is known of that.
+        Thermal data; None if unknown.
 
     Raises
     ------
     ConfigError
-        If a value isn't a number or lies outside any plausible range.
+        If a value is not a number or outside any plausible range.
     """
 
     name: str
@@ -158,7 +157,7 @@ class MotorConfig:
     thermal: ThermalConfig | None = None
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_name('motor', 'name', self.name)
         owner = f'motor {self.name}'
         check_range(owner, 'pole_pairs', self.pole_pairs, 1, 100, '')
@@ -173,33 +172,33 @@ class MotorConfig:
             check_range(owner, 'resistance_std', self.resistance_std, 0.0, 100.0, 'ohm')
         if self.thermal is not None and self.thermal.continuous_current > self.current_max:
             raise ConfigError(
-                f'{owner}: continuous_current = {self.thermal.continuous_current} of thermal is '
-                f'above current_max = {self.current_max}: lower it'
+                f'{owner}: continuous_current = {self.thermal.continuous_current} (thermal) is '
+                f'above current_max = {self.current_max}; lower continuous_current'
             )
 
     @property
     def thermal_or_guess(self) -> ThermalConfig:
-        """How warm it gets, guessed from `current_max` where the configuration does not say."""
+        """Thermal data, guessed from `current_max` if the configuration has none."""
         return self.thermal or ThermalConfig.guessed(self.current_max)
 
     @property
     def torque_constant(self) -> float:
-        """K_i [Nm/A]: the measured one, or that of thesis (4.3)."""
+        """Torque constant K_i [Nm/A], measured or by thesis (4.3)."""
         if self.torque_constant_measured is not None:
             return self.torque_constant_measured
         return torque_constant(self.kv)
 
     @property
     def resistance_text(self) -> str:
-        """The resistance with its uncertainty, if it is known."""
+        """Resistance with its uncertainty, if known, as text."""
         known = 'an estimate' if self.resistance_std is None else f'± {self.resistance_std:.2g}'
         return f'{self.resistance:.4g} ({known})'
 
 
-# Two turns: beyond, a position is more likely in degrees.
+# Two turns; a larger value is probably in degrees.
 _POSITION_BOUND = 12.6
 
-# (field, smallest, largest, unit)
+# (field, minimum, maximum, unit)
 _RANGES = (
     ('offset', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
     ('position_min', -_POSITION_BOUND, _POSITION_BOUND, 'rad'),
@@ -217,39 +216,37 @@ _RANGES = (
 
 @dataclass(frozen=True, slots=True)
 class JointConfig:
-    """A driven joint; values are joint side unless they say motor side.
+    """Driven joint; values are on the joint side unless stated otherwise.
 
     Attributes
     ----------
     name : str
-        As in the URDF.
-    motor : MotorConfig
-    gear : GearConfig
+        Name in the URDF.
     board : int
-        Number of the board in `ArmConfig.boards`.
+        Index of the board in `ArmConfig.boards`.
     channel : int
-        0 or 1: which motor of the board.
+        Channel of the motor on the board, 0 or 1.
     sign : int
-        -1 if the motor turns against the joint, else 1.
+        -1 if the motor turns against the joint, otherwise 1.
     offset : float
         Joint angle [rad] at encoder zero.
     position_min, position_max : float
-        [rad]
+        Position limits [rad].
     velocity_max, acceleration_max : float
-        [rad/s], [rad/s^2]
+        Velocity limit [rad/s] and acceleration limit [rad/s^2].
     effort_max : float
-        [Nm]; not above what the motor gives at its largest current.
+        Torque limit [Nm], at most the motor's torque at its largest current.
     effort_rate_max : float
-        [Nm/s]
+        Limit of the torque rate [Nm/s].
     viscous, coulomb : float
-        f_v [Nms/rad] and f_s [Nm] of thesis (2.6).
+        Friction f_v [Nms/rad] and f_s [Nm] of thesis (2.6).
     board_kp, board_kd : float
-        Gains of thesis (4.4), motor side [A/rad], [A s/rad].
+        Motor-side gains of thesis (4.4) [A/rad], [A s/rad].
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range or contradicts another.
+        If a value is outside its range or contradicts another.
     """
 
     name: str
@@ -271,7 +268,7 @@ class JointConfig:
     board_kd: float
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_name('joint', 'name', self.name)
         owner = f'joint {self.name}'
         check_range(owner, 'board', self.board, 0, 100, '')
@@ -287,9 +284,9 @@ class JointConfig:
         strongest = self.torque_per_ampere * self.motor.current_max
         if self.effort_max > 1.01 * strongest:
             raise ConfigError(
-                f'{owner}: effort_max = {self.effort_max} Nm exceeds what motor {self.motor.name} '
-                f"delivers at current_max, {strongest:.2f} Nm: lower it, or check the motor's kv "
-                "and current_max and the gear's ratio"
+                f'{owner}: effort_max = {self.effort_max} Nm exceeds the {strongest:.2f} Nm of '
+                f"motor {self.motor.name} at current_max; lower effort_max, or check the motor's "
+                'kv and current_max and the gear ratio'
             )
 
     @property
@@ -299,5 +296,5 @@ class JointConfig:
 
     @property
     def reflected_inertia(self) -> float:
-        """Rotor inertia as the joint feels it [kg m^2]: J_m / k_g^2."""
+        """Rotor inertia reflected to the joint [kg m^2]: J_m / k_g^2."""
         return self.motor.rotor_inertia / self.gear.ratio**2

@@ -1,4 +1,4 @@
-"""The drone that carries the arm, read from YAML."""
+"""Configuration of the drone that carries the arm, read from YAML."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,17 +19,17 @@ from aerarm_ros.description.config_reader import (
 )
 from aerarm_ros.motion.signals import Array
 
-_LENGTH_BOUND = 5.0  # [m] beyond, a position is more likely in millimetres
-_ANGLE_BOUND = 6.3  # [rad] beyond, an angle is more likely in degrees
+_LENGTH_BOUND = 5.0  # [m]; a larger position is probably in millimetres
+_ANGLE_BOUND = 6.3  # [rad]; a larger angle is probably in degrees
 
 
 def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, unit: str) -> None:
-    """Require three finite numbers within +- `bound`.
+    """Check that a value is three finite numbers within +- `bound`.
 
     Raises
     ------
     ConfigError
-        If they aren't.
+        If the check fails.
     """
     if len(values) != 3:
         raise ConfigError(f'{owner}: {key} = {list(values)} needs x, y and z')
@@ -38,38 +38,38 @@ def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, 
 
 
 def check_position(owner: str, key: str, values: tuple[float, ...]) -> None:
-    """Require a position on a drone, three numbers [m]; raises ConfigError."""
+    """Check a position on a drone, three numbers [m]; raises ConfigError."""
     check_vector(owner, key, values, _LENGTH_BOUND, 'm')
 
 
 @dataclass(frozen=True, slots=True)
 class PoseConfig:
-    """Pose of a part's frame in the frame of its body.
+    """Pose of a part's frame in the body frame.
 
     Attributes
     ----------
     position : tuple of 3 floats
-        Of the part's origin [m].
+        Position of the part's origin [m].
     rpy : tuple of 3 floats
         Roll, pitch and yaw [rad] about the body's axes in this order, as in a URDF's `<origin>`.
 
     Raises
     ------
     ConfigError
-        If a number is missing or lies outside any plausible range.
+        If a number is missing or outside any plausible range.
     """
 
     position: tuple[float, ...]
     rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_position('pose', 'position', self.position)
         check_vector('pose', 'rpy', self.rpy, _ANGLE_BOUND, 'rad')
 
     @property
     def rotation(self) -> Array:
-        """(3, 3) matrix from the part's axes to the body's."""
+        """Rotation matrix (3, 3) from the part's axes to the body's axes."""
         (cr, cp, cy), (sr, sp, sy) = (
             [function(angle) for angle in self.rpy] for function in (math.cos, math.sin)
         )
@@ -87,30 +87,30 @@ _UNIT_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class RotorConfig:
-    """A propeller with its motor, whose thrust is commanded.
+    """Propeller with its motor, commanded by thrust.
 
     Attributes
     ----------
     name : str
-        As in the topic rotor_command.
+        Name in the topic rotor_command.
     position : tuple of 3 floats
-        Of its hub in the body frame [m].
+        Position of the hub in the body frame [m].
     axis : tuple of 3 floats
         Direction of the thrust on the body, a unit vector in body axes.
     moment_per_thrust : float
-        Drag moment on the body about `axis` per thrust [Nm/N]: positive for a propeller that
-        turns clockwise as seen from where its axis points to, about 0.01 to 0.02 in size.
+        Drag moment on the body about `axis` per thrust [Nm/N], with a magnitude of about 0.01 to
+        0.02. Positive if the propeller turns clockwise, seen from the tip of its axis.
     thrust_max : float
-        [N]
+        Largest thrust [N].
     time_constant : float
-        First-order lag from commanded to true thrust [s].
+        Time constant of the first-order lag from commanded to true thrust [s].
     thrust_min : float
-        [N]; zero for a propeller that may stand, negative for one that reverses.
+        Smallest thrust [N]; zero for a propeller that may stop, negative for a reversible one.
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range or contradicts another.
+        If a value is outside its range or contradicts another.
     """
 
     name: str
@@ -122,7 +122,7 @@ class RotorConfig:
     thrust_min: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_name('rotor', 'name', self.name)
         owner = f'rotor {self.name}'
         check_position(owner, 'position', self.position)
@@ -130,8 +130,8 @@ class RotorConfig:
         length = math.hypot(*self.axis)
         if abs(length - 1.0) > _UNIT_TOLERANCE:
             raise ConfigError(
-                f'{owner}: axis has length {length:.4g}, not 1: give a unit vector, [0, 0, 1] for '
-                'thrust upwards'
+                f'{owner}: axis has length {length:.4g} instead of 1; give a unit vector, for '
+                'example [0, 0, 1] for thrust upwards'
             )
         check_range(owner, 'moment_per_thrust', self.moment_per_thrust, -1.0, 1.0, 'Nm/N')
         check_range(owner, 'thrust_max', self.thrust_max, 1e-3, 1e4, 'N')
@@ -145,53 +145,53 @@ class RotorConfig:
 
     @property
     def wrench_per_thrust(self) -> npt.NDArray[np.float64]:
-        """(6,) force [-] and moment [m] on the body at its frame's origin, per N of thrust."""
+        """Wrench (6,) per thrust: force [-] and moment [m] on the body at its frame's origin."""
         axis = np.array(self.axis) / math.hypot(*self.axis)
         moment = np.cross(self.position, axis) + self.moment_per_thrust * axis
         return np.concatenate([axis, moment])
 
 
 GRAVITY = 9.81
-"""[m/s^2]"""
+"""Gravitational acceleration [m/s^2]."""
 THRUST_RESERVE = 1.2
-"""Thrust that level rotors must be able to give over the weight, without a moment: what is left is
-all that turns and stops the drone."""
+"""Smallest ratio of the largest vertical thrust of level rotors, without moment, to the weight. The
+reserve is used to rotate and stop the drone.
+"""
 
-_FULL_ACTUATION = 0.05  # smallest sideways force over the thrust along the body's z, per unit of it
+_FULL_ACTUATION = 0.05  # smallest sideways force relative to the thrust along the body's z axis
 _ROUNDING = 1e-9
 _EDGE = 1e-6  # [m]
 
 
 @dataclass(frozen=True, slots=True)
 class DroneConfig:
-    """A drone without its arm: a rigid body with rotors, an arm's mount and an IMU.
+    """Drone without its arm: a rigid body with rotors, a mount for an arm and an IMU.
 
-    The body frame (forward, left, up) has its origin in the middle of the body's box. It is the
-    base of drone and arm as a whole.
+    The body frame (forward, left, up) has its origin in the middle of the body's box. The body
+    frame is the base of the combined drone and arm.
 
     Attributes
     ----------
-    name : str
     mass : float
-        Of everything but the arm [kg].
+        Mass without the arm [kg].
     centre_of_mass : tuple of 3 floats
-        In the body frame [m].
+        Centre of mass in the body frame [m].
     inertia : tuple of 6 floats
-        ixx, iyy, izz, ixy, ixz, iyz [kg m^2] about the centre of mass in body axes, off-diagonal
-        entries with the tensor's own sign, as in a URDF.
+        ixx, iyy, izz, ixy, ixz, iyz [kg m^2] about the centre of mass in body axes; off-diagonal
+        entries have the tensor's sign, as in a URDF.
     size : tuple of 3 floats
-        Of the body's box [m], without what only rotors are on; it holds centre of mass, mount, IMU.
+        Size of the body's box [m], without the rotor arms; it contains centre of mass, mount and
+        IMU.
     mount : PoseConfig
-        Of the arm's base frame (base_link) in the body frame.
+        Pose of the arm's base frame (base_link) in the body frame.
     imu : PoseConfig
-        Of the IMU's frame in the body frame.
-    rotors : tuple of RotorConfig
+        Pose of the IMU's frame in the body frame.
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range, no body has the inertia, a part isn't on the body, or
-        the rotors can neither hold the drone level nor lift it.
+        If a value is outside its range, the inertia is not physically possible, a part is not on
+        the body, or the rotors cannot hover or lift the drone.
     """
 
     name: str
@@ -204,13 +204,13 @@ class DroneConfig:
     rotors: tuple[RotorConfig, ...]
 
     def __post_init__(self) -> None:
-        """Check every value, and what involves more than one part."""
+        """Validate all values, and conditions that involve several parts."""
         check_name('drone', 'name', self.name)
         check_range('drone', 'mass', self.mass, 0.05, 500.0, 'kg')
         check_position('drone', 'centre_of_mass', self.centre_of_mass)
         check_vector('drone', 'size', self.size, 5.0, 'm')
         if min(self.size) <= 0.0:
-            raise ConfigError(f'drone: size = {list(self.size)} must be positive [m]')
+            raise ConfigError(f'drone: size = {list(self.size)} [m] must be positive')
         self._check_inertia()
         self._check_on_body('centre_of_mass', self.centre_of_mass)
         self._check_on_body('mount', self.mount.position)
@@ -230,18 +230,18 @@ class DroneConfig:
 
     @property
     def inertia_matrix(self) -> Array:
-        """(3, 3) inertia about the centre of mass in body axes [kg m^2]."""
+        """Inertia matrix (3, 3) about the centre of mass in body axes [kg m^2]."""
         xx, yy, zz, xy, xz, yz = self.inertia
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     @property
     def allocation(self) -> Array:
-        """(6, n) force [-] and moment [m] at the body frame's origin, in its axes, per N."""
+        """Allocation matrix (6, n): force [-] and moment [m] at the body frame's origin, per N."""
         return np.column_stack([rotor.wrench_per_thrust for rotor in self.rotors])
 
     @property
     def is_fully_actuated(self) -> bool:
-        """Whether force and moment can be chosen freely, sideways too."""
+        """Whether force and moment are independent, including sideways force."""
         matrix = self.allocation
         matrix[3:] /= self._arm_length
         smallest = np.linalg.svd(matrix, compute_uv=False)
@@ -249,32 +249,32 @@ class DroneConfig:
 
     @property
     def gravity_in_base(self) -> Array:
-        """(3,) gravity in the arm's base frame [m/s^2] while the drone is level."""
+        """Gravity (3,) in the arm's base frame [m/s^2] while the drone is level."""
         return self.mount.rotation.T @ (0.0, 0.0, -GRAVITY)
 
     def column(self, field: str) -> Array:
-        """Return one number of every rotor, (n,), as 'thrust_max', in the rotors' order."""
+        """Return one numeric attribute of every rotor, (n,), for example 'thrust_max'."""
         return np.array([getattr(rotor, field) for rotor in self.rotors], dtype=float)
 
     def with_errors(self, mass: float = 1.0, inertia: float = 1.0) -> 'DroneConfig':
-        """Return the drone with mass and inertia times a factor each: what a wrong file says."""
+        """Return the drone with mass and inertia scaled by factors, to simulate a wrong file."""
         tensor = tuple(inertia * value for value in self.inertia)
         return replace(self, mass=mass * self.mass, inertia=tensor)
 
     def check_carries(self, mass: float, centre_in_base: npt.ArrayLike) -> None:
-        """Require that the rotors can lift drone and arm, level and with a reserve.
+        """Check that the rotors can lift drone and arm while level, with a reserve.
 
         Parameters
         ----------
         mass : float
-            Of the arm and what it carries [kg].
+            Mass of the arm and its payload [kg].
         centre_in_base : (3,) array_like
-            Its centre of mass in the arm's base frame [m].
+            Centre of that mass in the arm's base frame [m].
 
         Raises
         ------
         ConfigError
-            If they can't.
+            If the rotors cannot lift drone and arm.
         """
         centre = np.array(self.mount.position) + self.mount.rotation @ np.asarray(centre_in_base)
         total = self.mass + mass
@@ -282,29 +282,29 @@ class DroneConfig:
         share = self._liftable_share(total, middle)
         if share < THRUST_RESERVE:
             raise ConfigError(
-                f'drone {self.name}: its level rotors lift {share:.2f} times the weight of drone '
-                f'and arm ({self.mass:g} + {mass:.3g} kg), and {THRUST_RESERVE:g} times is the '
-                'minimum: check thrust_max, thrust_min and mass, or use stronger rotors, a '
-                'lighter arm, or a central mount'
+                f'drone {self.name}: with level rotors its thrust is {share:.2f} times the '
+                f'weight of drone and arm ({self.mass:g} + {mass:.3g} kg), below the minimum of '
+                f'{THRUST_RESERVE:g} times; check thrust_max, thrust_min and mass, or use '
+                'stronger rotors, a lighter arm, or a central mount'
             )
 
     @property
     def _arm_length(self) -> float:
-        """Root mean square distance of the rotors from the origin [m]."""
+        """RMS distance of the rotors from the origin [m]."""
         places = np.array([rotor.position for rotor in self.rotors])
         return float(np.sqrt(np.mean(np.sum(places**2, axis=1)))) or 1.0
 
     @property
     def _reach(self) -> float:
-        """Distance from the centre of mass to the farthest part of body and rotors [m]."""
+        """Distance from the centre of mass to the most distant part of body and rotors [m]."""
         centre = np.array(self.centre_of_mass)
         corner = 0.5 * np.array(self.size) + np.abs(centre)
         hubs = np.array([rotor.position for rotor in self.rotors]) - centre
         return float(np.linalg.norm(np.vstack([corner, hubs]), axis=1).max())
 
     def _liftable_share(self, mass: float, centre: Array) -> float:
-        """Return the largest vertical force over a weight, without moment about its centre."""
-        from scipy.optimize import linprog  # slow to import, and only checked files need it
+        """Return the largest vertical force over the weight, without moment about its centre."""
+        from scipy.optimize import linprog  # slow import, needed only for checks of files
 
         weight = np.array([0.0, 0.0, mass * GRAVITY])
         wanted = np.concatenate([weight, np.cross(centre, weight)])
@@ -329,68 +329,68 @@ class DroneConfig:
         if principal[0] <= 0.0:
             raise ConfigError(
                 f'drone: inertia = {list(self.inertia)} has the principal moment '
-                f'{principal[0]:.3g} kg m^2: all three must be positive'
+                f'{principal[0]:.3g} kg m^2; all three must be positive'
             )
         if principal[2] > (principal[0] + principal[1]) * (1.0 + _ROUNDING):
             raise ConfigError(
-                f'drone: inertia = {list(self.inertia)} has principal moments '
-                f'{principal[0]:.3g}, {principal[1]:.3g}, {principal[2]:.3g} kg m^2, which no body '
-                'has: none may be larger than the sum of the others'
+                f'drone: inertia = {list(self.inertia)} has the principal moments '
+                f'{principal[0]:.3g}, {principal[1]:.3g}, {principal[2]:.3g} kg m^2; none may be '
+                'larger than the sum of the others'
             )
 
     def _check_reach(self) -> None:
-        # Not even with all of the mass in the farthest part.
+        # Upper bound: all of the mass at the most distant part.
         largest = self.mass * self._reach**2
         moment = float(np.linalg.eigvalsh(self.inertia_matrix)[-1])
         if moment > largest:
             raise ConfigError(
                 f'drone: inertia = {list(self.inertia)} has the principal moment {moment:.3g} kg '
-                f'm^2, but {self.mass:g} kg within body and rotors have at most {largest:.3g}: '
-                'check the unit, kg m^2, and mass, size and rotors'
+                f'm^2, but {self.mass:g} kg within body and rotors reach {largest:.3g} at most; '
+                'check the unit [kg m^2], mass, size and rotors'
             )
 
     def _check_on_body(self, key: str, place: tuple[float, ...]) -> None:
         if any(abs(x) > 0.5 * length + _EDGE for x, length in zip(place, self.size, strict=True)):
             raise ConfigError(
-                f'drone: {key} at {list(place)} m is not on the body, whose size is '
-                f'{list(self.size)} m about its frame: check both'
+                f'drone: {key} at {list(place)} m is outside the body, whose size is '
+                f'{list(self.size)} m about its frame; check both'
             )
 
     def _check_rotors(self) -> None:
         if not self.rotors:
-            raise ConfigError('drone: rotors is empty: a drone has at least four')
+            raise ConfigError('drone: rotors is empty; list at least four rotors')
         for name in self.rotor_names:
             if self.rotor_names.count(name) > 1:
-                raise ConfigError(f'drone: rotor {name} is given twice')
-        # Thrust along z and three moments are what it takes to hover.
+                raise ConfigError(f'drone: rotor {name} is listed twice; rename or remove one')
+        # Hovering needs thrust along z and three moments.
         matrix = self.allocation[2:]
         matrix[1:] /= self._arm_length
         if np.linalg.matrix_rank(matrix, tol=1e-4) < 4:
             raise ConfigError(
-                'drone: thrust and the three moments cannot be chosen each by itself with these '
-                'rotors: check their positions, axes and the signs of moment_per_thrust'
+                'drone: these rotors cannot produce thrust and the three moments independently; '
+                'check their positions, axes and the signs of moment_per_thrust'
             )
         share = self._liftable_share(self.mass, np.array(self.centre_of_mass))
         if share < THRUST_RESERVE:
             raise ConfigError(
-                f'drone: its rotors lift {share:.2f} times its weight ({self.mass:g} kg) while it '
-                f'is level, and must lift {THRUST_RESERVE:g} times it: check thrust_max, '
-                'thrust_min and mass'
+                f'drone: with level rotors its thrust is {share:.2f} times its weight '
+                f'({self.mass:g} kg), below the minimum of {THRUST_RESERVE:g} times; check '
+                'thrust_max, thrust_min and mass'
             )
 
 
 def load_drone_config(path: Path | str | None = None) -> DroneConfig:
-    """Read a drone.
+    """Read a drone configuration.
 
     Parameters
     ----------
     path : Path or str, optional
-        YAML file laid out as the packaged config/drone.yaml, which is the default.
+        YAML file in the format of the packaged config/drone.yaml, which is the default.
 
     Raises
     ------
     ConfigError
-        If the file can't be read or says something wrong; one line, with file and key.
+        If the file cannot be read or is invalid; one line, with file and key.
     """
     return load(path, 'drone.yaml', _drone)
 
@@ -411,5 +411,5 @@ def _pose(where: str, entry: Any) -> PoseConfig:
     try:
         return build(PoseConfig, where, entry)
     except ConfigError as error:
-        # The pose does not know whose it is.
+        # The pose does not know the name of its part.
         raise ConfigError(str(error).replace('pose:', f'{where}:', 1)) from None

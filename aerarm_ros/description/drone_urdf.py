@@ -1,4 +1,4 @@
-"""The URDF of drone and arm together."""
+"""URDF of drone and arm together."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -10,28 +10,27 @@ from aerarm_ros.description.drone_config import DroneConfig, PoseConfig
 
 BODY_LINK, IMU_LINK = 'drone', 'drone_imu'
 
-_SPAN = 0.14  # [m] radius at which a rotor is drawn
+_SPAN = 0.14  # [m] drawn radius of a rotor
 _COLOURS = {'drone_body': '0.25 0.27 0.30 1', 'drone_rotor': '0.55 0.60 0.66 0.5'}
 
 
 def with_drone(urdf_text: str, drone: DroneConfig, prefix: str = '') -> str:
     """Return the URDF of an arm under its drone: link `drone` carries the arm's base link.
 
-    The body is drawn as its box, with arms and discs for the rotors; link `drone_imu` is the
-    IMU's frame. Mass and inertia are those of the file.
+    The drawing shows the body as a box, with arms and discs for the rotors; link `drone_imu` is the
+    IMU's frame. Mass and inertia are those of the drone file.
 
     Parameters
     ----------
     urdf_text : str
-        URDF of the arm.
-    drone : DroneConfig
+        URDF text of the arm.
     prefix : str
-        Before the names of the drone's links and joints, as it is before those of the arm.
+        Prefix of the drone's links and joints, equal to that of the arm's.
 
     Raises
     ------
     DescriptionError
-        If the arm has links or joints of these names, or no link that is its base.
+        If the arm has links or joints with these names, or no base link.
     """
     root = ET.fromstring(urdf_text)
     body, imu = prefix + BODY_LINK, prefix + IMU_LINK
@@ -53,8 +52,12 @@ def _base_link(root: ET.Element, wanted: set[str]) -> str:
     bases = [name for name in links if name not in children]
     taken = wanted & set(links)
     if taken or len(bases) != 1:
-        what = f'it has a link {", ".join(taken)} already' if taken else 'it has no single base'
-        raise DescriptionError(f'the URDF cannot be put under drone_file: {what}')
+        what = (
+            f'the URDF already has a link {", ".join(taken)}'
+            if taken
+            else 'the URDF has no single base link'
+        )
+        raise DescriptionError(f'the URDF cannot be combined with drone_file: {what}')
     return bases[0]
 
 
@@ -91,7 +94,7 @@ def _cylinder(
     material: str,
 ) -> None:
     shape = ET.SubElement(link, 'visual', name=name)
-    # Roll and pitch that turn z to the axis: R = Ry(pitch) Rx(roll).
+    # Roll and pitch that rotate z to the axis: R = Ry(pitch) Rx(roll).
     roll = float(np.arcsin(min(1.0, max(-1.0, -axis[1]))))
     pitch = float(np.arctan2(axis[0], axis[2]))
     _origin(shape, centre.tolist(), (roll, pitch, 0.0))

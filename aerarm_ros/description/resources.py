@@ -1,4 +1,4 @@
-"""Files shipped with the code: URDF, configuration, launch and RViz files."""
+"""Access to packaged files: URDF, configuration, launch and RViz files."""
 
 import os
 from pathlib import Path
@@ -8,16 +8,16 @@ _MARKER = Path('config') / 'aerarm.yaml'
 
 
 def share_directory() -> Path:
-    """Return the folder that holds `config/`, `urdf/`, `launch/` and `rviz/`.
+    """Return the folder that contains `config/`, `urdf/`, `launch/` and `rviz/`.
 
-    A source checkout (or an editable install) has them beside the package; an
-    installed package has them in `<prefix>/share/aerarm_ros`, whatever the depth of
-    site-packages below the prefix.
+    In a source checkout or an editable install they are next to the package; in an installed
+    package they are in `<prefix>/share/aerarm_ros`, for any depth of site-packages below the
+    prefix.
 
     Raises
     ------
     FileNotFoundError
-        If neither is found.
+        If neither folder exists.
     """
     module = Path(__file__).resolve()
     for ancestor in module.parents:
@@ -25,17 +25,17 @@ def share_directory() -> Path:
             if (candidate / _MARKER).is_file():
                 return candidate
     raise FileNotFoundError(
-        f'the shared files of {PACKAGE} (such as {_MARKER}) are neither next to the package nor '
-        f'in a share/{PACKAGE} folder above {module.parent}: install the package again, or run '
-        'from a complete checkout'
+        f"the shared files of {PACKAGE} (such as {_MARKER}) are neither in the package's parent "
+        f'folder nor in a share/{PACKAGE} folder above {module.parent}: install the package '
+        'again, or run from a complete checkout'
     )
 
 
 def find_file(path: Path | str) -> Path:
-    """Return the file of a path, or the packaged one of that name if the path does not exist.
+    """Return the path of a file, or of the packaged file with this name if the path does not exist.
 
-    `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` name packaged files from any
-    folder; a file of one's own, relative to the working directory, comes first.
+    From any folder, `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` refer to packaged
+    files. A user's file with this path, relative to the working directory, takes precedence.
     """
     given = Path(path)
     if given.exists() or given.is_absolute() or '..' in given.parts:
@@ -48,35 +48,36 @@ def find_file(path: Path | str) -> Path:
 
 
 def resource(*parts: str) -> Path:
-    """Return the path of a shared file, e.g. `resource('urdf', 'aerarm.urdf')`.
+    """Return the path of a shared file, for example `resource('urdf', 'aerarm.urdf')`.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file; the message lists what the folder does hold.
+        If the file does not exist; the message lists the files in the folder.
     """
     path = share_directory().joinpath(*parts)
     if not path.exists():
         folder = path.parent
         present = sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
         raise FileNotFoundError(
-            f'no shared file {path}: the folder holds {", ".join(present) or "nothing"}'
+            f'shared file {path} does not exist: the folder contains '
+            f'{", ".join(present) or "nothing"}'
         )
     return path
 
 
 def write_whole(path: Path, text: str, durable: bool = True) -> None:
-    """Write a text file, in place of one of that name only once all of it is on the disk.
+    """Write a text file, replacing an existing one only once the new file is complete.
 
-    What is no file, as /dev/stdout, is written to. If not `durable`, the file is whole for whoever
-    reads it, but is not forced to the disk.
+    Special files such as /dev/stdout are written directly. If not `durable`, readers always see a
+    complete file, but the file is not synchronized to the disk.
 
     Raises
     ------
     OSError
-        If it cannot be written; what was there before still is, and nothing else.
+        If writing fails; the previous content is kept, and no other file is left.
     """
-    if path.exists() and not path.is_file():  # a device must not be replaced by a file
+    if path.exists() and not path.is_file():  # a device must not be replaced by a regular file
         path.write_text(text, encoding='utf-8')
         return
     beside = path.with_name(f'{path.name}.{os.getpid()}.part')

@@ -1,4 +1,4 @@
-"""A serial arm, as its URDF describes it."""
+"""Serial arm described by its URDF."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A serial arm of n one-degree-of-freedom joints on a fixed base.
+    """Serial arm of n one-degree-of-freedom joints on a fixed base.
 
-    Links behind fixed (or locked) joints are part of the link that carries them. Use
-    `load_robot` to make one.
+    Links behind fixed (or locked) joints belong to the link that carries them. Use `load_robot` to
+    create a robot.
 
     Attributes
     ----------
     model : pinocchio.Model
-        With `gravity` set and no armature. Shared by everything made from this robot: who
-        changes it copies it first.
+        Model with `gravity` set and without armature. The model is shared by all users of this
+        robot; copy it before changing it.
     joints : tuple of UrdfJoint
-        The moving joints, from base to tool.
+        Moving joints, from base to tool.
     urdf_text : str
-        The URDF as read, its names with the prefix.
+        URDF text, with the prefix added to its names.
     path : Path or None
-        Where it was read from; None if it was given as text.
+        Path of the URDF; None if it was given as text.
     prefix : str
-        What links and joints have before the names that they have in their file.
+        Prefix added to the names of links and joints in the file.
     """
 
     model: Any
@@ -67,46 +67,46 @@ class Robot:
 
     @cached_property
     def base_link(self) -> str:
-        """Name of the link that hangs on no joint, whose frame is the base frame."""
+        """Name of the root link, whose frame is the base frame."""
         bodies = (f for f in self.model.frames if f.type == pin.FrameType.BODY)
         return str(next(bodies).name)
 
     def full_name(self, name: str) -> str:
-        """Return the name, with prefix, of a link or joint that is named with it or without."""
+        """Return the prefixed name of a link or joint, given with or without prefix."""
         full = self.prefix + name
         return full if self.model.existFrame(full) else name
 
     def frame_of(self, link: str) -> Any:
-        """Return the pinocchio.Frame of a link, named with prefix or without.
+        """Return the pinocchio.Frame of a link, given with or without prefix.
 
         Raises
         ------
         ValueError
-            If there is no such link.
+            If the link is unknown.
         """
         links = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY]
         name = self.full_name(link)
         if name not in links:
-            raise ValueError(f'there is no link {name!r}: the links are {", ".join(links)}')
+            raise ValueError(f'unknown link {name!r}: choose one of {", ".join(links)}')
         return self.model.frames[self.model.getFrameId(name, pin.FrameType.BODY)]
 
     def own_name(self, name: str) -> str:
-        """Return the name that a link or joint has in the arm's files."""
+        """Return the name of a link or joint in the arm's files, without prefix."""
         return name.removeprefix(self.prefix)
 
     @cached_property
     def position_min(self) -> Array:
-        """(n,) lower limits [rad] (prismatic: [m]); -inf for a continuous joint."""
+        """Lower limits (n,) [rad] (prismatic: [m]); -inf for a continuous joint."""
         return _frozen(self.model.lowerPositionLimit)
 
     @cached_property
     def position_max(self) -> Array:
-        """(n,) upper limits [rad] (prismatic: [m]); inf for a continuous joint."""
+        """Upper limits (n,) [rad] (prismatic: [m]); inf for a continuous joint."""
         return _frozen(self.model.upperPositionLimit)
 
     @cached_property
     def posture_range(self) -> tuple[Array, Array]:
-        """(n,) and (n,) between which postures can be drawn [rad]: one turn where no limits are."""
+        """Limits (n,) and (n,) for random postures [rad]; one turn for unlimited joints."""
         low, high = self.position_min, self.position_max
         return (
             _frozen(np.where(np.isfinite(low), low, -np.pi)),
@@ -115,68 +115,70 @@ class Robot:
 
     @cached_property
     def velocity_max(self) -> Array:
-        """(n,) velocity limits [rad/s]; inf where the URDF gives none."""
+        """Velocity limits (n,) [rad/s]; inf if missing in the URDF."""
         return _frozen(self.model.velocityLimit)
 
     @cached_property
     def effort_max(self) -> Array:
-        """(n,) effort limits [Nm]; inf where the URDF gives none."""
+        """Effort limits (n,) [Nm]; inf if missing in the URDF."""
         return _frozen(self.model.effortLimit)
 
     @cached_property
     def viscous(self) -> Array:
-        """(n,) viscous friction f_v [Nms/rad]: `<dynamics damping>`."""
+        """Viscous friction f_v (n,) [Nms/rad] from `<dynamics damping>`."""
         return _frozen([joint.damping for joint in self.joints])
 
     @cached_property
     def coulomb(self) -> Array:
-        """(n,) Coulomb friction f_s [Nm]: `<dynamics friction>`."""
+        """Coulomb friction f_s (n,) [Nm] from `<dynamics friction>`."""
         return _frozen([joint.friction for joint in self.joints])
 
     @cached_property
     def load_friction(self) -> Array:
-        """(n,) dry friction per torque that the gears pass on [-]: `<dynamics load_friction>`."""
+        """Load-dependent friction (n,) per gear torque [-] from `<dynamics load_friction>`."""
         return _frozen([joint.load_friction for joint in self.joints])
 
     @cached_property
     def gravity_in_base(self) -> Array:
-        """(3,) gravity in the base frame [m/s^2]."""
+        """Gravity (3,) in the base frame [m/s^2]."""
         return _frozen(self.model.gravity.linear)
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """(n, 10) inertial parameters of the moving links, in the order of thesis (3.3)."""
+        """Inertial parameters (n, 10) of the moving links, in the order of thesis (3.3)."""
         bodies = [self.model.inertias[i + 1] for i in range(self.n)]
         return _frozen([body.toDynamicParameters() for body in bodies])
 
     def with_inertial_parameters(self, pi: npt.ArrayLike) -> Robot:
         """Return a copy whose moving links have other inertial parameters.
 
-        Its `urdf_text` stays that of the original.
+        The attribute `urdf_text` keeps the original text.
 
         Parameters
         ----------
         pi : (n, 10) array_like
-            Inertial parameters, in the order of thesis (3.3). They need not be physically
-            consistent, but a body is stored by its centre of mass, so no mass may be zero.
+            Inertial parameters, in the order of thesis (3.3). They may be physically inconsistent,
+            but a body is stored by its centre of mass, so every mass must be nonzero.
 
         Raises
         ------
         ValueError
-            If the shape is wrong, a value isn't finite or a mass is zero.
+            If the shape is wrong, a value is not finite or a mass is zero.
         """
         pi = np.array(pi, dtype=float)
         if pi.shape != (self.n, 10):
-            raise ValueError(f'inertial parameters of shape {pi.shape}, not {(self.n, 10)}')
+            raise ValueError(
+                f'inertial parameters have the shape {pi.shape} instead of {(self.n, 10)}'
+            )
         if not np.all(np.isfinite(pi)) or np.any(pi[:, 0] == 0.0):
-            raise ValueError('inertial parameters must be finite, with masses other than zero')
+            raise ValueError('inertial parameters must be finite, and masses must not be zero')
         model = self.model.copy()
         for index, parameters in enumerate(pi):
             model.inertias[index + 1] = pin.Inertia.FromDynamicParameters(parameters)
         return replace(self, model=model)
 
     def with_gravity(self, gravity_in_base: npt.ArrayLike) -> Robot:
-        """Return a copy under other gravity, (3,) in the base frame [m/s^2]."""
+        """Return a copy with other gravity, (3,) in the base frame [m/s^2]."""
         model = self.model.copy()
         model.gravity.linear = _gravity(gravity_in_base)
         return replace(self, model=model)
@@ -190,30 +192,30 @@ def load_robot(
     locked: Sequence[str] = (),
     prefix: str = '',
 ) -> Robot:
-    """Read a serial arm from a URDF; its meshes are not needed.
+    """Read a serial arm from a URDF without loading its meshes.
 
-    Continuous joints are represented by their angle [rad], like revolute ones, without
-    position limits. Prismatic joints are fine (then read [m] for [rad], [N] for [Nm]).
+    Continuous joints are represented by their angle [rad], like revolute ones, without position
+    limits. Prismatic joints are supported (with [m] in place of [rad], and [N] for [Nm]).
 
     Parameters
     ----------
     urdf : Path or str, optional
-        The URDF file, or the URDF itself if it starts with `<`. Default: this package's arm.
+        URDF file, or URDF text if it starts with `<`. Default: this package's arm.
     gravity_in_base : (3,) array_like
-        [m/s^2]
+        Gravity in the base frame [m/s^2].
     joint_names : sequence of str, optional
-        The joints that move, from base to tool; all others are locked at zero.
+        Moving joints, from base to tool; all others are locked at zero.
     locked : sequence of str
-        Joints held at zero (or at their limit nearest to it), such as gripper fingers.
+        Joints locked at zero (or at their limit nearest to zero), for example gripper fingers.
     prefix : str
-        Is put before the name of every link and joint, `joint_names` and `locked` among them.
+        Prefix added to the name of every link and joint, including `joint_names` and `locked`.
 
     Raises
     ------
     DescriptionError
-        If the file can't be read or isn't a URDF; if a named joint is missing or out of
-        order; if the moving joints don't form one chain, or one of them mimics another, has
-        more than one degree of freedom or carries no inertia; if the prefix can't be one.
+        If the file cannot be read or is not a URDF, or a named joint is missing or out of order.
+        Also if the moving joints do not form one chain, if a joint mimics another, has more than
+        one degree of freedom or carries no inertia, or if the prefix is invalid.
     """
     check_prefix(prefix)
     text, path = read_urdf(urdf)
@@ -237,7 +239,7 @@ def load_robot(
 
 
 def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
-    """Return the text of a URDF, and its file: of None the packaged one, of a text None.
+    """Return the text of a URDF and its path; None means the packaged URDF, a text has no path.
 
     Raises
     ------
@@ -252,24 +254,28 @@ def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
             return stream.read(LARGEST + 1).decode(), path
     except OSError as error:
         reason = error.strerror or str(error)
-        raise DescriptionError(f'{path}: {reason}: check the path and its permissions') from None
+        raise DescriptionError(
+            f'{path} cannot be read ({reason}): check the path and its permissions'
+        ) from None
     except UnicodeDecodeError:
-        raise DescriptionError(f'{path}: not a text file, so no URDF') from None
+        raise DescriptionError(
+            f'{path} is not a text file, so not a URDF: check the path'
+        ) from None
 
 
 def _moving_joints(
     document: UrdfDocument, joint_names: Sequence[str] | None, locked: Sequence[str]
 ) -> list[UrdfJoint]:
-    """Return the joints left to move, in the order asked for."""
+    """Return the moving joints in the requested order."""
     driven = {name: joint for name, joint in document.joints.items() if joint.is_driven}
     for name in (*locked, *(joint_names or ())):
         if name not in driven:
             known = ', '.join(driven) or 'none'
-            raise DescriptionError(f'there is no moving joint {name!r}: there are {known}')
+            raise DescriptionError(f'unknown moving joint {name!r}: the URDF has {known}')
     wanted = list(driven) if joint_names is None else list(joint_names)
     moving = [document.joints[name] for name in wanted if name not in locked]
     if not moving:
-        raise DescriptionError('no joint is left to move')
+        raise DescriptionError('no joint can move: at least one moving joint must not be locked')
     for joint in moving:
         if joint.mimics is not None:
             raise DescriptionError(
@@ -278,8 +284,8 @@ def _moving_joints(
     for joint in document.joints.values():
         if joint.kind in ('floating', 'planar'):
             raise DescriptionError(
-                f'joint {joint.name} is {joint.kind}; only joints of one degree of freedom are '
-                'supported'
+                f'joint {joint.name} is {joint.kind}, but only joints of one degree of freedom '
+                'are supported: lock it'
             )
     return moving
 
@@ -299,7 +305,7 @@ def _build_model(document: UrdfDocument, moving: list[UrdfJoint]) -> Any:
 
 
 def _free_unlimited(model: Any, document: UrdfDocument) -> None:
-    """Replace the limits a URDF does not give by infinity."""
+    """Replace limits that are missing in the URDF by infinity."""
     for index, name in enumerate(model.names[1:]):
         joint = document.joints[name]
         if joint.kind == 'continuous':
@@ -316,11 +322,13 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
         if model.parents[index] != index - 1:
             raise DescriptionError(
                 f'not a serial arm: joint {model.names[index]} does not follow joint '
-                f'{model.names[index - 1]}: lock the joints of side branches'
+                f'{model.names[index - 1]}; lock the joints of side branches'
             )
     asked = [joint.name for joint in moving]
     if sorted(asked) != sorted(names):
-        raise DescriptionError(f'joints {asked} are not all connected to the base: got {names}')
+        raise DescriptionError(
+            f'joints {asked} do not form one chain from the base: the chain has {names}'
+        )
     children = {joint.name: joint.child for joint in moving}
     for index, name in enumerate(names, start=1):
         if model.inertias[index].mass <= 0.0:
@@ -331,12 +339,12 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
 
 
 def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
-    """Require that names given are in the chain's order: positions are taken by index."""
+    """Check that given names follow the chain's order, because positions are matched by index."""
     names = list(model.names[1:])
     asked = [name for name in joint_names or names if name in names]
     if asked != names:
         raise DescriptionError(
-            f'joint_names are not in the order from base to tool, which is {", ".join(names)}'
+            f'joint_names must be in the order from base to tool: {", ".join(names)}'
         )
 
 

@@ -1,4 +1,4 @@
-"""A robot's shapes, its mesh files read within limits."""
+"""Shapes of a robot, with size limits for mesh files."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from aerarm_ros.description.config_reader import DescriptionError
 from aerarm_ros.description.robot import Robot
 
 _MIB = 2**20
-# A mesh of 8 MiB is read and made convex in 10 s and 700 MB; of arms that are published, the
-# largest has 5 MiB, and all of one arm 21.
+# A mesh of 8 MiB is read and made convex in 10 s with 700 MB. The largest mesh of published arms
+# has 5 MiB, and the largest total of one arm is 21 MiB.
 _LARGEST = 8 * _MIB
 _LARGEST_TOGETHER = 32 * _MIB
 _MOST = 1000
-# Formats without compression or other files; what their size is, is how much they hold ...
+# Formats without compression or references, so their size bounds their content ...
 _FORMATS = ('.dae', '.obj', '.ply', '.stl')
-# ... but for the places of a Collada file that show another place again.
+# ... except for nodes of a Collada file that instantiate another node.
 _INSTANCE, _INSTANCE_OF_NODE = b'<instance_', b'<instance_node'
 _MOST_INSTANCES, _MOST_INSTANCES_OF_NODES = 2000, 16
 
@@ -32,16 +32,16 @@ def load_shapes(
     Parameters
     ----------
     robot
-        The arm.
+        Robot model of the arm.
     kind
-        Which shapes.
+        Visual or collision shapes.
     package_directories
-        Where `package://` meshes are looked for, besides the folders above the URDF.
+        Folders for `package://` meshes, in addition to the folders above the URDF.
 
     Raises
     ------
     DescriptionError
-        If a mesh is no plain file of a known format, or is larger than an arm needs.
+        If a mesh is not a regular file of a known format, or is too large.
     ValueError, RuntimeError
         If a mesh is missing or damaged.
     """
@@ -55,10 +55,12 @@ def load_shapes(
 
 
 def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
-    """Look at every mesh file before one is read, as often as it is named."""
+    """Check every mesh file before any is loaded, once per reference."""
     names = [mesh.get('filename', '') for mesh in ET.fromstring(urdf).iter('mesh')]
     if len(names) > _MOST:
-        raise DescriptionError(f'the URDF names {len(names)} meshes, no arm has over {_MOST}')
+        raise DescriptionError(
+            f'the URDF names {len(names)} meshes, above the limit of {_MOST}: use fewer meshes'
+        )
     together = 0
     for name in names:
         path = name.partition('://')[2] if '://' in name else name
@@ -68,29 +70,31 @@ def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
                 break
     if together > _LARGEST_TOGETHER:
         raise DescriptionError(
-            f'the meshes of the URDF have {together / _MIB:.0f} MiB together, more than the '
-            f'{_LARGEST_TOGETHER // _MIB} that are read: simplify them'
+            f'the meshes of the URDF have {together / _MIB:.0f} MiB in total, above the limit of '
+            f'{_LARGEST_TOGETHER // _MIB} MiB: simplify them'
         )
 
 
 def _checked_size(file: Path) -> int:
-    """Return the bytes of a mesh file that may be read."""
+    """Return the size of a mesh file in bytes, after checking the limit."""
     if not file.is_file():
-        raise DescriptionError(f'mesh {file} is no plain file')
+        raise DescriptionError(f'mesh {file} is not a regular file: check its path')
     if file.suffix.lower() not in _FORMATS:
-        raise DescriptionError(f'mesh {file} is none of {", ".join(_FORMATS)}: convert it')
+        raise DescriptionError(
+            f'mesh {file} has an unsupported format: convert it to one of {", ".join(_FORMATS)}'
+        )
     size = file.stat().st_size
     if size > _LARGEST:
         raise DescriptionError(
-            f'mesh {file} has {size / _MIB:.0f} MiB, more than the {_LARGEST // _MIB} that are '
-            'read: simplify it'
+            f'mesh {file} has {size / _MIB:.0f} MiB, above the limit of {_LARGEST // _MIB} MiB: '
+            'simplify it'
         )
     if file.suffix.lower() == '.dae':
         text = file.read_bytes()
         of_nodes = text.count(_INSTANCE_OF_NODE)
         if of_nodes > _MOST_INSTANCES_OF_NODES or text.count(_INSTANCE) > _MOST_INSTANCES:
             raise DescriptionError(
-                f'mesh {file} shows its parts too often, by <instance_...>: write them out, or '
-                'simplify it'
+                f'mesh {file} repeats its parts too often (<instance_...>): write them out, or '
+                'simplify the mesh'
             )
     return size

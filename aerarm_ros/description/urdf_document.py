@@ -1,7 +1,7 @@
-"""What a URDF says about its joints and links, read before the dynamics library reads it.
+"""Parser and checks of a URDF's joints and links, applied before the dynamics library.
 
-The library's own parser reports a fault in several lines on stderr and then goes on without
-the faulty inertia; so faults are looked for here.
+The library's own parser reports a fault in several lines on stderr and continues without the faulty
+inertia, so this module checks for faults first.
 """
 
 import math
@@ -11,22 +11,21 @@ from dataclasses import dataclass
 from aerarm_ros.description.config_reader import DescriptionError
 
 LOAD_FRICTION = 'load_friction'
-"""Attribute of <dynamics>: dry friction per torque that a gear passes on [-]."""
+"""Attribute of <dynamics>: dry friction per torque transmitted by a gear [-]."""
 DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD = 'damping_beside_load', 'friction_beside_load'
-"""Attributes of <dynamics> where `LOAD_FRICTION` is: what `damping` and `friction` are without it.
-
-Other programs read `damping` and `friction`, which include what grows with the usual load.
+"""Attributes of <dynamics> next to `LOAD_FRICTION`: damping and friction without the load-dependent
+part. Other programs read `damping` and `friction`, which include that part at the typical load.
 """
 CALIBRATED = 'calibrated geometry'
-"""What the comment in front of a calibrated URDF says."""
+"""Text of the comment before the root of a calibrated URDF."""
 LARGEST = 2**24
-"""Most characters of a URDF."""
+"""Largest number of characters of a URDF."""
 
 _DRIVEN_TYPES = ('revolute', 'continuous', 'prismatic')
 _DEEPEST = 50
-_MOST = 1000  # links, joints
+_MOST = 1000  # largest number of links and of joints
 _LARGEST_NUMBER = 1e9
-# Attributes that hold so many numbers, by element.
+# Number of values of each vector attribute, by element.
 _VECTORS: dict[str, dict[str, int]] = {
     'origin': {'xyz': 3, 'rpy': 3},
     'axis': {'xyz': 3},
@@ -36,7 +35,7 @@ _VECTORS: dict[str, dict[str, int]] = {
     'sphere': {'radius': 1},
     'mesh': {'scale': 3},
 }
-# Where a URDF names links and joints.
+# Attributes that contain names of links and joints.
 _NAMES = (
     ('link', 'name'),
     ('joint', 'name'),
@@ -52,10 +51,10 @@ _KNOWN_TYPES = (*_DRIVEN_TYPES, 'fixed', 'floating', 'planar')
 
 @dataclass(frozen=True, slots=True)
 class UrdfJoint:
-    """A `<joint>` element.
+    """Content of a `<joint>` element.
 
-    `damping` [Nms/rad] and `friction` [Nm] are those of `<dynamics>`, zero where missing, and
-    `load_friction` [-] an attribute of ours there, which others pass over.
+    `damping` [Nms/rad] and `friction` [Nm] are attributes of `<dynamics>`, zero if missing.
+    `load_friction` [-] is an additional attribute of this package, which other programs ignore.
     """
 
     name: str
@@ -70,28 +69,30 @@ class UrdfJoint:
 
     @property
     def is_driven(self) -> bool:
-        """Whether it moves with one degree of freedom."""
+        """Whether the joint moves with one degree of freedom."""
         return self.kind in _DRIVEN_TYPES
 
 
 class UrdfDocument:
-    """The joints and links of a URDF text.
+    """Joints and links of a URDF text.
 
     Parameters
     ----------
     text : str
-        The URDF.
+        URDF text.
 
     Attributes
     ----------
     joints : dict of str to UrdfJoint
+        Joints by name.
     links : frozenset of str
+        Names of the links.
 
     Raises
     ------
     DescriptionError
-        If the text isn't a URDF: not XML, xacro not yet expanded, joints that name no link
-        or form no tree, numbers that are none.
+        If the text is not a URDF: not XML, unexpanded xacro, joints without links or without a tree
+        structure, invalid numbers.
     """
 
     def __init__(self, text: str) -> None:
@@ -99,7 +100,9 @@ class UrdfDocument:
         if self._root.tag != 'robot':
             raise DescriptionError(f'the root element is <{self._root.tag}>, not <robot>')
         if any('xacro' in element.tag for element in self._root.iter()):
-            raise DescriptionError('holds xacro macros: expand it first (xacro FILE > arm.urdf)')
+            raise DescriptionError(
+                'the file contains xacro macros, expand them first (xacro FILE > arm.urdf)'
+            )
         _check_numbers(self._root)
         self.links = self._read_links()
         self.joints = self._read_joints()
@@ -108,8 +111,8 @@ class UrdfDocument:
     def revolute_text(self) -> str:
         """Return the URDF with every continuous joint declared revolute.
 
-        A continuous joint's angle then is one number instead of a cosine and a sine, so that
-        positions and velocities have the same length. Its limits are placeholders.
+        The angle of a continuous joint is then one number instead of a cosine and a sine, so
+        positions and velocities have the same length. The limits of these joints are placeholders.
         """
         root = ET.fromstring(ET.tostring(self._root))
         for element in root.findall('joint'):
@@ -123,7 +126,7 @@ class UrdfDocument:
         return ET.tostring(root, encoding='unicode')
 
     def prefixed_text(self, prefix: str) -> str:
-        """Return the URDF with a prefix before the name of every link and joint."""
+        """Return the URDF with a prefix added to the name of every link and joint."""
         root = ET.fromstring(ET.tostring(self._root))
         for place, key in _NAMES:
             for element in root.findall(place):
@@ -144,19 +147,21 @@ class UrdfDocument:
         return {joint.name: joint for joint in joints}
 
     def _check_tree(self) -> None:
-        """Require that every link but one, the base, hangs on exactly one joint."""
+        """Check that every link except the base is the child of exactly one joint."""
         parent_joint: dict[str, str] = {}
         for joint in self.joints.values():
             if joint.child in parent_joint:
                 raise DescriptionError(
-                    f'link {joint.child} hangs on two joints, {parent_joint[joint.child]} and '
-                    f'{joint.name}'
+                    f'link {joint.child} is the child of two joints, {parent_joint[joint.child]} '
+                    f'and {joint.name}'
                 )
             parent_joint[joint.child] = joint.name
         bases = sorted(self.links - parent_joint.keys())
         if len(bases) != 1:
-            listed = ', '.join(bases) or 'none: the joints form a loop'
-            raise DescriptionError(f'one link must hang on no joint, the base; here {listed}')
+            listed = ', '.join(bases) or 'none (the joints form a loop)'
+            raise DescriptionError(
+                f'exactly one link, the base, must not be a child of a joint; the URDF has {listed}'
+            )
 
     def _read_joint(self, element: ET.Element) -> UrdfJoint:
         name = _attribute(element, 'name', 'a joint')
@@ -171,7 +176,7 @@ class UrdfDocument:
                 raise DescriptionError(f'{owner} has no <{end}>')
             ends[end] = _attribute(link, 'link', f'{owner}, <{end}>')
             if ends[end] not in self.links:
-                raise DescriptionError(f'{owner}: there is no link {ends[end]!r} ({end})')
+                raise DescriptionError(f'{owner}: unknown {end} link {ends[end]!r}')
         limit = element.find('limit')
         if limit is None and kind in ('revolute', 'prismatic'):
             raise DescriptionError(f'{owner} is {kind} and needs a <limit>')
@@ -206,13 +211,15 @@ class UrdfDocument:
 
 
 def _parsed(text: str) -> ET.Element:
-    """Return the root of an XML text of bounded size and depth."""
+    """Parse an XML text of limited size and depth; return its root."""
     if len(text) > LARGEST:
-        raise DescriptionError(f'has more than {LARGEST} characters, which no URDF needs')
-    if '<!DOCTYPE' in text or '<!ENTITY' in text:
-        # By entities a small text becomes endless; the dynamics library doesn't read them.
         raise DescriptionError(
-            'declares a document type or entities: write out what they stand for'
+            f'the file has more than {LARGEST} characters, above the limit for a URDF'
+        )
+    if '<!DOCTYPE' in text or '<!ENTITY' in text:
+        # Entities can expand a small text without limit; the dynamics library ignores them.
+        raise DescriptionError(
+            'the file declares a document type or entities: write out their text'
         )
     try:
         root = ET.fromstring(text)
@@ -222,15 +229,17 @@ def _parsed(text: str) -> ET.Element:
     while level:
         level, depth = [child for element in level for child in element], depth + 1
         if depth > _DEEPEST:
-            raise DescriptionError(f'elements are nested more than {_DEEPEST} deep')
+            raise DescriptionError(f'elements are nested more than {_DEEPEST} levels deep')
     for tag in ('link', 'joint'):
         if len(root.findall(tag)) > _MOST:
-            raise DescriptionError(f'has more than {_MOST} {tag}s, which no arm has')
+            raise DescriptionError(
+                f'the file has more than {_MOST} {tag}s, above the limit for an arm'
+            )
     return root
 
 
 def _check_numbers(root: ET.Element) -> None:
-    """Require that places, axes and shapes are finite numbers of a size that arms have."""
+    """Check that positions, axes and shapes are finite numbers of plausible size."""
     for owner in (*root.findall('link'), *root.findall('joint')):
         for element in owner.iter():
             for key, count in _VECTORS.get(element.tag, {}).items():
@@ -245,7 +254,7 @@ def _check_vector(element: ET.Element, key: str, count: int, owner: str) -> None
         values = [float(part) for part in text.split()]
     except ValueError:
         values = []
-    # Not more than is nearly infinite: squares stay finite.
+    # Limited so that squares stay finite.
     if len(values) != count or not all(abs(value) < _LARGEST_NUMBER for value in values):
         raise DescriptionError(
             f'{owner}, <{element.tag}>: {key} = {text[:100]!r} is not {count} finite '
@@ -261,7 +270,7 @@ def _attribute(element: ET.Element, key: str, owner: str) -> str:
 
 
 def _number(element: ET.Element | None, key: str, owner: str) -> float:
-    """Return a finite attribute, zero where the element or attribute is missing."""
+    """Return a finite attribute, zero if the element or attribute is missing."""
     text = '0' if element is None else element.get(key, '0')
     try:
         value = float(text)
@@ -294,4 +303,4 @@ def _check_inertial(link: ET.Element) -> None:
 def _check_unique(kind: str, names: list[str]) -> None:
     for name in names:
         if names.count(name) > 1:
-            raise DescriptionError(f'{kind} {name} is given {names.count(name)} times')
+            raise DescriptionError(f'{kind} {name} is defined {names.count(name)} times')

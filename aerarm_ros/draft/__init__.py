@@ -1,5 +1,5 @@
-"""A first configuration of a new arm, from its URDF.
+"""Draft of a new arm's configuration from its URDF.
 
-In comes a robot; out go its drive train and what an excitation may do, as YAML with a mark at every
-value that no URDF knows, and a sentence on how to find it.
+The draft contains the drive train and the excitation settings as YAML. Every value that a URDF does
+not provide is marked, with a sentence on how to determine it.
 """

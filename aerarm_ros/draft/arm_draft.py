@@ -1,4 +1,4 @@
-"""A whole arm's configuration, as far as a URDF and guesses go."""
+"""Draft of an arm's configuration from a URDF and guessed values."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.dynamics import Dynamics, largest_gravity_load
 from aerarm_ros.motion.signals import Array
 
-_RATIO = 1.0 / 50.0  # of printed and of harmonic gears: 1/27 to 1/101
-_CURRENT_MAX = 10.0  # [A]; frames hold 32
+_RATIO = 1.0 / 50.0  # of printed and harmonic gears: 1/27 to 1/101
+_CURRENT_MAX = 10.0  # [A]; frames represent up to 32
 _POLE_PAIRS = 12
 _RESISTANCE = 0.2  # [ohm]
-# Of the effort limit: rotors as joints feel them [s^2], dry friction, friction that grows with
-# speed, at full speed. The drives of config/aerarm.yaml have 0.001, 0.011 to 0.016 and 0.002.
+# Relative to the effort limit: reflected rotor inertia [s^2], dry friction, and viscous friction at
+# full speed. The drives of config/aerarm.yaml have 0.001, 0.011 to 0.016 and 0.002.
 _ROTOR_SHARE, _COULOMB_SHARE, _VISCOUS_SHARE = 0.002, 0.015, 0.005
-_EFFORT_RISE = 1.0 / 60.0  # [s] from nothing to all
-_ACCELERATION_TIME = 0.1  # [s] to full speed, at least
-# Where a URDF gives no limit, or one that no drive has.
+_EFFORT_RISE = 1.0 / 60.0  # [s] from zero to full effort
+_ACCELERATION_TIME = 0.1  # [s] shortest time to full speed
+# Defaults if a URDF has no limit, or an implausible one.
 _RANGE, _VELOCITY, _LOAD_FACTOR = 3.14, 2.0, 3.0
 _WIDEST, _FASTEST, _STRONGEST = 12.6, 20.0, 1000.0
 
 GEAR = 'guessed'
-# What a URDF may say of a joint; all else of `JointConfig` but the name is a guess.
+# Joint values that a URDF may provide; all other fields of `JointConfig` are guesses.
 OF_URDF = ('position_min', 'position_max', 'velocity_max', 'effort_max', 'viscous', 'coulomb')
 
 
@@ -55,7 +55,7 @@ class IdentifiedDrives:
     Attributes
     ----------
     viscous, coulomb, rotor_inertia : (n,) ndarray
-        At the joints [Nms/rad], [Nm], [kg m^2].
+        Joint-side friction and rotor inertia [Nms/rad], [Nm], [kg m^2].
     """
 
     viscous: Array
@@ -64,12 +64,12 @@ class IdentifiedDrives:
 
     @classmethod
     def read(cls, path: Path, joint_names: Sequence[str]) -> IdentifiedDrives:
-        """Return the drives of some joints from the identifier's estimate.yaml.
+        """Read the drives of given joints from the identifier's estimate.yaml.
 
         Raises
         ------
         ConfigError
-            If the file cannot be read, is no estimate, or is that of another arm.
+            If the file cannot be read, is not an estimate, or belongs to another arm.
         """
         document = read_yaml(path)
         try:
@@ -83,12 +83,14 @@ class IdentifiedDrives:
         except (KeyError, TypeError, ValueError):
             shapes_fit = False
         if not shapes_fit or not np.isfinite(columns).all() or np.min(columns) < 0.0:
-            raise ConfigError(f'{path}: is no estimate: give the estimate.yaml of the identifier')
+            raise ConfigError(
+                f'{path} is not an estimate: pass the estimate.yaml of the identifier'
+            )
         missing = [name for name in joint_names if name not in names]
         if missing:
             raise ConfigError(
-                f'{path}: has no joint {", ".join(missing)}, but {", ".join(names)}: give the '
-                'estimate of this arm'
+                f'{path} has the joints {", ".join(names)}, but not {", ".join(missing)}: pass '
+                'the estimate of this arm'
             )
         order = [names.index(name) for name in joint_names]
         return cls(*(column[order] for column in columns))
@@ -96,16 +98,16 @@ class IdentifiedDrives:
 
 @dataclass(frozen=True)
 class DriveDraft:
-    """A joint, and which of its values are guesses.
+    """Draft of one joint, with the names of guessed values.
 
     Attributes
     ----------
     joint : JointConfig
-        Gains and acceleration limit are placeholders, to be replaced once the whole arm is known.
+        Joint with placeholder gains and acceleration limit, replaced once the whole arm is known.
     guesses : frozenset of str
-        Names of its fields.
+        Names of guessed fields.
     rotor_is_known : bool
-        Whether the rotor inertia of its motor is no guess.
+        Whether the motor's rotor inertia is known.
     """
 
     joint: JointConfig
@@ -118,18 +120,17 @@ class DriveDraft:
 
         Parameters
         ----------
-        robot : Robot
         number : int
-            Of the joint, from 0 at the base; two joints share a board.
+            Number of the joint, from 0 at the base; two joints share a board.
         load : float
-            The most that gravity asks of it [Nm].
+            Largest gravity torque of the joint [Nm].
 
         Raises
         ------
         DescriptionError
-            If its effort limit does not hold the arm.
+            If the effort limit is too small to hold the arm.
         ConfigError
-            If a limit of the URDF can be no joint's.
+            If a limit of the URDF is invalid.
         """
         joint = robot.joints[number]
         found = {
@@ -145,8 +146,8 @@ class DriveDraft:
         effort = known.setdefault('effort_max', _two_digits(max(_LOAD_FACTOR * load, 0.1)))
         if effort <= load:
             raise DescriptionError(
-                f'joint {joint.name}: its effort limit of {effort:g} Nm does not hold the arm '
-                f'stretched out, {load:.3g} Nm: check its <limit> and the masses'
+                f'joint {joint.name}: its effort limit of {effort:g} Nm cannot carry the '
+                f'outstretched arm, which needs {load:.3g} Nm; check its <limit> and the masses'
             )
         guesses = {field for field in JointConfig.__dataclass_fields__ if field != 'name'}
         guesses -= found.keys() - {key for key, value in found.items() if value is None}
@@ -154,11 +155,11 @@ class DriveDraft:
 
 
 def with_identified(drive: DriveDraft, number: int, identified: IdentifiedDrives) -> DriveDraft:
-    """Return a drive with the friction and the rotor inertia that were identified."""
+    """Return a drive with identified friction and rotor inertia."""
     joint = drive.joint
     rotor = float(identified.rotor_inertia[number])
     motor = replace(joint.motor, name=f'of_{joint.name}')
-    # Zero where torque sensors sit behind the gears: the rotor is there all the same.
+    # With torque sensors behind the gears the identified value is zero, but the rotor exists.
     if rotor > 0.0:
         motor = replace(motor, rotor_inertia=float(f'{rotor * joint.gear.ratio**2:.4g}'))
     known = replace(
@@ -171,12 +172,12 @@ def with_identified(drive: DriveDraft, number: int, identified: IdentifiedDrives
 
 
 def require_turning(robot: Robot) -> None:
-    """Raise DescriptionError unless all joints turn."""
+    """Raise DescriptionError unless all joints are revolute."""
     for joint in robot.joints:
         if joint.kind == 'prismatic':
             raise DescriptionError(
-                f'joint {joint.name} slides, the drives here turn: hold it with --locked '
-                f'{joint.name}'
+                f'joint {joint.name} is prismatic, but the drives are rotary: lock it with '
+                f'--locked {joint.name}'
             )
 
 
@@ -205,7 +206,7 @@ def _joint(name: str, number: int, known: dict[str, float]) -> JointConfig:
 
 
 def _motor(effort: float) -> MotorConfig:
-    """Return a motor that gives a joint this torque [Nm] through the guessed gear."""
+    """Return a motor that provides a joint torque [Nm] through the guessed gear."""
     constant = effort * _RATIO / _CURRENT_MAX
     return MotorConfig(
         name=f'for_{effort:g}_Nm',
@@ -219,7 +220,7 @@ def _motor(effort: float) -> MotorConfig:
 
 
 def _usable(value: float, most: float) -> float | None:
-    """Return a number that a URDF gives, None where it stands for nothing."""
+    """Return a number from a URDF, None if it is a placeholder."""
     return float(value) if 0.0 < value <= most else None
 
 
@@ -228,34 +229,34 @@ def _two_digits(value: float) -> float:
 
 
 _POSTURES = 200
-# The boards measure speed behind a low-pass of 100 Hz: a velocity loop (4.5) of less than half of
-# it is damped, and 0.4 leaves something for links that are lighter than drawn.
+# The boards filter speed with a low-pass of 100 Hz. A velocity loop (4.5) below half of that is
+# damped; a factor of 0.4 leaves a margin for links lighter than nominal.
 _BANDWIDTH = 0.4 * 2.0 * math.pi * 100.0  # [1/s]
 _BANDWIDTH_MAX = 0.5 / 0.4 * _BANDWIDTH
-_FASTEST_RATE = 25.0  # [1/s] at which positions are corrected
-_AMPLE = 1.1  # of the least damping, which frames round
+_FASTEST_RATE = 25.0  # [1/s] largest rate of position correction
+_AMPLE = 1.1  # relative to the least damping, because frames round it
 
 
 def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple[Array, Array]:
     """Return stiffness K [Nm/rad] and damping D [Nms/rad] of n joints, (n,) each.
 
-    With M(q) the inertia, D is as large as lets all eigenvalues of M^-1 D stay below the
-    bandwidth in every posture tried, and K = r D with r at most a quarter of the smallest: then
-    M ddq + D dq + K q = 0 does not overshoot.
+    With the inertia matrix M(q), D is the largest damping for which all eigenvalues of M^-1 D stay
+    below the bandwidth in every tested posture. K = r D, with r at most a quarter of the smallest
+    eigenvalue, so M ddq + D dq + K q = 0 does not overshoot.
 
     Parameters
     ----------
     robot
-        The arm as drawn.
+        Nominal robot model.
     rotor_inertia
-        (n,) reflected to the joints [kg m^2].
+        (n,) inertia reflected to the joints [kg m^2].
     damping_min
-        (n,) least damping of an arm that is stopped [Nms/rad], see `JointLoads`.
+        (n,) least damping of a stopped arm [Nms/rad], see `JointLoads`.
 
     Raises
     ------
     ValueError
-        If no damping is both enough and slow enough, as with links that weigh nothing.
+        If no damping satisfies both bounds, for example with massless links.
     """
     dynamics = Dynamics(robot, rotor_inertia)
     low, high = np.maximum(robot.position_min, -math.pi), np.minimum(robot.position_max, math.pi)
@@ -267,8 +268,8 @@ def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple
     slowest, fastest = _rates(mobility, damping)
     if fastest > _BANDWIDTH_MAX:
         raise ValueError(
-            'damping that keeps the stopped arm from falling would need a velocity loop of '
-            f'{fastest / (2.0 * math.pi):.0f} Hz, too fast for the boards: check the masses and '
+            'keeping the stopped arm from falling needs a velocity loop of '
+            f'{fastest / (2.0 * math.pi):.0f} Hz, too fast for the boards: check masses and '
             'inertias of the last links, and velocity limits'
         )
     return min(_FASTEST_RATE, 0.25 * slowest) * damping, damping
@@ -282,40 +283,40 @@ def _rates(mobility: Array, damping: Array) -> tuple[float, float]:
 
 
 _TRIED_POSTURES = 400
-_SHARE = 0.6  # of each joint's range, about its middle: an excitation needs room on both sides
-_CLEAR_ENOUGH = 0.5  # of the widest clearance found
-_NARROW = 0.01  # [m]
+# of each joint's range, about its middle, because an excitation needs room on both sides
+_SHARE = 0.6
+_CLEAR_ENOUGH = 0.5  # of the largest clearance found
+_NARROW = 0.01  # [m] reduced clearance
 
 
 class RestPosture:
-    """Looks for the posture that an excitation moves about.
+    """Search for the posture about which an excitation moves.
 
-    Of postures drawn about the middle of the joints' ranges, those count that are at least half as
-    clear of everything as the clearest; of these, the one whose motors have least to hold.
+    Random postures are drawn about the middle of the joint ranges. Those with at least half of the
+    largest clearance are kept, and the one with the smallest holding torques is chosen.
 
     Parameters
     ----------
     robot
-        The arm, its joints limited.
+        Robot model with joint limits.
     effort_max
-        (n,) [Nm]
+        (n,) effort limits [Nm]
     limits
-        (n,) and (n,) positions [rad].
+        (n,) and (n,) position limits [rad].
     surroundings
-        Ground and clearances that are wished for.
+        Ground and requested clearances.
     package_directories
-        Where `package://` meshes are looked for, besides the folders above the URDF.
+        Folders for `package://` meshes, in addition to the folders above the URDF.
 
     Attributes
     ----------
     posture
-        (n,) [rad], to a tenth, within the limits.
+        (n,) posture [rad], rounded to a tenth, within the limits.
     surroundings
-        Those wished for, clearances of 0.01 m if the arm is built closer, no ground if even
-        these cannot be kept, or without check of clearances if there are no shapes to be read.
+        Requested surroundings, relaxed if necessary: clearances of 0.01 m, then no ground, or no
+        clearance check without readable shapes.
     problem
-        Why clearances had to be cut or could not be looked at, or that no posture is clear; else
-        ''.
+        Why clearances were reduced or not checked, or that no posture is clear; otherwise ''.
     """
 
     def __init__(
@@ -353,14 +354,14 @@ class RestPosture:
         best = float(margins.max())
         if best < 0.0:
             self.problem = (
-                f'none of {len(postures)} postures keeps its clearance, the best one misses it by '
-                f'{-best:.2g} m: check the collision shapes, and ground_height'
+                f'none of {len(postures)} postures keeps the required clearance, the best one '
+                f'misses it by {-best:.2g} m: check the collision shapes and ground_height'
             )
         clear = [
             q for q, margin in zip(postures, margins, strict=True) if margin >= self._enough(best)
         ]
         found = min(clear, key=self._load)
-        # What changes neither is left in the middle, as a base that turns about the vertical.
+        # A joint without influence on either is left in the middle, e.g. a vertical base axis.
         for joint in range(len(found)):
             other = found.copy()
             other[joint] = self._rounded(middle)[joint]
@@ -378,7 +379,7 @@ class RestPosture:
         return _CLEAR_ENOUGH * best if best > 0.0 else best
 
     def _load(self, q: Array) -> float:
-        """Return the largest share of a joint's torque that gravity takes."""
+        """Return the largest ratio of gravity torque to effort limit over the joints."""
         return float(np.max(np.abs(self._dynamics.gravity(q)) / self._effort_max))
 
     def _rounded(self, q: Array) -> Array:
@@ -387,7 +388,7 @@ class RestPosture:
 
 
 def _narrower(surroundings: ExcitationConfig) -> tuple[ExcitationConfig, ...]:
-    """Return surroundings that ask for less and less."""
+    """Return surroundings with decreasing requirements."""
     near_ground = replace(surroundings, ground_clearance=_NARROW)
     near = replace(near_ground, self_clearance=_NARROW)
     return surroundings, near_ground, near, replace(near, ground_height=None)
@@ -407,7 +408,7 @@ def _checker(
 
 PROFILE = 'uomodri_v3'
 _CLOCK, _MODE = 8_000_000, 0
-_CHIP_SELECTS = 2  # of a bus
+_CHIP_SELECTS = 2  # chip selects per bus
 
 
 class ArmDraft:
@@ -416,31 +417,32 @@ class ArmDraft:
     Parameters
     ----------
     robot : Robot
-        Under the gravity that it will feel.
+        Robot model with its actual gravity.
     name : str, optional
-        Of the arm; that of the URDF if not given.
+        Name of the arm; by default that of the URDF.
     package_directories : sequence of Path
-        Where `package://` meshes are looked for, besides the folders above the URDF.
+        Folders for `package://` meshes, in addition to the folders above the URDF.
     identified : IdentifiedDrives, optional
-        Friction and rotor inertias, instead of guesses.
+        Friction and rotor inertia, replacing guesses.
 
     Attributes
     ----------
     config : ArmConfig
-        Checked as a bridge checks it: the boards' frames hold its gains, its drives hold the arm.
+        Configuration that satisfies the bridge's checks: the frames represent the gains, and the
+        drives hold the arm.
     guesses : tuple of frozenset of str
-        Of each joint, the fields that neither URDF nor estimate say.
+        Fields of each joint that neither URDF nor estimate provides.
     known_rotors : tuple of bool
-        Of each joint, whether the rotor inertia of its motor is that of an estimate.
+        Whether each joint's rotor inertia is from an estimate.
     excitation : ExcitationConfig
-        About the home configuration.
+        Excitation settings about the home configuration.
     problem : str
-        What of clearances could not be kept or looked at; else ''.
+        Why clearances were reduced or not checked; otherwise ''.
 
     Raises
     ------
     ValueError
-        If no drive can be guessed for it; the message says what of the URDF to check.
+        If no suitable drive can be guessed; the message names the URDF values to check.
     """
 
     def __init__(
@@ -470,7 +472,7 @@ class ArmDraft:
             emulated_only=True,
         )
         config = _with_dynamics(config, robot)
-        # An arm that hangs has its ground somewhere else.
+        # The ground of a hanging arm is elsewhere.
         hangs = robot.gravity_in_base[2] > 0.0 or not robot.gravity_in_base.any()
         surroundings = ExcitationConfig(ground_height=None if hangs else 0.0)
         rest = RestPosture(
@@ -492,7 +494,7 @@ def _board(number: int) -> BoardConfig:
 
 
 def _with_dynamics(config: ArmConfig, robot: Robot) -> ArmConfig:
-    """Return the configuration with gains and acceleration limits that suit the arm's inertia."""
+    """Return the configuration with gains and acceleration limits for the arm's inertia."""
     loads = JointLoads(config, robot)
     drive = DriveTrain(config)
     gains = draft_gains(robot, drive.reflected_inertia, loads.damping_min)

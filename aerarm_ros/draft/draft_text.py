@@ -1,4 +1,4 @@
-"""A draft as YAML for people to go on from: what is a guess, and how to find it."""
+"""Draft as commented YAML, with guessed values marked and advice on how to determine them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerarm_ros.description.drive_config import GearConfig, JointConfig, MotorCo
 from aerarm_ros.draft.arm_draft import ArmDraft
 
 MARK = '# guess'
-_COLUMN = 38  # of marks
+_COLUMN = 38  # column of the marks
 _WIDTH = 100
 _PLAIN = re.compile(r'[A-Za-z_][A-Za-z_0-9]*')
 _ROTOR = 'rotor_inertia'
@@ -22,67 +22,73 @@ _HEAD = """\
 The drive train of {name}: motors, gears, boards, and what each joint may do. Drafted from
 {source}. SI units, joint side, unless a line says motor side.
 
-What no URDF says is marked "guess": good for emulated boards, wrong for motors. Replace each by
-what it is, take its mark away, and the line emulated_only at last."""
+Values that a URDF does not contain are marked "guess". They suit emulated boards, but not real
+motors. Replace each guess by the real value and delete its mark. At last, delete the line
+emulated_only."""
 
-# How each value that may be a guess is found.
+# Advice on how to determine each value that may be guessed.
 _ARM_ADVICE = {
     'profile': "layout of the boards' frames: a name of config/profiles, or a file of your own.",
-    'gravity_in_base': '[m/s^2], in the frame of the base link: which way is down, as the base is '
-    'mounted. One that hangs upside down has [0, 0, 9.81].',
-    'rest_position': "[rad], in the joints' order: clear of everything and easy to hold, as far as "
-    'the URDF tells. Look at it in the browser (view); take the one in which the arm is parked.',
-    'rated_payload': 'the most that the arm is to carry: mass [kg], and x, y, z of its centre in '
-    "the frame of the last link's joint [m]. Weigh it; limits then hold with it.",
-    'boards': 'numbered from 0; two motors a board. device: ls /dev/spidev*, bus and chip select '
-    "as wired. clock_hz, mode: from the boards' documents.",
-    'motors': 'pole_pairs, kv [rpm/V], current_max [A], resistance [ohm, phase to neutral]: data '
-    'sheet; here they give each effort limit through the gear. rotor_inertia [kg m^2], and a '
-    'torque_constant_measured [Nm/A] to add: from motor_bench. thermal: continuous_current [A] '
-    'with which the winding stays below temperature_max [degC], as the motor is mounted, without '
-    'the airflow of a propeller; winding_time, housing_time [s] are time constants, housing_share '
-    'is the share of the thermal resistance outside the housing: let the motor hold a load, and '
-    'measure.',
-    'gears': 'ratio = joint speed / motor speed: data sheet, or count the turns of the motor for '
-    'one of the joint. efficiency stays 1 where losses are identified as friction.',
+    'gravity_in_base': '[m/s^2], gravity in the frame of the base link, as the base is mounted. '
+    'An arm that hangs upside down has [0, 0, 9.81].',
+    'rest_position': '[rad], in the order of the joints: free of collisions and easy to hold, '
+    'judged by the URDF. Look at it in the browser (view), and set the posture '
+    'in which the arm is parked.',
+    'rated_payload': 'the largest payload: mass [kg], and x, y, z of its centre of mass in the '
+    "frame of the last link's joint [m]. Weigh the payload; the limits then "
+    'include it.',
+    'boards': 'numbered from 0; two motors per board. device: ls /dev/spidev*, bus and chip '
+    "select as wired. clock_hz, mode: from the boards' documents.",
+    'motors': 'pole_pairs, kv [rpm/V], current_max [A], resistance [ohm, phase to neutral]: from '
+    'the data sheet; in this draft they follow from each effort limit and the gear. '
+    'rotor_inertia [kg m^2], and a torque_constant_measured [Nm/A] to add: from '
+    'motor_bench. thermal: continuous_current [A] keeps the winding below '
+    'temperature_max [degC] as the motor is mounted, without the airflow of a '
+    'propeller; winding_time, housing_time [s] are time constants, housing_share is '
+    'the fraction of the thermal resistance outside the housing. To measure them, let '
+    'the motor hold a load.',
+    'gears': 'ratio = joint speed / motor speed: from the data sheet, or count the motor turns '
+    'per joint turn. efficiency stays 1 where losses are identified as friction.',
 }
 _JOINT_ADVICE = {
-    'motor, gear': 'which of those above.',
-    'board, channel': 'which board (number in the list above) and which of its two motors: look '
-    'where the motor is plugged in.',
-    'sign, offset': 'joint angle = sign * ratio * motor angle + offset. With the motors off, turn '
-    'the joint by hand and watch joint_states: sign -1 if it goes down while the joint goes up; '
-    "offset [rad] is the joint's true angle where the encoder says zero.",
-    'position_min, position_max': '[rad] from the URDF, or where it gives none half a turn each '
-    'way: what cables and stops allow.',
-    'velocity_max': '[rad/s] from the URDF, or slow: well below the speed of the motor without '
-    'load.',
-    'acceleration_max': '[rad/s^2] half of what effort_max leaves beyond gravity with the arm '
-    'stretched out, and full speed after 0.1 s at least: what gears and mounting bear.',
+    'motor, gear': 'name of a motor and gear in the lists above.',
+    'board, channel': 'board (its number in the list above) and channel of the motor: see where '
+    'the motor is plugged in.',
+    'sign, offset': 'joint angle = sign * ratio * motor angle + offset. With the motors off, '
+    'turn the joint by hand and watch joint_states. If the reported angle falls '
+    'while the joint turns in positive direction, set sign to -1. offset [rad] '
+    'is the joint angle at which the encoder reads zero.',
+    'position_min, position_max': '[rad] from the URDF, or half a turn to each side: set the '
+    'range that cables and stops allow.',
+    'velocity_max': '[rad/s] from the URDF, or a low default: keep well below the no-load speed '
+    'of the motor.',
+    'acceleration_max': '[rad/s^2] half of what effort_max leaves beyond gravity with the '
+    'outstretched arm, and at least full speed after 0.1 s: set what gears '
+    'and mounting bear.',
     'effort_max': '[Nm] from the URDF, or three times the weight: at most torque constant * '
     'current_max / ratio, and what the gear bears.',
-    'effort_rate_max': '[Nm/s] all of the effort within 17 ms: what gear teeth bear.',
-    'viscous, coulomb': 'friction [Nms/rad], [Nm], from the URDF or as light drives have it: the '
-    'fv and fs that identifier writes, or motor_bench.',
+    'effort_rate_max': '[Nm/s] full effort within 17 ms: set what gear teeth bear.',
+    'viscous, coulomb': 'friction [Nms/rad], [Nm] from the URDF, or typical of light drives: use '
+    'the fv and fs of identifier or motor_bench.',
     'board_kp, board_kd': 'gains at the motor [A/rad], [A s/rad]: damped in every posture with '
-    'the inertias above. With other motors or gears they are others: docs/how-to/tuning.md.',
+    'the inertias above. Tune them again for other motors or gears, see '
+    'docs/how-to/tuning.md.',
 }
 
 
 def arm_text(draft: ArmDraft, source: str) -> str:
-    """Return the drive train as YAML.
+    """Return the drafted drive train as YAML.
 
     Parameters
     ----------
-    draft : ArmDraft
     source : str
-        File name of the URDF, for its head.
+        File name of the URDF, for the header.
     """
     config = draft.config
     lines = [*_comment(_HEAD.format(name=config.name, source=source)), '', *_about(_ARM_ADVICE), '']
     add = lines.append
     add(f'name: {_word(config.name)}')
-    add(_line('', 'emulated_only', 'true', '# hardware_bridge refuses this file'))
+    add(_line('', 'emulated_only', 'true', '# hardware_bridge rejects this file'))
     add(_line('', 'profile', config.profile, MARK))
     add(_line('', 'gravity_in_base', _list(config.gravity_in_base), MARK))
     add(_line('', 'rest_position', _list(config.rest_position), MARK))
@@ -120,23 +126,26 @@ def arm_text(draft: ArmDraft, source: str) -> str:
 
 
 _EXCITATION_ADVICE = {
-    'position_share': "usable share of each joint's range, about its middle.",
-    'velocity_share': 'of velocity and acceleration limits.',
-    'effort_share': 'of torque and motor current limits.',
-    'transfer_share': 'of the usable velocity on the way to the trajectory and back.',
-    'self_clearance': '[m] between links that are not neighbours: what cables and screws add to '
-    'the collision shapes.',
+    'position_share': "usable fraction of each joint's range, about its middle.",
+    'velocity_share': 'fraction of the velocity and acceleration limits.',
+    'effort_share': 'fraction of the torque and motor current limits.',
+    'transfer_share': 'fraction of the usable velocity on the way to the trajectory and back.',
+    'self_clearance': '[m] between links that are not neighbours: allow for cables and screws '
+    'outside the collision shapes.',
     'ground_clearance': '[m] above the ground.',
-    'ground_height': '[m] against gravity, from the base frame: measure it; null where no ground '
-    'is in reach. A table, a wall or a landing gear belongs into the URDF, as shapes of the base.',
+    'ground_height': '[m] height of the ground, against gravity, from the base frame: measure '
+    'it; null if no ground is in reach. Model a table, a wall or a landing gear '
+    'in the URDF, as collision shapes of the base.',
     'bias': '[rad] centre of the motion: the home configuration.',
-    'bias_spread': '[rad] largest random term added to it.',
-    'highest_frequency': '[Hz] highest harmonic: well below the first bending mode. Tap the arm, '
-    'held by its motors, and look at how its velocities ring.',
+    'bias_spread': '[rad] largest random offset from bias.',
+    'highest_frequency': '[Hz] highest harmonic: well below the first bending mode. To find that '
+    'mode, tap the arm while its motors hold it, and look at the ringing of '
+    'its velocities.',
     'ramp_time': '[s] run-in and run-out along the trajectory.',
-    'unchecked_pairs': "links that touch by construction, as 'one to other': never checked.",
-    'check_clearance': 'false moves the arm without any check of collisions: only if the URDF has '
-    'no collision shapes that can be read.',
+    'unchecked_pairs': "links that touch by construction, as 'one to other': never checked "
+    'for collisions.',
+    'check_clearance': 'false moves the arm without any collision check: use it only if the URDF '
+    'has no readable collision shapes.',
 }
 _EXCITATION_GUESSES = (
     *('self_clearance', 'ground_clearance', 'ground_height', 'bias', 'highest_frequency'),
@@ -145,10 +154,10 @@ _EXCITATION_GUESSES = (
 
 
 def excitation_text(draft: ArmDraft, source: str) -> str:
-    """Return where and how far an excitation may move the arm, as YAML."""
+    """Return the excitation settings as YAML."""
     head = (
-        f'Where and how far an excitation may move {draft.config.name}. Drafted from {source}; '
-        'what no URDF says is marked "guess".'
+        f'Limits of an excitation of {draft.config.name}. Drafted from {source}; values that a '
+        'URDF does not contain are marked "guess".'
     )
     lines = [*_comment(head), '']
     for item in fields(draft.excitation):
@@ -207,7 +216,7 @@ def _list(values: Sequence[object]) -> str:
 
 
 def _number(value: object) -> str:
-    """Return a number that YAML 1.1 reads as one: its floats have a point."""
+    """Return a number as text that YAML 1.1 parses as a number; floats need a decimal point."""
     if isinstance(value, float):
         text = repr(value)
         return text if '.' in text or 'e' not in text else text.replace('e', '.0e')

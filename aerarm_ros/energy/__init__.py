@@ -1,5 +1,6 @@
-"""Where the arm's energy goes.
+"""Energy balance of the arm.
 
-In come an arm's configuration, its model with friction, and measured or planned motion; out go the
-power of the drives, joules by joint and cause, and what it costs to hold a posture.
+The inputs are an arm's configuration, its model with friction, and measured or planned motion. The
+package computes the drives' power, the energy by joint and cause, and the power for holding a
+posture.
 """

@@ -1,52 +1,51 @@
-"""Where the energy of a measured motion goes, state by state."""
+"""Energy balance of a measured motion, updated with each state."""
 
 import numpy as np
 
 from aerarm_ros.energy.energy_model import EnergyBalance, EnergyModel
 from aerarm_ros.motion.signals import ArmState, Array
 
-LONGEST_GAP = 0.1  # [s] states further apart are not neighbours
+LONGEST_GAP = 0.1  # [s] largest time between consecutive states
 
 
 class BalanceMeter:
-    """Adds up the balance of an arm from its states.
+    """Energy balance of an arm, accumulated from its states.
 
-    A published torque is the mean since the state before. Over each `period` the mean of these
-    torques acts, in a motion whose velocity is the mean of that at both ends and whose acceleration
-    is their difference: so work into the motion is the kinetic energy's change, and the noise of
+    A published torque is the mean since the previous state. In each `period` the mean of these
+    torques acts on a motion with the mean of the velocities at both ends, and their difference as
+    acceleration. The work into the motion thus equals the change of kinetic energy, and the noise
     single velocities does not add up.
 
     Parameters
     ----------
-    model : EnergyModel
     period : float
-        Time over which torque and velocity are taken as one [s]. The noise of single velocities
-        is much of what dry friction about rest is computed from: 10 ms are better than one.
+        Averaging time of torque and velocity [s]. The noise of single velocities dominates the
+        computed dry friction near rest, so 10 ms are better than 1 ms.
 
     Attributes
     ----------
     total : EnergyBalance
-        So far.
+        Balance so far.
     gaps : int
-        How often states were too far apart, or had no torque: their time is left out.
+        Number of gaps between states, or of missing torques; their time is excluded.
     """
 
     def __init__(self, model: EnergyModel, period: float = 0.01) -> None:
         self._model = model
-        self._period = period - 0.5e-3  # states come with jitter
+        self._period = period - 0.5e-3  # tolerates jitter of the states
         self.total = EnergyBalance.nothing(model.n)
         self.gaps = 0
         self._begin: tuple[float, ArmState] | None = None
         self._last = 0.0
-        self._impulse = np.zeros(model.n)  # [Nms] of the torque since `_begin`
-        self._square = np.zeros(model.n)  # [Nm^2 s]
+        self._impulse = np.zeros(model.n)  # [Nms] integral of torque since `_begin`
+        self._square = np.zeros(model.n)  # [Nm^2 s] integral of squared torque
 
     def restart(self) -> None:
-        """Forget the last state: the next one is not its neighbour."""
+        """Discard the last state, so that the next one starts a new interval."""
         self._begin = None
 
     def add(self, time: float, state: ArmState) -> bool:
-        """Take the state at `time` [s]; return whether `total` has changed."""
+        """Process the state at `time` [s]; return whether `total` has changed."""
         if not all(np.isfinite(values).all() for values in state):
             self.gaps += self._begin is not None
             self._begin = None
@@ -80,7 +79,7 @@ class BalanceMeter:
         tau = self._impulse / dt
         rows = (dq, tau, rigid - weight, weight, friction)
         interval = model.split(dt, *(row[np.newaxis] for row in rows))
-        # What varies within the interval heats, too.
+        # Torque variation within the interval also causes copper loss.
         ripple: Array = model.drives.copper_per_torque2 * (self._square - dt * tau**2)
         interval.copper[:] += ripple
         self.total = self.total + interval

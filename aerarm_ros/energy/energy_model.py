@@ -1,4 +1,4 @@
-"""What a motion costs, by the model of an arm."""
+"""Energy of a motion, predicted by the model of an arm."""
 
 from __future__ import annotations
 
@@ -17,28 +17,24 @@ from aerarm_ros.motion.signals import Array, JointMotion
 
 
 class DrivePower:
-    """Electrical power of n drives by the torque and velocity of their joints, thesis (4.1).
+    """Electrical power of n drives from joint torque and velocity, thesis (4.1).
 
-    With a quadrature current alone a motor takes ``3/2 R i^2 + K_i i omega_m``: copper loss and
-    the power of its shaft, of which a gear with an efficiency below one passes on a part. While
-    that sum is negative the motor brakes; of this the power stage lets the supply take back a
-    share, and burns the rest.
+    With a quadrature current only, a motor consumes ``3/2 R i^2 + K_i i omega_m``, the sum of
+    copper loss and shaft power. A gear with an efficiency below one transmits only a fraction of
+    the shaft power. The motor brakes while the sum is negative; the supply then absorbs a fraction
+    of the power and the power stage dissipates the rest.
 
-    Arguments are (..., n) arrays: torques of the drives at the joints [Nm], as in `joint_states`,
-    and velocities [rad/s].
-
-    Parameters
-    ----------
-    config : ArmConfig
+    Arguments are (..., n) arrays: drive torques at the joints [Nm], as in `joint_states`, and joint
+    velocities [rad/s].
 
     Attributes
     ----------
     copper_per_torque2 : (n,) ndarray
-        Copper loss over the torque squared [W/Nm^2].
+        Copper loss per squared torque [W/Nm^2].
     shaft : (n,) ndarray
-        Power of the shaft over that of the joint, 1 / eta [-].
+        Ratio of shaft power to joint power, 1 / eta [-].
     recovery : float
-        Share of the braking power that the supply takes back.
+        Fraction of the braking power that the supply absorbs.
     """
 
     def __init__(self, config: ArmConfig) -> None:
@@ -48,40 +44,40 @@ class DrivePower:
         self.recovery = config.power_stage.recovery
 
     def copper(self, tau: Array) -> Array:
-        """Return the copper loss [W]."""
+        """Return the copper loss of the motors [W]."""
         loss: Array = self.copper_per_torque2 * tau**2
         return loss
 
     def electrical(self, tau: Array, dq: Array) -> Array:
-        """Return the power into the motors [W], negative where they brake."""
+        """Return the electrical power into the motors [W], negative while braking."""
         power: Array = self.copper(tau) + self.shaft * tau * dq
         return power
 
     def from_supply(self, electrical: npt.ArrayLike) -> Array:
-        """Return the supply's output for electrical powers [W], negative for recuperation."""
+        """Return the power drawn from the supply [W], negative for recuperation."""
         power = np.asarray(electrical, dtype=float)
         return np.where(power < 0.0, self.recovery * power, power)
 
 
 @dataclass(frozen=True, eq=False)
 class EnergyBalance:
-    """Where the energy of n joints went, in some time.
+    """Energy of n joints in a time interval, by cause.
 
-    All but `seconds` are (n,) [J] and add up: what the supply gave is the sum of `parts`.
+    All attributes except `seconds` are (n,) [J]; the supplied energy is the sum of `parts`.
 
     Attributes
     ----------
     seconds : float
-        [s]
+        Duration of the interval [s].
     copper : heat of the windings.
     friction : heat of joints and gears, by the friction model.
-    gravity : work against the weight of links and payload, negative where they sank.
-    inertia : work into the motion, Coriolis and centrifugal torques included; zero in sum over the
-        joints from rest to rest.
-    unexplained : work of the drives that the model does not know; zero for a planned motion.
-    burnt : braking energy that the power stage burns.
-    standby : of the boards, a joint's share.
-    recovered : braking energy that the supply took back; part of none of the others.
+    gravity : work against the weight of links and payload, negative for downward motion.
+    inertia : work into the motion, including Coriolis and centrifugal torques; its sum over the
+        joints is zero from rest to rest.
+    unexplained : work of the drives that the model does not explain; zero for a planned motion.
+    burnt : braking energy that the power stage dissipates.
+    standby : standby energy of the boards, divided among the joints.
+    recovered : braking energy that the supply absorbed; not included in any other part.
     """
 
     seconds: float
@@ -98,32 +94,32 @@ class EnergyBalance:
 
     @classmethod
     def nothing(cls, n: int) -> EnergyBalance:
-        """Return the balance of no time."""
+        """Return an energy balance of zero for n joints."""
         return cls(0.0, *(np.zeros(n) for _ in fields(cls)[1:]))
 
     def __add__(self, other: EnergyBalance) -> EnergyBalance:
-        """Return the balance of both times together."""
+        """Return the sum of two balances."""
         values = (getattr(self, f.name) + getattr(other, f.name) for f in fields(self))
         return EnergyBalance(*values)
 
     @cached_property
     def parts(self) -> Array:
-        """(7, n) parts of the supplied energy [J], rows as named by `PARTS`."""
+        """Parts (7, n) of the supplied energy [J], rows as in `PARTS`."""
         return np.array([getattr(self, name) for name in self.PARTS])
 
     @property
     def motors(self) -> Array:
-        """(n,) energy supplied to each motor [J]: all parts but standby."""
+        """Energy (n,) supplied to each motor [J]: all parts except standby."""
         return self.supplied - self.standby
 
     @property
     def supplied(self) -> Array:
-        """(n,) supplied minus recuperated energy [J]."""
+        """Supplied minus recuperated energy (n,) [J]."""
         total: Array = self.parts.sum(axis=0)
         return total
 
     def as_text(self, joint_names: tuple[str, ...]) -> str:
-        """Return a table of joules: a line a joint, and their sum."""
+        """Return a table of energies [J] with one line per joint, and their sum."""
         heads = [*self.PARTS, 'supplied', 'recovered']
         columns = np.vstack([self.parts, self.supplied, self.recovered])
         table = np.column_stack([columns, columns.sum(axis=1)])
@@ -143,23 +139,22 @@ class EnergyModel:
     Parameters
     ----------
     config : ArmConfig
-        Drive train, resistances and power stage.
+        Configuration with drive train, resistances and power stage.
     robot : Robot
-        Links, and friction f_v, f_s; that of the configuration for joints of which the URDF
-        states none.
+        Links, and friction f_v, f_s; joints without friction in the URDF use the configuration's.
     rotor_inertia : (n,) array_like, optional
-        At the joints [kg m^2]; from the configuration if not given.
+        Rotor inertia at the joints [kg m^2]; by default from the configuration.
     load_friction : float or (n,) array_like, optional
-        Dry friction per torque that a gear passes on [-]; the robot's if not given.
+        Dry friction per torque transmitted by a gear [-]; by default the robot's.
     friction_width : float
-        Velocity at which three quarters of the dry friction are felt [rad/s].
+        Velocity at which dry friction reaches three quarters of its value [rad/s].
 
     Attributes
     ----------
     drives, dynamics, friction
-        `DrivePower`, `Dynamics` and `FrictionCompensation` behind it.
+        Underlying `DrivePower`, `Dynamics` and `FrictionCompensation`.
     load_friction
-        As given.
+        Load-dependent friction used by the model.
 
     Raises
     ------
@@ -187,25 +182,25 @@ class EnergyModel:
         self.friction = self.friction_of_width(friction_width)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Add a body to the last link, see `Dynamics.carry`."""
+        """Add a payload to the last link, see `Dynamics.carry`."""
         self.dynamics.carry(payload)
 
     def friction_of_width(self, width: float) -> FrictionCompensation:
-        """Return the same friction, spread over other velocities about rest [rad/s]."""
+        """Return the friction model with another smoothing velocity [rad/s]."""
         share = self.load_friction
         return FrictionCompensation(self._viscous, self._coulomb, width, load_share=share)
 
     def friction_torque(self, dq: Array, ddq: Array, rigid: Array) -> Array:
-        """Return the friction (..., n) [Nm] of a motion.
+        """Return the friction torque (..., n) [Nm] of a motion.
 
-        Gears pass on what the links take: what turns the rotors does not go through them.
+        Gears transmit the links' torque; the torque of the rotors does not pass through them.
 
         Parameters
         ----------
         dq, ddq : (..., n) ndarray
-            [rad/s], [rad/s^2]
+            Joint velocities [rad/s] and accelerations [rad/s^2].
         rigid : (..., n) ndarray
-            Inverse dynamics, rotors included [Nm].
+            Inverse dynamics, including rotors [Nm].
         """
         return self.friction.torque(dq, rigid - self.dynamics.rotor_inertia * ddq)
 
@@ -234,16 +229,16 @@ class EnergyModel:
         weight: Array,
         friction: Array,
     ) -> EnergyBalance:
-        """Return the balance of M intervals.
+        """Return the balance of M intervals from torque components.
 
         Parameters
         ----------
         dt : float
-            Length of each [s].
+            Duration of each interval [s].
         dq, tau : (M, n) ndarray
-            Velocities [rad/s] and torques of the drives [Nm] in their middles.
+            Velocities [rad/s] and drive torques [Nm] at the interval centres.
         inertia, weight, friction : (M, n) ndarray
-            Parts of the torque that the model knows [Nm].
+            Modelled parts of the torque [Nm].
         """
         electrical = self.drives.electrical(tau, dq)
         braking = np.maximum(-electrical, 0.0)
@@ -268,7 +263,7 @@ class EnergyModel:
         )
 
     def torques(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-        """Return inverse dynamics and gravity, (M, n) [Nm] each."""
+        """Return inverse dynamics and gravity torques, (M, n) [Nm] each."""
 
         def rows() -> Iterator[tuple[Array, Array]]:
             for motion in zip(q, dq, ddq, strict=True):
@@ -279,12 +274,7 @@ class EnergyModel:
 
 
 class HoldingLoss:
-    """Copper loss of the torques that hold the arm's weight, thesis (4.1) at rest.
-
-    Parameters
-    ----------
-    model : EnergyModel
-    """
+    """Copper loss of the torques that hold the arm's weight, thesis (4.1) at rest."""
 
     def __init__(self, model: EnergyModel) -> None:
         self._dynamics = model.dynamics
@@ -292,11 +282,11 @@ class HoldingLoss:
         self._rest = np.zeros(model.n)
 
     def watts(self, q: Array) -> float:
-        """Return the loss at q (n,) [rad] in watts."""
+        """Return the loss at q (n,) [rad] in [W]."""
         return float(self._drives.copper(self._dynamics.gravity(q)).sum())
 
     def gradient(self, q: Array) -> Array:
-        """Return its derivative by q, (n,) [W/rad]."""
+        """Return the gradient of the loss with respect to q, (n,) [W/rad]."""
         rest = self._rest
         weight, slopes, _, _ = self._dynamics.inverse_with_slopes(q, rest, rest)
         gradient: Array = 2.0 * (self._drives.copper_per_torque2 * weight) @ slopes

@@ -1,15 +1,15 @@
-"""Motions that make the arm's parameters visible: found, checked, planned and played.
+"""Excitation trajectories for identification: design, checks, planning and playback.
 
-In come an arm's description, `config/excitation.yaml` and what is to be identified; out go
-trajectory files, pages to look at, and commands that play a motion. The rooms, in the order of
-their imports:
+The inputs are an arm's description, `config/excitation.yaml` and the parameters to identify. The
+results are trajectory files, preview pages, and commands that play a motion. The modules, in the
+order of their imports:
 
-- settings: what may be used of the arm and of the room about it
-- trajectory: the motions themselves
-- clearance: distances between the links, and to the ground
-- feasibility: margins of a motion to every limit
-- planning: from where the arm is through a motion and back
-- design: trajectories that are best for the identification
-- player: a motion against measured states
-- preview: a motion as a page
+- settings: usable limits of the arm, and its surroundings
+- trajectory: classes of motions
+- clearance: distances between links, and to the ground
+- feasibility: margins of a motion to all limits
+- planning: motion from the present posture through a trajectory and back
+- design: optimal trajectories for identification
+- player: commands that follow a motion, given measured states
+- preview: page that shows a motion
 """

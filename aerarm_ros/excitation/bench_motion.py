@@ -1,4 +1,4 @@
-"""The motion of a motor bench: velocity steps, acceleration runs, swings, one joint at a time."""
+"""Motion of a motor bench: velocity steps, acceleration runs and oscillations, joint by joint."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from aerarm_ros.motion.signals import Array, JointMotion
 
 @dataclass(frozen=True)
 class BenchMeasurement:
-    """A stretch of the motion that is evaluated.
+    """Section of the motion that is evaluated.
 
     Attributes
     ----------
     joint : int
-        The one that moves.
+        Index of the moving joint.
     speed : float or None
-        Commanded velocity [rad/s], signed; None in an acceleration run and in swings.
+        Commanded velocity [rad/s], signed; None for acceleration runs and oscillations.
     start, end : float
-        Time along the motion [s].
+        Start and end time of the section [s].
     swings : bool
-        Whether the joint swings about the posture, for the gear's play.
+        Whether the joint oscillates about the posture, to measure backlash.
     """
 
     joint: int
@@ -48,7 +48,7 @@ class BenchMeasurement:
 def split(
     measurements: Sequence[BenchMeasurement], path_time: Array
 ) -> Iterator[tuple[BenchMeasurement, slice]]:
-    """Yield each measurement with its rows among samples at rising `path_time` (M,) [s]."""
+    """Yield each measurement with its rows among samples at increasing `path_time` (M,) [s]."""
     for measurement in measurements:
         first, last = np.searchsorted(path_time, (measurement.start, measurement.end))
         yield measurement, slice(int(first), int(last))
@@ -60,18 +60,20 @@ class BenchPlan:
 
     Parameters
     ----------
-    speeds : joint speeds of the velocity steps [rad/s], positive.
-    span : way of a joint, half of it to either side of the posture [rad].
-    velocity_share, acceleration_share : share of the limits that acceleration runs reach; the
-        ramps of velocity steps use the same acceleration.
-    runs : acceleration runs of a joint, each forth and back; 0 for none.
-    swings : sine waves of a joint about the posture, for its gear's play; 0 for none.
-    amplitude : of the swings [rad]; they are as fast as the shares let them be.
+    speeds : positive joint speeds of the velocity steps [rad/s].
+    span : travel of a joint, centred at the posture [rad].
+    velocity_share, acceleration_share : fraction of the limits used by acceleration runs; the ramps
+        of velocity steps use the same acceleration.
+    runs : number of acceleration runs per joint, each in both directions; 0 for none.
+    swings : number of sine oscillations per joint about the posture, to measure backlash; 0 for
+        none.
+    amplitude : amplitude of the oscillations [rad]; their speed is the largest within the
+        fractions.
 
     Raises
     ------
     ExcitationError
-        If a number makes no sense.
+        If a value is invalid.
     """
 
     speeds: tuple[float, ...] = (0.2, 0.4, 0.8, 1.2, 1.6, 2.0)
@@ -85,43 +87,44 @@ class BenchPlan:
     def __post_init__(self) -> None:
         if len(set(self.speeds)) < 2 or min(self.speeds) <= 0.0:
             raise ExcitationError(
-                f'speeds {list(self.speeds)}: two or more different positive ones tell viscous '
-                'from Coulomb friction (4.13)'
+                f'speeds {list(self.speeds)} must be two or more different positive ones, to '
+                'separate viscous from Coulomb friction (4.13)'
             )
         if not 0.0 < self.span < 2.0 * np.pi:
             raise ExcitationError(f'span {self.span:g} must lie between 0 and 2 pi rad')
         if self.swings and not 0.0 < self.amplitude <= 0.5 * self.span:
             raise ExcitationError(
-                f'swings of {self.amplitude:g} rad must be above 0 and within half of the span of '
-                f'{self.span:g} rad'
+                f'swing amplitude {self.amplitude:g} rad must be above 0 and within half of the '
+                f'span of {self.span:g} rad'
             )
 
 
-_TRANSFER_SHARE = 0.2  # of the limits of velocity and acceleration between the measurements
+# of the limits of velocity and acceleration, for motions between measurements
+_TRANSFER_SHARE = 0.2
 _SHORTEST_TRANSFER = 0.5  # [s]
-_SETTLE = 0.1  # [s] at constant speed before it counts: the velocity loop has to arrive
-_SHORTEST_STEADY = 0.15  # [s] at constant speed that is worth measuring
+_SETTLE = 0.1  # [s] at constant speed before the measurement, for the velocity loop to settle
+_SHORTEST_STEADY = 0.15  # [s] shortest measured time at constant speed
 _REST = 0.2  # [s] between two strokes
 
 
 class BenchMotion:
-    """Plans the bench's motion and knows which stretches of it are measured.
+    """Motion of a motor bench, with its measured sections.
 
-    Each joint in turn goes through its strokes while the others hold the posture. Both
-    directions of a speed pass the same postures, so that gravity cancels between them.
+    Each joint in turn performs its strokes while all others hold the posture. Both directions of a
+    speed pass the same postures, so that gravity cancels between them.
 
     Parameters
     ----------
-    plan : what to measure.
-    limits : what the joints may do.
+    plan : quantities to measure.
+    limits : limits of the joints.
     start : (n,) posture at the beginning and the end [rad].
-    posture : (n,) posture about which is measured [rad].
+    posture : (n,) posture of the measurements [rad].
     joints : indices of the joints to measure.
 
     Raises
     ------
     ExcitationError
-        If a joint's limits leave no room, or a speed has no part at constant velocity.
+        If a joint's limits leave no travel, or a speed has no section of constant velocity.
     """
 
     def __init__(
@@ -146,8 +149,8 @@ class BenchMotion:
         self.sequence = MotionSequence(self._stages)
 
     def require_feasible(self, checker: FeasibilityChecker) -> None:
-        """Raise InfeasibleError if the motion breaks a limit."""
-        checker.check(self.sequence, stop_early=True).require('the motion of the bench')
+        """Raise InfeasibleError if the motion violates a limit."""
+        checker.check(self.sequence, stop_early=True).require('the motion of the motor bench')
 
     def _check(self, joint: int) -> None:
         limits, plan = self._limits, self._plan
@@ -155,13 +158,13 @@ class BenchMotion:
         room = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
         if room < plan.span:
             raise ExcitationError(
-                f'{name} has {max(room, 0.0):.3g} rad about {middle:.3g} rad, the span is '
-                f'{plan.span:.3g} rad: choose a smaller span or another posture'
+                f'{name} can move {max(room, 0.0):.3g} rad about {middle:.3g} rad, less than the '
+                f'span of {plan.span:.3g} rad: choose a smaller span or another posture'
             )
         if max(plan.speeds) > limits.velocity[joint]:
             raise ExcitationError(
-                f'{name} may turn at {limits.velocity[joint]:.3g} rad/s, not at '
-                f'{max(plan.speeds):.3g}: choose lower speeds'
+                f'the velocity limit of {name} is {limits.velocity[joint]:.3g} rad/s, below the '
+                f'largest speed of {max(plan.speeds):.3g} rad/s: choose lower speeds'
             )
 
     def _measure(self, joint: int) -> None:
@@ -190,8 +193,8 @@ class BenchMotion:
         steady = stroke.steady_time - _SETTLE
         if steady < _SHORTEST_STEADY:
             raise ExcitationError(
-                f'{name} runs at {speed:.3g} rad/s for {stroke.steady_time:.2f} s only, less than '
-                f'{_SETTLE + _SHORTEST_STEADY:g} s: choose a larger span or lower speeds'
+                f'{name} runs at {speed:.3g} rad/s for only {stroke.steady_time:.2f} s, less '
+                f'than {_SETTLE + _SHORTEST_STEADY:g} s: choose a larger span or lower speeds'
             )
         begin = self._time + stroke.ramp_time + _SETTLE
         signed = float(np.copysign(speed, travel))
@@ -226,7 +229,7 @@ class BenchMotion:
         self._add(f'{name} swings', swings)
 
     def _move(self, end: Array) -> None:
-        """Go to a posture without measuring."""
+        """Move to a posture without measuring."""
         duration = rest_to_rest_duration(
             end - self._at,
             _TRANSFER_SHARE * self._limits.velocity,
@@ -241,17 +244,17 @@ class BenchMotion:
     def _add(self, name: str, motion: JointMotion) -> None:
         self._stages.append(Stage(name, motion))
         self._time += motion.duration
-        # Rounding must not add up from stroke to stroke.
+        # Use the actual end posture, so that rounding errors do not accumulate.
         self._at = np.array(motion.evaluate(motion.duration).q)
 
 
 def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
-    """Return the checks of a bench's motion.
+    """Return the feasibility checker for a bench's motion.
 
     Parameters
     ----------
-    setup : the arm.
-    mounted : False for bare motors, which carry nothing and collide with nothing.
+    setup : setup of the arm.
+    mounted : False for bare motors, which have no load and cannot collide.
     """
     limits = setup.limits
     if not mounted:

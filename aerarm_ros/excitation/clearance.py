@@ -1,4 +1,4 @@
-"""Clearance of the arm to itself and to the ground along a motion."""
+"""Clearance between the arm's links and to the ground along a motion."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ GROUND = 'ground'
 def build_collision_geometry(
     robot: Robot, ground_height: float | None, package_directories: Sequence[Path] = ()
 ) -> pin.GeometryModel:
-    """Return the shapes of an arm and its surroundings, without pairs.
+    """Return the collision shapes of an arm and its surroundings, without pairs.
 
-    Meshes become their convex hulls.
+    Meshes are replaced by their convex hulls.
 
     Parameters
     ----------
-    robot : arm, with collision shapes in its URDF; shapes fixed to the base (a drone's body,
-        its landing gear) are obstacles.
-    ground_height : height of the ground plane along the direction opposite to gravity, from
-        the base frame's origin [m]; None if there is no ground below the arm.
-    package_directories : where `package://` meshes are looked for, besides the folders above
-        the URDF.
+    robot : arm with collision shapes in its URDF; shapes fixed to the base (a drone's body, its
+        landing gear) are obstacles.
+    ground_height : height of the ground plane above the base frame's origin, against gravity [m];
+        None without ground below the arm.
+    package_directories : folders for `package://` meshes, in addition to the folders above the
+        URDF.
 
     Raises
     ------
     ExcitationError
-        If the URDF has no collision shape on a moving link, or a mesh cannot be read or
-        is larger than an arm needs.
+        If no moving link has a collision shape in the URDF, or a mesh cannot be read or is too
+        large.
     """
     geometry = _read_shapes(robot, package_directories)
     if ground_height is not None:
@@ -56,16 +56,16 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
         raise ExcitationError(str(error)) from error
     except (ValueError, RuntimeError) as error:
         raise ExcitationError(
-            f'collision shapes are unreadable: {str(error).strip()}: check the mesh paths of the '
-            'URDF, or pass the folder of its packages (package_directories, --package-directory). '
-            'With check_clearance: false in the excitation configuration the arm moves without '
-            'collision checks'
+            f'collision shapes cannot be read ({str(error).strip()}): check the mesh paths of '
+            'the URDF, or pass the folder of its packages (package_directories, '
+            '--package-directory). With check_clearance: false in the excitation configuration, '
+            'the arm moves without collision checks'
         ) from error
     if not any(shape.parentJoint > 0 for shape in geometry.geometryObjects):
         raise ExcitationError(
-            'the URDF has no <collision> shape on a moving link, so the clearance is unknown: add '
-            'shapes, or set check_clearance: false in the excitation configuration, which moves '
-            'the arm without collision checks'
+            'no moving link of the URDF has a <collision> shape, so clearances are unknown: add '
+            'shapes, or set check_clearance: false in the excitation configuration to move the '
+            'arm without collision checks'
         )
     for shape in geometry.geometryObjects:
         if hasattr(shape.geometry, 'buildConvexHull'):
@@ -77,37 +77,37 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
 def _ground(robot: Robot, height: float) -> pin.GeometryObject:
     gravity = np.asarray(robot.gravity_in_base, dtype=float)
     if not np.linalg.norm(gravity) > 0.0:
-        raise ExcitationError('without gravity there is no ground: set the ground height to none')
+        raise ExcitationError('ground checks need gravity: set the ground height to none')
     up = -gravity / np.linalg.norm(gravity)
     plane = pin.hppfcl.Halfspace(up, height)
     return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)
 
 
 def touches_ground(geometry: pin.GeometryModel, pair: pin.CollisionPair) -> bool:
-    """Return whether one of the pair is the ground."""
+    """Return whether one shape of a pair is the ground."""
     shapes = geometry.geometryObjects
     return GROUND in (shapes[pair.first].name, shapes[pair.second].name)
 
 
 def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
-    """Return the link a shape belongs to; 'ground' for the ground."""
+    """Return the link of a shape; 'ground' for the ground."""
     found = geometry.geometryObjects[shape]
     fixed_to_nothing = found.parentJoint == 0 and found.parentFrame == 0
     return str(found.name if fixed_to_nothing else model.frames[found.parentFrame].name)
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Return how far each joint can change each pair's distance, (pairs, n) [m/rad].
+    """Return the largest change of each pair's distance per joint motion, (pairs, n) [m/rad].
 
-    The distance of two bodies is 1-Lipschitz in their relative motion, and turning joint j by
-    one radian moves no point of a body further than the point's distance from the joint's axis.
-    That distance is at most the sum of the offsets along the chain and the body's radius. For a
-    prismatic joint the bound is 1.
+    The distance of two bodies is 1-Lipschitz in their relative motion. A rotation of joint j by one
+    radian moves each point of a body by at most its distance from the joint's axis. That distance
+    is at most the sum of the offsets along the chain plus the body's radius. For a prismatic joint
+    the bound is 1.
 
     Raises
     ------
     ExcitationError
-        If a prismatic joint has no limits, so that nothing bounds the joints before it.
+        If a prismatic joint has no limits, so that the bounds of preceding joints are infinite.
     """
     bounds = np.zeros((len(geometry.collisionPairs), model.nv))
     for row, pair in enumerate(geometry.collisionPairs):
@@ -117,13 +117,14 @@ def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
             bounds[row] += _reach(model, shape, list(model.supports[other.parentJoint]))
     if not np.isfinite(bounds).all():
         raise ExcitationError(
-            'a prismatic joint without position limits: how far the arm reaches is not known'
+            'the reach of the arm is unknown, because a prismatic joint has no position '
+            'limits: add them to the URDF'
         )
     return bounds
 
 
 def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -> Array:
-    """Return the radius of `shape` about each joint that moves it but is not `shared`."""
+    """Return the radius of `shape` about each joint that moves it and is not in `shared`."""
     reach = np.zeros(model.nv)
     if shape.parentJoint == 0:
         return reach
@@ -132,7 +133,7 @@ def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -
     radius += float(shape.geometry.aabb_radius)
     joint = shape.parentJoint
     while joint > 0:
-        # A prismatic joint's own travel lengthens the lever of the joints before it.
+        # A prismatic joint's travel lengthens the lever of the preceding joints.
         prismatic = model.joints[joint].shortname().startswith('JointModelP')
         column = model.joints[joint].idx_v
         if joint not in shared:
@@ -148,17 +149,17 @@ def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -
 _SAMPLES = 500
 _CONSTANT = 1e-5  # [m]
 _BUILT_CLOSE = 1.25
-"""Links that never get further apart than this times the clearance are built close together."""
+"""Links count as close by design if their distance never exceeds this multiple of the clearance."""
 
 
 @dataclass(frozen=True)
 class CollisionPairs:
-    """What was decided about the pairs that are left in the geometry model.
+    """Selected collision pairs of a geometry model.
 
     Parameters
     ----------
-    required : (pairs,) distance each pair keeps [m].
-    notes : pairs that are not checked, or that keep less than the clearance asked for, in words.
+    required : (pairs,) required distance of each pair [m].
+    notes : texts on pairs without check or with less than the requested clearance.
     """
 
     required: Array
@@ -171,33 +172,33 @@ def select_pairs(
     clearance: tuple[float, float],
     unchecked: Sequence[str] = (),
 ) -> CollisionPairs:
-    """Put the pairs that a motion has to keep apart into `geometry`.
+    """Add the pairs whose distance a motion must keep to `geometry`.
 
-    Not a pair: two moving links joined by one joint, which touch by construction, and what
-    never changes its distance, such as the column that turns on the base and the ground below
-    it: no motion brings these nearer. Links of the arm built so close together that they can
-    hardly keep the clearance have to keep half of their median distance over random postures.
-    The ground, obstacles and link 1 beside the base always keep the whole clearance.
+    Two kinds of pairs are excluded. Moving links connected by one joint touch by design. The
+    distance of some shapes is constant, for example that of the ground and the column that turns on
+    the base. Some links are so close by design that they can hardly keep the clearance; they must
+    keep half of their median distance over random postures. The ground, obstacles, and link 1
+    relative to the base always keep the full clearance.
 
     Parameters
     ----------
-    robot : the arm.
-    geometry : its shapes and surroundings; its pairs are replaced.
-    clearance : distances asked for [m], (arm to itself and to obstacles, arm to ground).
-    unchecked : pairs of links the user answers for, each as 'one to other'.
+    robot : robot model of the arm.
+    geometry : shapes of the arm and its surroundings; their pairs are replaced.
+    clearance : required distances [m], (arm to itself and to obstacles, arm to ground).
+    unchecked : pairs of links excluded by the user, each as 'one to other'.
 
     Raises
     ------
     ExcitationError
-        If a pair of `unchecked` does not exist, or a pair cannot keep its clearance in any
-        posture, so that no motion would be feasible.
+        If a pair of `unchecked` does not exist, or a pair cannot keep its clearance in any posture,
+        so that no motion is feasible.
     """
     selection = _Selection(robot, geometry, clearance, unchecked)
     return selection.apply()
 
 
 class _Selection:
-    """See `select_pairs`."""
+    """Selection of collision pairs, see `select_pairs`."""
 
     def __init__(
         self,
@@ -213,7 +214,7 @@ class _Selection:
         ]
         self._unchecked = self._read_unchecked(unchecked)
         self._base = robot.joints[0].parent
-        # A dictionary keeps one note a pair of links, however many shapes they have.
+        # A dictionary keeps one note per pair of links, independent of the number of shapes.
         self._notes: dict[str, None] = {}
 
     def apply(self) -> CollisionPairs:
@@ -229,7 +230,7 @@ class _Selection:
         return CollisionPairs(np.array(required), tuple(self._notes))
 
     def _candidates(self) -> list[pin.CollisionPair]:
-        """Return all pairs but those of two moving links joined by one joint."""
+        """Return all pairs except those of two moving links connected by one joint."""
         shapes, parents = self._geometry.geometryObjects, self._robot.model.parents
         pairs = []
         for b, second in enumerate(shapes):
@@ -254,22 +255,25 @@ class _Selection:
         return distances
 
     def _required(self, pair: pin.CollisionPair, distance: Array) -> float | None:
-        """Return what a pair has to keep [m], None if it is not to be checked."""
+        """Return the required distance of a pair [m], None if the pair is not checked."""
         wanted = self._wanted(pair)
         nearest, farthest = float(distance.min()), float(distance.max())
         if frozenset(self._names(pair)) in self._unchecked:
-            self._note(pair, 'not checked, as configured')
+            self._note(pair, 'not checked, because the pair is in unchecked_pairs')
             return None
         if farthest - nearest < _CONSTANT and nearest >= 0.0:
             if nearest < wanted:
-                self._note(pair, f'{nearest:.3g} m in every posture, not checked')
+                self._note(pair, f'{nearest:.3g} m apart in every posture, not checked')
             return None
         if farthest < 0.0 and self._is_base_and_link_1(pair):
             self._note(pair, 'joined by joint 1 and overlapping in every posture, not checked')
             return None
         if self._both_of_the_arm(pair) and 0.0 <= farthest <= _BUILT_CLOSE * wanted:
             keep = max(min(wanted, 0.5 * float(np.median(distance))), 0.0)
-            self._note(pair, f'built close together, keeps {keep:.3g} m instead of {wanted:g} m')
+            self._note(
+                pair,
+                f'built close together, required distance {keep:.3g} m instead of {wanted:g} m',
+            )
             return keep
         if farthest < wanted:
             self._refuse(pair, farthest, wanted)
@@ -280,8 +284,8 @@ class _Selection:
         found = (
             'overlaps in every posture'
             if farthest < 0.0
-            else f'is never more than {farthest:.3g} m apart, {wanted - farthest:.2g} m less than '
-            f'the {wanted:g} m to be kept'
+            else f'is at most {farthest:.3g} m apart, {wanted - farthest:.2g} m less than the '
+            f'required {wanted:g} m'
         )
         remedy = (
             'ground_height and ground_clearance'
@@ -289,8 +293,8 @@ class _Selection:
             else "the collision shapes' sizes and origins and self_clearance"
         )
         raise ExcitationError(
-            f'{subject} {found}: check {remedy}, or name the pair in unchecked_pairs of the '
-            'excitation configuration if it touches by construction'
+            f'{subject} {found}: check {remedy}. If the links touch by construction, add the '
+            'pair to unchecked_pairs of the excitation configuration'
         )
 
     def _wanted(self, pair: pin.CollisionPair) -> float:
@@ -301,7 +305,7 @@ class _Selection:
         return set(self._names(pair)) == {self._base, self._robot.link_names[0]}
 
     def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
-        """Whether neither is an obstacle: moving links, or the base's own link and link 2 on."""
+        """Return whether both shapes belong to the arm: moving links, or base and links from 2."""
         shapes = [self._geometry.geometryObjects[i] for i in (pair.first, pair.second)]
         low, high = sorted(shape.parentJoint for shape in shapes)
         return low > 0 or (self._base in self._names(pair) and high > 1)
@@ -324,8 +328,8 @@ class _Selection:
             names = frozenset(map(self._robot.full_name, text.split(' to ')))
             if len(names) != 2 or not names <= known:
                 raise ExcitationError(
-                    f"unchecked_pairs: '{text}' is no pair of links with collision shapes, such "
-                    f"as 'one to other' of {', '.join(sorted(known))}"
+                    f"unchecked_pairs: '{text}' is not a pair of links with collision shapes, "
+                    f"such as 'one to other' of {', '.join(sorted(known))}"
                 )
             pairs.add(names)
         return pairs
@@ -336,11 +340,11 @@ _distance = attrgetter('min_distance')
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest distance found for one kind of pair.
+    """Smallest distance for one kind of pair.
 
-    `distance` [m] is what a posture of the motion reaches, `guaranteed` [m] what the whole motion
-    keeps, between the samples too. Both are of the pair that comes closest to its `required`
-    distance [m], or falls shortest of it. `sample` is the row of the posture.
+    `distance` [m] is reached in a sampled posture, `guaranteed` [m] is kept by the whole motion,
+    including times between samples. Both belong to the pair with the smallest margin to its
+    `required` distance [m]. `sample` is the row of that posture.
     """
 
     subject: str
@@ -351,14 +355,14 @@ class Clearance:
 
 
 class ClearanceChecker:
-    """Certifies that a motion keeps its distance, between the samples as well.
+    """Certifies that a motion keeps its required distances, including times between samples.
 
     Parameters
     ----------
     robot : arm with collision shapes in its URDF.
-    self_clearance : required between links that are not neighbours, and between moving links and
-        what is fixed to the base [m].
-    ground_clearance : required between moving links and the ground [m].
+    self_clearance : required distance between non-adjacent links, and between moving links and
+        obstacles fixed to the base [m].
+    ground_clearance : required distance between moving links and the ground [m].
     ground_height : see `build_collision_geometry`; None without ground.
     package_directories : see `build_collision_geometry`.
     unchecked_pairs : see `select_pairs`.
@@ -366,12 +370,12 @@ class ClearanceChecker:
     Raises
     ------
     ExcitationError
-        If a clearance is negative or not finite, the shapes cannot be read, or a pair cannot
-        keep its clearance in any posture.
+        If a clearance is negative or not finite, the shapes cannot be read, or a pair cannot keep
+        its clearance in any posture.
     """
 
     RESOLUTION = 2e-3
-    """How far below the smallest distance found the guaranteed one may lie [m]."""
+    """Largest difference between the smallest distance found and the guaranteed one [m]."""
 
     def __init__(
         self,
@@ -384,16 +388,16 @@ class ClearanceChecker:
     ) -> None:
         required = (self_clearance, ground_clearance)
         if not all(np.isfinite(value) and value >= 0.0 for value in required):
-            raise ExcitationError(f'clearances must not be negative, got {required} m')
+            raise ExcitationError(f'clearances must not be negative, but {required} m was given')
         self._model = robot.model
         self._data = robot.model.createData()
         self._geometry = build_collision_geometry(robot, ground_height, package_directories)
         selected = select_pairs(robot, self._geometry, required, unchecked_pairs)
         self._required = selected.required
         self.notes = selected.notes
-        """Pairs that are not checked or keep less than asked for, in words."""
+        """Texts on pairs without check or with less than the requested clearance."""
         self._geometry_data = pin.GeometryData(self._geometry)
-        # References into the data, taken once: indexing it anew costs more than all distances.
+        # References into the data, stored once, because indexing costs more than all distances.
         self._results = [self._geometry_data.distanceResults[i] for i in range(len(self._required))]
         self._bounds = motion_bounds(self._model, self._geometry)
         ground = np.array(
@@ -408,7 +412,7 @@ class ClearanceChecker:
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """The links of each checked pair of shapes; 'ground' stands for the ground."""
+        """Names of the links of each checked pair; 'ground' for the ground."""
         model, geometry = self._model, self._geometry
         return tuple(
             (link_of(model, geometry, pair.first), link_of(model, geometry, pair.second))
@@ -417,7 +421,7 @@ class ClearanceChecker:
 
     @property
     def shapes(self) -> list[pin.GeometryObject]:
-        """The collision shapes, meshes as convex hulls, and the ground if there is one."""
+        """Collision shapes, with meshes as convex hulls, and the ground if present."""
         return list(self._geometry.geometryObjects)
 
     @property
@@ -427,23 +431,23 @@ class ClearanceChecker:
 
     @property
     def steepest(self) -> Array:
-        """(n,) how much a joint can change the distance of any pair at most [m/rad]."""
+        """Largest change of any pair's distance per joint (n,) [m/rad]."""
         return np.asarray(self._bounds.max(axis=0))
 
     def distances(self, q: Array) -> Array:
-        """Return the distance of each pair at q (n,) [rad]: (pairs,) [m], negative if inside."""
+        """Return each pair's distance at q (n,) [rad], (pairs,) [m]; negative if overlapping."""
         pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
         return np.fromiter(map(_distance, self._results), float, len(self._results))
 
     def margin(self, q: Array) -> float:
-        """Return by how much the worst pair exceeds its required distance at q (n,) [m]."""
+        """Return the margin of the worst pair to its required distance at q (n,) [m]."""
         return float((self.distances(q) - self._required).min())
 
     def margin_gradient(self, q: Array) -> Array:
         """Return the derivative (n,) of `margin` [m/rad].
 
-        The distance grows with the relative velocity of the two nearest points along the line
-        through them.
+        The derivative equals the relative velocity of the two nearest points along their connecting
+        line.
         """
         pair = int((self.distances(q) - self._required).argmin())
         result, shapes = self._results[pair], self._geometry.collisionPairs[pair]
@@ -464,19 +468,19 @@ class ClearanceChecker:
         return np.asarray(jacobian[:3] - pin.skew(lever) @ jacobian[3:])
 
     def sweep(self, positions: Array, stop_below: bool = False) -> dict[str, Clearance]:
-        """Return the clearance of a motion, per kind of pair ('self', 'ground').
+        """Return the smallest clearance of a motion, per kind of pair ('self', 'ground').
 
-        Branch and bound on intervals of the motion: in the middle of an interval the distances
-        are computed, and elsewhere in it they are lower by at most sum_j L_j |q_j - q_j,mid|
-        (see `motion_bounds`). An interval whose bound might undercut the smallest margin found
+        The motion is divided into intervals (branch and bound). Distances are computed in the
+        middle of an interval; elsewhere in the interval they are lower by at most sum_j L_j |q_j -
+        q_j,mid| (see `motion_bounds`). An interval whose bound is below the smallest margin found
         is halved, down to neighbouring samples.
 
         Parameters
         ----------
         positions : (M, n) postures [rad], dense enough that between neighbours each joint moves
             monotonically or negligibly (the control cycle).
-        stop_below : stop at the first posture that is too close; what is guaranteed is then not
-            meant to be used.
+        stop_below : stop at the first posture that is too close; the guaranteed distance is then
+            invalid.
         """
         worst = {kind: _Worst() for kind in self._kinds}
         intervals = deque(self._initial_intervals(len(positions)))
@@ -520,7 +524,7 @@ class ClearanceChecker:
 
 @dataclass
 class _Worst:
-    """Smallest margin beyond the required distance so far [m], of one kind of pair."""
+    """Smallest margin to the required distance found so far [m], for one kind of pair."""
 
     margin: float = np.inf
     guaranteed: float = np.inf

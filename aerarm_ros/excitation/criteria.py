@@ -1,4 +1,4 @@
-"""Criteria of a designed excitation: how much a trajectory reveals of the parameters."""
+"""Design criteria of an excitation, based on the information about the parameters."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from aerarm_ros.motion.signals import Array, JointReference
 class SmoothRegressor:
     """Regressor with links, viscous friction, smoothed Coulomb friction and rotor inertia.
 
-    The columns are those of `Regressor(robot, rotor_inertia=True)`. The sign of the velocity is
-    replaced by tanh(dq / width), which has a derivative.
+    The columns equal those of `Regressor(robot, rotor_inertia=True)`. The sign of the velocity is
+    replaced by tanh(dq / width), which is differentiable.
 
     Parameters
     ----------
     robot : arm with n joints.
-    width : velocity scale of the smoothing [rad/s].
+    width : velocity width of the smoothing [rad/s].
     """
 
     _STEP = 1e-6
@@ -41,7 +41,7 @@ class SmoothRegressor:
 
     @property
     def thesis_columns(self) -> slice:
-        """The columns of thesis (3.6), without rotor inertia."""
+        """Columns of thesis (3.6), without rotor inertia."""
         return slice(0, 12 * self._n)
 
     def stack(self, states: JointReference) -> Array:
@@ -57,10 +57,11 @@ class SmoothRegressor:
     def derivatives(
         self, states: JointReference, stacked: Array
     ) -> Iterator[tuple[int, int, Array]]:
-        """Yield the derivative (M, n, p) of `stacked` by each entry of the state.
+        """Yield the derivative (M, n, p) of `stacked` with respect to each entry of the state.
 
-        Forward differences: the regressor is linear in the acceleration and quadratic in the
-        velocity, so only the position's are inexact beyond rounding, by about 1e-6.
+        The derivatives are forward differences. The regressor is linear in the acceleration and
+        quadratic in the velocity, so only the position derivatives have an error beyond rounding,
+        of about 1e-6.
 
         Yields
         ------
@@ -80,7 +81,7 @@ class IdentifiableSpace:
     Parameters
     ----------
     basis : (p, r) orthonormal basis of the identifiable combinations; r is the rank.
-    base_columns : (r,) columns that span the regressor, well conditioned: base parameters.
+    base_columns : (r,) well-conditioned columns that span the regressor: base parameters.
     """
 
     basis: Array
@@ -95,14 +96,14 @@ class IdentifiableSpace:
     def of_regressor(
         cls, robot: Robot, regressor: SmoothRegressor, columns: slice, samples: int = 400
     ) -> IdentifiableSpace:
-        """Find the space numerically from random states.
+        """Compute the space numerically from random states.
 
         Parameters
         ----------
-        robot : arm, for its position limits.
-        regressor : its regressor.
-        columns : which columns are to be identified.
-        samples : random states; a few times more than columns a joint.
+        robot : arm, which provides the position limits.
+        regressor : regressor of the arm.
+        columns : columns to identify.
+        samples : number of random states; several times the number of columns per joint.
         """
         generator = np.random.default_rng(0)
         low = np.maximum(robot.position_min, -np.pi)
@@ -118,14 +119,14 @@ class IdentifiableSpace:
         _, singular, rows = np.linalg.svd(matrix, full_matrices=False)
         rank = int((singular > 1e-9 * singular[0] * max(matrix.shape) ** 0.5).sum())
         norms = np.linalg.norm(matrix, axis=0)
-        # A column that is zero but for rounding must not be blown up to a norm of one.
+        # A column that is zero except for rounding must not be scaled to a norm of one.
         scales = np.where(norms > 1e-9 * norms.max(), norms, np.inf)
         _, _, pivots = scipy.linalg.qr(matrix / scales, mode='economic', pivoting=True)
         return cls(rows[:rank].T, np.sort(pivots[:rank]))
 
 
 class DesignCriterion(Protocol):
-    """A figure to be made small."""
+    """Design criterion to minimize."""
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
         """Return value and derivative (M, n, p) for the regressor (M, n, p) of one period."""
@@ -133,32 +134,33 @@ class DesignCriterion(Protocol):
 
 
 def information_gradient(stacked: Array, by_information: Array) -> Array:
-    """Return the derivative by the regressor W of a function of A = sum_k W_k^T W_k / M.
+    """Return the derivative with respect to W of a function of A = sum_k W_k^T W_k / M.
 
     Parameters
     ----------
-    stacked : W, (M, n, p).
-    by_information : symmetric derivative by A, (p, p).
+    stacked : regressor W, (M, n, p).
+    by_information : symmetric derivative with respect to A, (p, p).
     """
     return np.asarray(2.0 * (stacked @ by_information) / len(stacked))
 
 
 def information(stacked: Array) -> Array:
-    """Return A = sum_k W_k^T W_k / M, (p, p)."""
+    """Return the information matrix A = sum_k W_k^T W_k / M, (p, p)."""
     rows = stacked.reshape(-1, stacked.shape[2])
     return np.asarray(rows.T @ rows / len(stacked))
 
 
 class BoundedCriterion:
-    """Zero while another criterion is below a limit, and as steep as it above.
+    """Smooth penalty on another criterion above a limit.
 
-    log(1 + exp(s (value - limit))) / s: a hinge with a round corner.
+    The penalty log(1 + exp(s (value - limit))) / s is a hinge with a smooth corner: almost zero
+    below the limit, and with slope one above.
 
     Parameters
     ----------
-    criterion : what is to stay below the limit.
-    limit : value of the criterion from which on it counts.
-    sharpness : s.
+    criterion : criterion to keep below the limit.
+    limit : value of the criterion above which the penalty acts.
+    sharpness : parameter s.
     """
 
     def __init__(self, criterion: DesignCriterion, limit: float, sharpness: float = 20.0) -> None:
@@ -167,7 +169,7 @@ class BoundedCriterion:
         self._sharpness = sharpness
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative; see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         value, gradient = self._criterion.evaluate(stacked)
         excess = self._sharpness * (value - self._limit)
         slope = float(np.exp(-np.logaddexp(0.0, -excess)))
@@ -175,7 +177,7 @@ class BoundedCriterion:
 
 
 class CombinedCriterion:
-    """Weighted sum of criteria; all of them are logarithms, so weights compare factors.
+    """Weighted sum of criteria; all are logarithms, so the weights compare factors.
 
     Parameters
     ----------
@@ -186,7 +188,7 @@ class CombinedCriterion:
         self._parts = tuple(parts)
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative; see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         value, gradient = 0.0, np.zeros_like(stacked)
         for weight, criterion in self._parts:
             part, part_gradient = criterion.evaluate(stacked)
@@ -198,17 +200,17 @@ class CombinedCriterion:
 class ConditionCriterion:
     """Logarithm of sigma_max / sigma_min over the non-zero singular values, thesis (5.2).
 
-    Eigenvalues cross during a design, and where they do their extremes have no derivative. So
-    the extremes are softened: log-sum-exp of sharpness rho, which overestimates the logarithm
-    by at most log(r) / rho.
+    Where eigenvalues cross during a design, their extremes are not differentiable. So the extremes
+    are smoothed by a log-sum-exp of sharpness rho, which overestimates the logarithm by at most
+    log(r) / rho.
 
     Parameters
     ----------
     space : identifiable space of the columns.
-    columns : which columns of the regressor count.
-    scaled : take the base columns, each divided by its norm, rather than (5.2)'s columns as
-        they are (Gautier, Khalil 1992 scale by prior parameters to the same end).
-    sharpness : rho.
+    columns : columns of the regressor to include.
+    scaled : whether to use the base columns, each divided by its norm, in place of (5.2)'s unscaled
+        columns (Gautier, Khalil 1992 scale by prior parameters for the same purpose).
+    sharpness : parameter rho.
     """
 
     def __init__(
@@ -224,7 +226,7 @@ class ConditionCriterion:
         self._sharpness = sharpness
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative; see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         chosen = stacked[:, :, self._columns]
         value, by_information = (self._of_scaled if self._scaled else self._of_plain)(chosen)
         gradient = np.zeros_like(stacked)
@@ -232,7 +234,7 @@ class ConditionCriterion:
         return value, gradient
 
     def condition_number(self, stacked: Array) -> float:
-        """Return sigma_max / sigma_min itself, not softened."""
+        """Return the exact ratio sigma_max / sigma_min, without smoothing."""
         chosen = stacked[:, :, self._columns]
         if self._scaled:
             matrix = self._correlation(information(chosen))[0]
@@ -250,7 +252,7 @@ class ConditionCriterion:
         matrix = information(chosen)
         correlation, norms = self._correlation(matrix)
         value, derivative = self._soft_condition(correlation)
-        # Through C = D^-1 A D^-1 with D^2 = diag(A).
+        # Derivative through C = D^-1 A D^-1 with D^2 = diag(A).
         inner = derivative / np.outer(norms, norms)
         inner -= np.diag((derivative * correlation).sum(axis=1) / norms**2)
         base = self._space.base_columns
@@ -265,7 +267,7 @@ class ConditionCriterion:
         return part / np.outer(norms, norms), norms
 
     def _soft_condition(self, matrix: Array) -> tuple[float, Array]:
-        """Return half the softened logarithm of the eigenvalue ratio and its derivative."""
+        """Return half the smoothed logarithm of the eigenvalue ratio and its derivative."""
         eigenvalues, vectors = np.linalg.eigh(matrix)
         log = np.log(np.maximum(eigenvalues, np.finfo(float).tiny))
         rho = self._sharpness
@@ -283,8 +285,8 @@ class ConditionCriterion:
 class InformationCriterion:
     """Mean logarithm of the base parameters' standard deviations, up to a constant.
 
-    -log det(V^T A V) / 2r, with A the information of torques measured with given noise: half of
-    it in every eigenvalue halves every variance, whatever the units of the parameters.
+    The criterion is -log det(V^T A V) / 2r, where A is the information of torques with given noise.
+    Doubling every eigenvalue halves every variance, for any units of the parameters.
 
     Parameters
     ----------
@@ -297,7 +299,7 @@ class InformationCriterion:
         self._noise = noise
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative; see `DesignCriterion`."""
+        """Return the value and derivative of the criterion, see `DesignCriterion`."""
         weighted = stacked / self._noise[:, np.newaxis]
         matrix = self._basis.T @ information(weighted) @ self._basis
         sign, log_determinant = np.linalg.slogdet(matrix)

@@ -1,4 +1,4 @@
-"""Files of a design: trajectories, their previews."""
+"""Files of designed trajectories."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from aerarm_ros.excitation.trajectory_designer import DesignResult, DesignSpecif
 
 
 def write_design(path: Path | str, text: str) -> None:
-    """Write a text file, whole or not at all.
+    """Write a text file, completely or not at all.
 
     Raises
     ------
     ExcitationError
-        If it cannot be written.
+        If the file cannot be written.
     """
     try:
         write_whole(Path(path), text)
     except OSError as error:
         raise ExcitationError(
-            f'{path} cannot be written: {error.strerror}: check the folder and its permissions'
+            f'{path} cannot be written ({error.strerror}): check the folder and its permissions'
         ) from error
 
 
@@ -39,7 +39,7 @@ FORMAT = 'aerarm_ros/fourier_trajectory/1'
 
 @dataclass(frozen=True)
 class _Document:
-    """Keys of the file; everything in `made_with` is for the reader, none of it is read back."""
+    """Keys of the file; the entries of `made_with` are informative and not read back."""
 
     format: str
     fundamental_frequency: float
@@ -50,7 +50,7 @@ class _Document:
 
 @dataclass(frozen=True)
 class _JointSeries:
-    """Coefficients of one joint [rad]."""
+    """Fourier coefficients of one joint [rad]."""
 
     bias: float
     sine: tuple[float, ...]
@@ -59,14 +59,14 @@ class _JointSeries:
 
 @dataclass(frozen=True)
 class TrajectoryFile:
-    """A trajectory, the joints it is for, and how it was made.
+    """Trajectory with its joint names and its origin.
 
     Parameters
     ----------
-    trajectory : the Fourier series.
+    trajectory : Fourier series of the joints.
     joint_names : joint of each row of the coefficients.
-    made_with : seed, condition number, margins and whatever else tells where it comes from.
-    periods : how many periods are meant to be played; None if that is left to the player.
+    made_with : information on the origin, for example seed, condition number and margins.
+    periods : number of periods to play; None if the player decides.
     """
 
     trajectory: FourierTrajectory
@@ -75,12 +75,12 @@ class TrajectoryFile:
     periods: int | None = None
 
     def save(self, path: Path | str) -> None:
-        """Write the file; an existing one is replaced as a whole or not at all.
+        """Write the file, replacing an existing one completely or not at all.
 
         Raises
         ------
         ExcitationError
-            If it cannot be written.
+            If the file cannot be written.
         """
         series = self.trajectory
         joints = {
@@ -99,19 +99,20 @@ class TrajectoryFile:
             document['periods'] = self.periods
         document |= {'joints': joints, 'made_with': dict(self.made_with)}
         text = (
-            '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t)'
-            ' + cosine_k cos(k w0 t).\n# Hz, rad. Played by `excitation`.\n'
+            '# Fourier series of each joint, thesis (3.16): bias + sine_k sin(k w0 t) + cosine_k '
+            'cos(k w0 t).\n'
+            '# Units: Hz, rad. Run `excitation` to play the trajectory.\n'
         ) + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         write_design(path, text)
 
     @classmethod
     def load(cls, path: Path | str) -> TrajectoryFile:
-        """Read a file.
+        """Read a trajectory file.
 
         Raises
         ------
         ExcitationError
-            If it cannot be read or is no trajectory; the message names file and key.
+            If the file cannot be read or is not a trajectory; the message names file and key.
         """
         path = Path(path)
         try:
@@ -126,7 +127,7 @@ class TrajectoryFile:
     @classmethod
     def _from_document(cls, document: _Document) -> TrajectoryFile:
         if document.format != FORMAT:
-            raise ExcitationError(f'format is {document.format!r}, not {FORMAT!r}')
+            raise ExcitationError(f'format is {document.format!r} instead of {FORMAT!r}')
         if not isinstance(document.joints, dict) or not document.joints:
             raise ExcitationError('joints must map joint names to bias, sine and cosine')
         if document.periods is not None and document.periods < 1:
@@ -135,7 +136,7 @@ class TrajectoryFile:
             build(_JointSeries, f'joints.{name}', entry) for name, entry in document.joints.items()
         ]
         if len({len(values) for row in rows for values in (row.sine, row.cosine)}) != 1:
-            raise ExcitationError('sine and cosine must have one value a harmonic in every joint')
+            raise ExcitationError('sine and cosine need one value per harmonic in every joint')
         trajectory = FourierTrajectory(
             document.fundamental_frequency,
             np.array([row.bias for row in rows]),
@@ -151,12 +152,12 @@ class TrajectoryFile:
         Raises
         ------
         ExcitationError
-            If the file is for other joints.
+            If the file belongs to other joints.
         """
         if set(joint_names) != set(self.joint_names):
             raise ExcitationError(
-                f'the trajectory is for joints {", ".join(self.joint_names)}, '
-                f'the arm has {", ".join(joint_names)}'
+                f'the trajectory has joints {", ".join(self.joint_names)}, but the arm has '
+                f'{", ".join(joint_names)}: use a trajectory that was designed for this arm'
             )
         rows = [self.joint_names.index(name) for name in joint_names]
         series = self.trajectory
@@ -164,7 +165,7 @@ class TrajectoryFile:
 
 
 def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
-    """Return the closest approach to each kind of limit, for a file's `made_with`."""
+    """Return the smallest margin to each kind of limit, for a file's `made_with`."""
     return {
         margin.limit: {
             'subject': margin.subject,
@@ -179,7 +180,7 @@ def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
 def designed_file(
     specification: DesignSpecification, result: DesignResult, periods: int
 ) -> TrajectoryFile:
-    """Return the file of a design, to be played for some periods."""
+    """Return the trajectory file of a design, with a number of periods to play."""
     quality = result.quality
     made_with: dict[str, Any] = {
         'objective': specification.objective,

@@ -1,4 +1,4 @@
-"""The design of a trajectory as a non-linear program."""
+"""Trajectory design as a non-linear program."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class StateBasis:
-    """Sampled states of one period, then of run-in and run-out, from a coefficient matrix.
+    """Sampled states of one period, followed by run-in and run-out, from a coefficient matrix.
 
-    The coefficient matrix X (1 + 2N, n) holds a column a joint: bias, sine and cosine
-    coefficients. Position, velocity and acceleration are linear in it, so their bases are the
-    states of trajectories with a single coefficient of one.
+    The coefficient matrix X (1 + 2N, n) has one column per joint: bias, sine and cosine
+    coefficients. Position, velocity and acceleration are linear in X, so their bases are the states
+    of trajectories with a single coefficient of one.
 
     Parameters
     ----------
-    fundamental : f0 [Hz].
-    harmonics : N.
+    fundamental : frequency f0 [Hz].
+    harmonics : number of harmonics N.
     n : number of joints.
-    ramp_time : run-in and run-out [s].
-    samples_per_oscillation : samples in one period of the highest harmonic.
+    ramp_time : duration of run-in and run-out [s].
+    samples_per_oscillation : samples per period of the highest harmonic.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class StateBasis:
         played = RampedExcitation(unit, 1, ramp_time)
         step = 1.0 / (fundamental * harmonics * samples_per_oscillation)
         self.period_samples = harmonics * samples_per_oscillation
-        """How many samples belong to the period; those of the ramps follow."""
+        """Number of samples of the period; the samples of the ramps follow."""
         ramp = np.linspace(0.0, ramp_time, max(int(ramp_time / step), 2))
         self.times: Array = np.concatenate(
             [
@@ -78,12 +78,12 @@ class StateBasis:
         return JointReference(*(basis @ coefficients for basis in self._basis))
 
     def pull_back(self, *gradients: Array) -> Array:
-        """Return the gradient by the coefficients of a function of the states.
+        """Return the gradient with respect to the coefficients of a function of the states.
 
         Parameters
         ----------
-        gradients : (M, n) derivatives by position, velocity and acceleration; trailing ones may
-            be left out.
+        gradients : (M, n) derivatives with respect to position, velocity and acceleration; trailing
+            ones are optional.
         """
         parts = [
             basis[: len(gradient)].T @ gradient
@@ -93,23 +93,24 @@ class StateBasis:
 
 
 class DesignConstraints:
-    """One constraint for each joint and kind of limit, and one for all clearances.
+    """One constraint per joint and kind of limit, and one for all clearances.
 
-    The samples of each are joined by the Kreisselmeier-Steinhauser function, a log-sum-exp that
-    is never below their largest: what it allows, every sample allows. It only guides the
-    optimiser; `FeasibilityChecker` decides.
+    The samples of each constraint are combined by the Kreisselmeier-Steinhauser function, a
+    log-sum-exp that is never below their largest value, so every sample satisfies a satisfied
+    constraint. The constraints only guide the optimizer; `FeasibilityChecker` decides.
 
     Parameters
     ----------
     limits : limits of position, velocity and acceleration.
-    effort : (n,) torque limit [Nm], motor current included.
-    clearance : distances to keep; None leaves collisions out.
-    pad : distance kept beyond the required clearance [m], for what lies between the samples.
-    sharpness : of the joining; the largest sample is overestimated by log(M) / sharpness.
+    effort : (n,) torque limit [Nm], including the limit of motor current.
+    clearance : distances to keep; None ignores collisions.
+    pad : distance in addition to the required clearance [m], for motion between samples.
+    sharpness : parameter of the combination; the largest sample is overestimated by log(M) /
+        sharpness.
     """
 
     _CLEARANCE_SCALE = 0.1
-    """Distance [m] that weighs as much as a whole limit of another kind."""
+    """Distance [m] with the same weight as a whole limit of another kind."""
 
     def __init__(
         self,
@@ -126,7 +127,7 @@ class DesignConstraints:
         self._scales = (half_range, limits.velocity, limits.acceleration, effort)
         finite = np.isfinite(np.concatenate(self._scales))
         self.active = np.append(finite, [True] * (clearance is not None))
-        """Which of the constraints there are: a limit that is infinite is none."""
+        """Mask of the active constraints; infinite limits have none."""
         self._clearance = clearance
         self._pad = pad
         self._sharpness = sharpness
@@ -136,7 +137,7 @@ class DesignConstraints:
 
         Parameters
         ----------
-        states : (M, n) states, the period's first.
+        states : (M, n) states, starting with the period.
         effort : (M, n) joint torques [Nm].
         period : number of samples of the period.
         """
@@ -149,13 +150,13 @@ class DesignConstraints:
     def gradients(
         self, states: JointReference, effort: Array, period: int
     ) -> tuple[list[Array], Array | None]:
-        """Return the derivatives of the constraints by the sampled quantities.
+        """Return the derivatives of the constraints with respect to the sampled quantities.
 
         Returns
         -------
         joint : derivatives (M, n) of the n constraints of position, velocity, acceleration and
-            torque, each by its own joint's quantity.
-        clearance : derivative (M, n) of the last constraint by the positions, or None.
+            torque, each with respect to its joint's quantity.
+        clearance : derivative (M, n) of the last constraint with respect to the positions, or None.
         """
         joint = [
             -2.0 * ratio / scale * scipy.special.softmax(self._sharpness * ratio**2, axis=0)
@@ -177,7 +178,7 @@ class DesignConstraints:
         )
 
     def _shortfall(self, positions: Array) -> Array:
-        """Return how far each posture falls short of the clearance, positive beyond, (M,)."""
+        """Return by how much each posture violates the clearance, positive if violated, (M,)."""
         assert self._clearance is not None
         margins = np.array([self._clearance.margin(q) for q in positions])
         return (self._pad - margins) / self._CLEARANCE_SCALE
@@ -186,7 +187,7 @@ class DesignConstraints:
         assert self._clearance is not None
         weights = scipy.special.softmax(self._sharpness * self._shortfall(positions))
         gradient = np.zeros_like(positions)
-        # Postures far from any obstacle have no weight, and these are most of them.
+        # Most postures are far from any obstacle and have no weight.
         for sample in np.flatnonzero(weights > 1e-6):
             slope = self._clearance.margin_gradient(positions[sample])
             gradient[sample] = weights[sample] * slope / self._CLEARANCE_SCALE
@@ -194,14 +195,14 @@ class DesignConstraints:
 
 
 class FeasibleIterates:
-    """Keeps the iterates that seem feasible.
+    """Collection of iterates that satisfy the constraints.
 
-    An optimiser may be stopped, and its optimum may break a limit between the samples it looked
-    at. Iterates before it are nearly as good, and often inside.
+    An optimizer may be stopped, and its optimum may violate a limit between its samples. Earlier
+    iterates are almost as good, and often feasible.
     """
 
     _TOLERANCE = 1e-3
-    """Violation of the constraints, which overestimate, that may still be feasible."""
+    """Constraint violation that may still be feasible, because the constraints are conservative."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, int, Array]] = []
@@ -210,13 +211,13 @@ class FeasibleIterates:
         """The latest iterate, feasible or not."""
 
     def see(self, x: Array, value: float, constraints: Array) -> None:
-        """Take note of an iterate.
+        """Record an iterate.
 
         Parameters
         ----------
-        x : the iterate.
-        value : its objective, smaller is better.
-        constraints : >= 0 where feasible.
+        x : coefficients of the iterate.
+        value : objective, smaller is better.
+        constraints : constraint values, >= 0 where feasible.
         """
         self._count += 1
         self.last = x.copy()
@@ -224,10 +225,10 @@ class FeasibleIterates:
             self._seen.append((value, self._count, self.last))
 
     def best(self, number: int = 12) -> list[tuple[Array, int]]:
-        """Return up to `number` iterates, best first, and after how many steps each was met.
+        """Return up to `number` iterates, best first, each with its step number.
 
-        Neighbours on the way to an optimum share what is wrong with it, so they are spread over
-        all iterates: the very best, then those that are better than all but 2, 4, 8... others.
+        Consecutive iterates near an optimum share its violations, so the selection is spread over
+        all iterates: the best one, then those that are better than all but 2, 4, 8... others.
         """
         ranked = sorted(self._seen, key=lambda item: item[:2])
         chosen = [0, *(2**i for i in range(number - 1))]
@@ -236,7 +237,7 @@ class FeasibleIterates:
 
 @dataclass
 class _Point:
-    """What is known about one coefficient vector."""
+    """Cached evaluation of one coefficient vector."""
 
     key: bytes
     states: JointReference
@@ -252,15 +253,15 @@ class _Point:
 class DesignProblem:
     """Criterion and constraints, with derivatives, of a flat coefficient vector.
 
-    All four functions share one evaluation, kept for the last vector asked for.
+    All four functions share one evaluation, cached for the last vector.
 
     Parameters
     ----------
-    basis : from coefficients to states.
-    regressor : from states to the regressor.
-    criterion : what to make small, on the period.
-    constraints : what to keep, on the period with run-in and run-out.
-    prior : (p,) parameters known before, for the torque.
+    basis : map from coefficients to states.
+    regressor : map from states to the regressor.
+    criterion : criterion to minimize, on the period.
+    constraints : constraints on the period with run-in and run-out.
+    prior : (p,) prior parameters, for the torque.
     """
 
     def __init__(
@@ -279,19 +280,19 @@ class DesignProblem:
         self._last: _Point | None = None
 
     def value(self, x: Array) -> float:
-        """Return the criterion."""
+        """Return the value of the criterion."""
         return self._at(x).value
 
     def gradient(self, x: Array) -> Array:
-        """Return the derivative of the criterion, like `x`."""
+        """Return the gradient of the criterion, with the shape of `x`."""
         return self._with_derivatives(x).gradient  # type: ignore[return-value]
 
     def constraints(self, x: Array) -> Array:
-        """Return the constraints, >= 0 where feasible."""
+        """Return the constraint values, >= 0 where feasible."""
         return self._at(x).constraints
 
     def jacobian(self, x: Array) -> Array:
-        """Return the derivative of the constraints, a row each."""
+        """Return the Jacobian of the constraints, one row per constraint."""
         return self._with_derivatives(x).jacobian  # type: ignore[return-value]
 
     def _at(self, x: Array) -> _Point:
@@ -318,7 +319,7 @@ class DesignProblem:
     def _contract(self, point: _Point) -> tuple[Array, Array]:
         """Return d value / d state (3, P, n) and d effort / d state (3, M, n, n).
 
-        The regressor's derivative itself, (3 n, M, n, p), is never held as a whole.
+        The regressor's derivative (3 n, M, n, p) is never stored completely.
         """
         samples, n = point.states.q.shape
         period = self.basis.period_samples

@@ -1,4 +1,4 @@
-"""The checks and the planner of one arm, from its description and configuration."""
+"""Feasibility checks and planner of one arm, from its description and configuration."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class RandomTrajectory:
-    """Distribution of trajectories: coefficients uniform in +-amplitude, bias in +-spread.
+    """Distribution of random trajectories: coefficients in +-amplitude, bias in +-spread.
 
     Parameters
     ----------
     bias : (n,) centre of the motion [rad].
-    bias_spread : (n,) or scalar, largest random term added to it [rad].
+    bias_spread : (n,) or scalar, largest random offset of the centre [rad].
     amplitude : largest coefficient [rad].
-    fundamental : f0 [Hz].
-    harmonics : N.
+    fundamental : frequency f0 [Hz].
+    harmonics : number of harmonics N.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class RandomTrajectory:
             raise ExcitationError(f'fundamental must be positive, got {self.fundamental} Hz')
 
     def draw(self, generator: np.random.Generator) -> FourierTrajectory:
-        """Return the next trajectory of `generator`."""
+        """Draw a random trajectory with `generator`."""
         n = len(self.bias)
         spread = generator.uniform(-self.bias_spread, self.bias_spread, n)
         alpha, beta = generator.uniform(-self.amplitude, self.amplitude, (2, n, self.harmonics))
@@ -91,28 +91,30 @@ class RandomTrajectory:
         attempts: int = 500,
         stop: Callable[[], bool] = lambda: False,
     ) -> tuple[FourierTrajectory, FeasibilityReport]:
-        """Return the first feasible trajectory of the sequence that `seed` starts.
+        """Return the first feasible trajectory of the random sequence with a seed.
 
         Parameters
         ----------
-        seed : the same seed and limits give the same trajectory.
+        seed : random seed; equal seeds and limits give equal trajectories.
         checker : limits, over the whole period with run-in and run-out.
-        ramp_time : run-in and run-out [s].
-        attempts : how many are drawn at most.
-        stop : asked before each; True gives up.
+        ramp_time : duration of run-in and run-out [s].
+        attempts : largest number of random trajectories.
+        stop : function called before each attempt; True ends the search.
 
         Raises
         ------
         NothingDrawnError
-            If none is feasible; names the limit that most of them break.
+            If no trajectory is feasible; the message names the limit most often violated.
         DesignStoppedError
-            If asked to stop.
+            If `stop` returned True.
         """
         generator = np.random.default_rng(seed)
         broken: list[LimitMargin] = []
         for _ in range(attempts):
             if stop():
-                raise DesignStoppedError('stopped before a feasible random trajectory was found')
+                raise DesignStoppedError(
+                    'the design was stopped before a feasible random trajectory was found'
+                )
             trajectory = self.draw(generator)
             report = checker.check_trajectory(trajectory, ramp_time, stop_early=True)
             if report.feasible:
@@ -127,12 +129,12 @@ class RandomTrajectory:
             key=lambda margin: margin.relative,
         )
         binding = (
-            f'{limit} of {subject} binds in {100 * count / len(broken):.0f} % of them '
-            f'({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
+            f'{limit} of {subject} is outside its limit in {100 * count / len(broken):.0f} % of '
+            f'them ({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
         )
         return NothingDrawnError(
-            f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}: '
-            f'lower the amplitude ({self.amplitude:g} rad) or the fundamental '
+            f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}. '
+            f'Lower the amplitude ({self.amplitude:g} rad) or the fundamental '
             f'({self.fundamental:g} Hz), or check that limit and the bias',
             binding,
         )
@@ -142,19 +144,19 @@ APPROACH, EXCITATION, RETURN = 'approach', 'excitation', 'return'
 
 
 class ExcitationPlanner:
-    """Plans approach, excitation and return, and checks the whole.
+    """Planner of approach, excitation and return, with a check of the complete motion.
 
     Parameters
     ----------
-    checker : limits of the excitation itself.
-    transfer_checker : limits of approach and return. Their positions may use the joints' whole
-        range, since the arm may rest outside the share an excitation uses.
-    ramp_time : run-in and run-out along the trajectory [s].
-    transfer_share : share of the transfer checker's velocity and acceleration that transfers use.
+    checker : limits of the excitation.
+    transfer_checker : limits of approach and return. Their positions may use the joints' full
+        range, because the initial posture may be outside the range of an excitation.
+    ramp_time : duration of run-in and run-out along the trajectory [s].
+    transfer_share : fraction of the transfer checker's velocity and acceleration used by transfers.
     """
 
     SHORTEST_TRANSFER = 1.0
-    """Duration of a transfer between postures that are close to each other [s]."""
+    """Shortest duration of a transfer between postures [s]."""
 
     def __init__(
         self,
@@ -167,7 +169,7 @@ class ExcitationPlanner:
         self._transfer_checker = transfer_checker
         self._ramp_time = ramp_time
         limits = transfer_checker.limits
-        # A model without acceleration limits still has to move in finite time.
+        # A model without acceleration limits must also move in finite time.
         self._velocity = transfer_share * np.minimum(limits.velocity, 10.0)
         self._acceleration = transfer_share * np.minimum(limits.acceleration, 10.0)
 
@@ -182,15 +184,15 @@ class ExcitationPlanner:
 
         Parameters
         ----------
-        trajectory : periodic part.
+        trajectory : periodic part of the motion.
         periods : whole number of periods.
         start : (n,) present posture [rad].
-        go_back : end at `start` rather than where the run-out ends.
+        go_back : whether to end at `start` instead of the end of the run-out.
 
         Raises
         ------
         InfeasibleError
-            If the trajectory, the start posture or every way between them breaks a limit.
+            If the trajectory, the start posture or every path between them violates a limit.
         """
         self._checker.check_trajectory(trajectory, self._ramp_time, stop_early=True).require(
             'the trajectory'
@@ -206,7 +208,7 @@ class ExcitationPlanner:
         return MotionSequence(stages)
 
     def _transfer(self, name: str, start: Array, end: Array, centre: Array) -> list[Stage]:
-        """Return the first feasible way of the ways tried."""
+        """Return the first feasible path among the candidates."""
         refused = None
         for way in _ways(start, end, centre):
             stages = self._stages(name, way)
@@ -215,7 +217,7 @@ class ExcitationPlanner:
                 return stages
             refused = refused or report.binding
         raise InfeasibleError(
-            f'no way found for the {name}: {refused}: bring the arm to another posture first'
+            f'no path was found for the {name} ({refused}): bring the arm to another posture first'
         )
 
     def _stages(self, name: str, way: Sequence[Array]) -> list[Stage]:
@@ -230,7 +232,7 @@ class ExcitationPlanner:
 
 
 def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
-    """Yield straight joint-space ways, then one through the centre, then one joint at a time."""
+    """Yield candidate joint-space paths: straight, through the centre, one joint at a time."""
     yield [start, end]
     yield [start, centre, end]
     for order in (range(len(start)), reversed(range(len(start)))):
@@ -244,18 +246,18 @@ def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
 
 @dataclass(frozen=True, eq=False)
 class ExcitationSetup:
-    """Model, limits and checker of one arm, to find, check and plan excitations.
+    """Model, limits and checker of one arm, to design, check and plan excitations.
 
-    Can be sent to another process, which builds its own checks.
+    A setup can be sent to another process, which builds its own checks.
 
     Parameters
     ----------
-    robot : the arm.
-    config : usable shares of the limits, surroundings.
-    limits : the arm's limits, whole.
-    rotor_inertia : (n,) reflected to the joints [kg m^2].
+    robot : robot model of the arm.
+    config : usable fractions of the limits, and surroundings.
+    limits : full limits of the arm.
+    rotor_inertia : (n,) inertia reflected to the joints [kg m^2].
     torque_per_ampere : (n,) joint torque per motor current [Nm/A], infinite if unknown.
-    package_directories : where `package://` meshes are looked for.
+    package_directories : folders for `package://` meshes.
     """
 
     robot: Robot
@@ -273,7 +275,7 @@ class ExcitationSetup:
         config: ExcitationConfig,
         package_directories: Sequence[Path] = (),
     ) -> ExcitationSetup:
-        """Return the setup of an arm whose drive train is configured."""
+        """Return the setup of an arm with a drive train configuration."""
         return cls(
             robot,
             config,
@@ -297,15 +299,15 @@ class ExcitationSetup:
 
         Parameters
         ----------
-        robot, config, package_directories : as in the class.
-        acceleration_limit, current_limit : what a URDF does not know, see `MotionLimits`.
+        robot, config, package_directories : see the class.
+        acceleration_limit, current_limit : limits missing in a URDF, see `MotionLimits`.
         torque_per_ampere : joint torque per motor current [Nm/A], one for all joints or (n,).
 
         Raises
         ------
         ExcitationError
-            If a number of values fits neither one nor all joints, a value is not positive, or
-            current is limited but cannot be told from the torque.
+            If the number of values is neither one nor n, a value is not positive, or current is
+            limited but the torque per current is unknown.
         """
         limits = MotionLimits.of_robot(robot, acceleration_limit, current_limit)
         per_ampere = one_a_joint('torque per ampere', torque_per_ampere, robot.n)
@@ -317,20 +319,20 @@ class ExcitationSetup:
 
     @cached_property
     def usable_limits(self) -> MotionLimits:
-        """The share of the limits an excitation may use."""
+        """Part of the limits that an excitation may use."""
         config = self.config
         return self.limits.scaled(config.position_share, config.velocity_share, config.effort_share)
 
     @cached_property
     def effort_model(self) -> EffortModel:
-        """Prior model of torque and current."""
+        """Prior model of torque and motor current."""
         return EffortModel(self.robot, self.rotor_inertia, self.torque_per_ampere)
 
     @cached_property
     def clearance(self) -> ClearanceChecker | None:
-        """Distances to keep, None if they are not to be checked.
+        """Distances to keep, None if clearance is not checked.
 
-        Building it raises ExcitationError without collision shapes.
+        Building the checker raises ExcitationError without collision shapes.
         """
         if not self.config.check_clearance:
             return None
@@ -345,12 +347,12 @@ class ExcitationSetup:
 
     @cached_property
     def stops(self) -> StopLimits:
-        """Return the limits of the joints for a stop anywhere on a motion."""
+        """Return the joint limits for a stop at any point of a motion."""
         return StopLimits(self.limits, self.effort_model)
 
     @cached_property
     def checker(self) -> FeasibilityChecker:
-        """Limits of the excitation."""
+        """Feasibility checker of the excitation."""
         return FeasibilityChecker(
             self.usable_limits,
             self.clearance,
@@ -361,7 +363,7 @@ class ExcitationSetup:
 
     @cached_property
     def planner(self) -> ExcitationPlanner:
-        """From any posture through an excitation and back."""
+        """Planner from any posture through an excitation and back."""
         transfers = FeasibilityChecker(
             self.limits, self.clearance, self.effort_model, stops=self.stops
         )
@@ -377,8 +379,8 @@ class ExcitationSetup:
         Parameters
         ----------
         amplitude : largest coefficient [rad].
-        fundamental : f0 [Hz].
-        harmonics : N.
+        fundamental : frequency f0 [Hz].
+        harmonics : number of harmonics N.
         """
         return RandomTrajectory(
             self.config.bias_of(self.robot),
@@ -389,16 +391,16 @@ class ExcitationSetup:
         )
 
     def require_bias(self) -> None:
-        """Check the centre of the motion if one is configured: limits, gravity, clearance.
+        """Check the configured centre of the motion: limits, gravity, clearance.
 
-        Without one, random trajectories are drawn about many postures.
+        Without a configured centre, random trajectories have many different centres.
 
         Raises
         ------
         ConfigError
-            If it does not have one finite value a joint.
+            If the centre does not have one finite value per joint.
         InfeasibleError
-            If the arm may not rest there; names the limit that binds.
+            If the arm may not rest there; the message names the violated limit.
         """
         centre = self.config.bias_of(self.robot)
         if self.config.bias is not None:
@@ -406,5 +408,5 @@ class ExcitationSetup:
             report.require('the centre of the motion (bias)')
 
     def __getstate__(self) -> dict[str, Any]:
-        # Collision geometry and solver data cannot be sent; they are built again when needed.
+        # Collision geometry and solver data cannot be sent; the receiver builds them when needed.
         return {field.name: getattr(self, field.name) for field in fields(self)}

@@ -1,4 +1,4 @@
-"""Feasibility of a motion: margins to the limits of joints, speed, acceleration and effort."""
+"""Feasibility of a motion: margins to limits of position, speed, acceleration and effort."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from aerarm_ros.motion.signals import Array, JointMotion, JointReference
 
 
 class EffortModel:
-    """Inverse dynamics with rotor inertia and friction, thesis (2.18), and the drive train.
+    """Inverse dynamics with rotor inertia and friction, thesis (2.18), and drive train.
 
     Parameters
     ----------
-    robot : arm with its prior inertial parameters and friction.
-    rotor_inertia : (n,) reflected to the joint [kg m^2], None for none.
-    torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None: current is unknown.
-    load_friction : dry friction per torque that a gear passes on [-]; the robot's if None.
+    robot : arm with prior inertial parameters and friction.
+    rotor_inertia : (n,) inertia reflected to the joints [kg m^2], None for zero.
+    torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None if unknown.
+    load_friction : dry friction per torque transmitted by the gear [-]; the robot's if None.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class EffortModel:
         )
 
     def carry(self, payload: ArrayLike) -> None:
-        """Add a body to the last link, see `Dynamics.carry`."""
+        """Add a payload to the last link, see `Dynamics.carry`."""
         self._dynamics.carry(payload)
 
     def effort(self, position: Array, velocity: Array, acceleration: Array) -> Array:
@@ -58,7 +58,7 @@ class EffortModel:
         rigid = np.array(
             [inverse(*sample) for sample in zip(position, velocity, acceleration, strict=True)]
         ).reshape(-1, self._n)
-        # What turns the rotors does not go through the gears.
+        # The torque that accelerates the rotors is not transmitted by the gears.
         load = rigid - self._dynamics.rotor_inertia * acceleration
         dry = self._coulomb + self._load_friction * np.abs(load)
         return rigid + viscous_coulomb(velocity, self._viscous, dry)
@@ -68,23 +68,23 @@ class EffortModel:
         return effort / self._torque_per_ampere
 
     def torque(self, current: Array) -> Array:
-        """Return joint torques [Nm] of motor currents [A], without friction of the gears."""
+        """Return joint torques [Nm] of motor currents [A], without gear friction."""
         return current * self._torque_per_ampere
 
 
 @dataclass(frozen=True)
 class LimitMargin:
-    """How far a motion stays from one limit.
+    """Margin of a motion to one limit.
 
     Parameters
     ----------
-    limit : which limit, such as 'velocity' or 'ground clearance'.
+    limit : name of the limit, for example 'velocity' or 'ground clearance'.
     subject : joint or pair of links.
-    reached, allowed : the extreme of the motion and the limit, in `unit`.
-    margin : distance to the limit in `unit`, negative beyond it.
-    relative : margin as a share of what the limit allows, to compare unlike limits.
-    unit : unit of all but `relative`.
-    time : when the extreme is reached [s].
+    reached, allowed : extreme value of the motion and limit, in `unit`.
+    margin : distance to the limit in `unit`, negative if violated.
+    relative : margin as a fraction of the allowed value, to compare different limits.
+    unit : unit of all values except `relative`.
+    time : time of the extreme value [s].
     """
 
     limit: str
@@ -111,15 +111,15 @@ def peak_margins(
     values: Array,
     allowed: Array,
 ) -> list[LimitMargin]:
-    """Return each joint's margin of its largest magnitude; a limit that is infinite is none.
+    """Return each joint's margin at its largest magnitude; infinite limits are omitted.
 
     Parameters
     ----------
     limit, unit : as in `LimitMargin`.
-    names : of the n joints.
-    times : (M,) when the values are reached [s].
-    values : (M, n).
-    allowed : (n,) positive.
+    names : names of the n joints.
+    times : (M,) times of the values [s].
+    values : (M, n) values to check.
+    allowed : (n,) positive limits.
     """
     margins = []
     for j, name in enumerate(names):
@@ -137,12 +137,12 @@ def peak_margins(
 
 @dataclass(frozen=True)
 class FeasibilityReport:
-    """Margins of a motion to every limit that was checked.
+    """Margins of a motion to every checked limit.
 
     Parameters
     ----------
-    margins : one for each limit and subject.
-    notes : what was not checked, or held to less than was asked for, in words.
+    margins : one margin per limit and subject.
+    notes : texts on skipped or relaxed checks.
     """
 
     margins: Sequence[LimitMargin]
@@ -152,16 +152,16 @@ class FeasibilityReport:
 
     @property
     def feasible(self) -> bool:
-        """Whether every limit is kept."""
+        """Whether all limits are satisfied."""
         return all(margin.margin >= -self._ROUNDING for margin in self.margins)
 
     @property
     def binding(self) -> LimitMargin:
-        """The limit with the smallest relative margin."""
+        """Margin with the smallest relative value."""
         return min(self.margins, key=lambda margin: margin.relative)
 
     def worst_of_each(self) -> list[LimitMargin]:
-        """Return for each kind of limit the subject that comes closest to it."""
+        """Return, for each kind of limit, the subject with the smallest margin."""
         worst: dict[str, LimitMargin] = {}
         for margin in self.margins:
             if margin.limit not in worst or margin.relative < worst[margin.limit].relative:
@@ -169,18 +169,18 @@ class FeasibilityReport:
         return list(worst.values())
 
     def require(self, what: str) -> None:
-        """Raise unless feasible.
+        """Raise an error unless the motion is feasible.
 
         Raises
         ------
         InfeasibleError
-            Naming `what` is infeasible, and the limit that binds.
+            If a limit is violated; the message names `what` and the limit.
         """
         if not self.feasible:
             raise InfeasibleError(f'{what} is infeasible: {self.binding}')
 
     def as_table(self) -> str:
-        """Return one line for each kind of limit, the closest subject each, then the notes."""
+        """Return one line per kind of limit with its closest subject, followed by the notes."""
         rows = [
             f'  {m.limit:<17} {m.subject:<24} {m.reached:9.4g} of {m.allowed:9.4g} {m.unit:<8}'
             f' margin {m.margin:9.4g}'
@@ -197,15 +197,15 @@ def effort_margins(
     times: Array,
     states: JointReference,
 ) -> list[LimitMargin]:
-    """Return the margins of the torques and currents that states need.
+    """Return the margins of the torques and currents required by states.
 
     Parameters
     ----------
-    names : what the two limits are called.
-    limits : of the joints.
+    names : names of the two limits.
+    limits : limits of the joints.
     model : prior inverse dynamics.
-    times : (M,) of the states [s].
-    states : (M, n) each.
+    times : (M,) times of the states [s].
+    states : (M, n) states.
     """
     effort = model.effort(*states)
     current = model.current(effort)
@@ -216,27 +216,27 @@ def effort_margins(
     ]
 
 
-# Where the path itself takes nearly all of a torque limit, a stop still gets this share of the
-# path's torque for braking: a stop always ends.
+# If the path requires almost all of a torque limit, a stop may still use this fraction of the
+# path's torque for braking, so that every stop ends.
 _LEFT = 0.1
 
 
 class StopLimits:
-    """Acceleration, torque and motor current that a stop along a motion keeps, see `stop_along`.
+    """Acceleration, torque and motor current limits of a stop along a motion, see `stop_along`.
 
-    A stop keeps the arm on its path, so postures are the motion's own and no joint gets faster.
-    It brakes as hard as the whole limits allow, not the share an excitation uses, because stops
-    are rare. Between full speed and rest the path's own torque lies between that of the motion,
-    which is checked, and that of the arm at rest, which `margins` checks.
+    A stop keeps the arm on its path, so postures are those of the motion and no joint accelerates.
+    The stop brakes as hard as the full limits allow, beyond the fraction used by an excitation,
+    because stops are rare. Between full speed and rest the path's torque lies between the motion's
+    torque, which is checked, and the torque at rest, which `margins` checks.
 
     Parameters
     ----------
-    limits : the arm's limits, whole.
-    effort_model : prior dynamics; None leaves torque and current out.
+    limits : full limits of the arm.
+    effort_model : prior dynamics; None ignores torque and current.
     """
 
     _RESTS = 0.02
-    """The arm may come to rest at postures this far apart on the motion [s]."""
+    """Time between checked rest postures along the motion [s]."""
 
     def __init__(self, limits: MotionLimits, effort_model: EffortModel | None) -> None:
         self.limits = limits
@@ -254,7 +254,7 @@ class StopLimits:
         return rows
 
     def margins(self, motion: JointMotion) -> list[LimitMargin]:
-        """Return the margins of holding the arm still wherever on `motion` it was stopped."""
+        """Return the margins for holding the arm at rest at any point of `motion`."""
         if self._effort_model is None:
             return []
         times = np.append(np.arange(0.0, motion.duration, self._RESTS), motion.duration)
@@ -263,9 +263,9 @@ class StopLimits:
         return effort_margins(what, self.limits, self._effort_model, times, rest)
 
     def inertial_torque(self, q: Array, ddq: Array) -> Array | None:
-        """Return what an acceleration takes at `q` [Nm], within the limits; None without a model.
+        """Return the torque of an acceleration at `q` [Nm], within limits; None without a model.
 
-        All are (n,).
+        All arrays are (n,).
         """
         if self._effort_model is None:
             return None
@@ -277,10 +277,10 @@ class StopLimits:
         return torque
 
     def _effort_rows(self, model: EffortModel, point: JointReference) -> Iterable[Row]:
-        """Return the rows of each joint's torque; a limit of the current is one of the torque.
+        """Return the rows of each joint's torque limit, with current limits converted to torque.
 
-        Friction counts as growing with the squared rate. It is larger than that at lower rates,
-        which takes load off a motor that brakes.
+        Friction is assumed to grow with the squared rate. At lower rates friction is larger, which
+        reduces the load of a braking motor.
         """
         zero = np.zeros_like(point.q)
         still, pulled, moved = model.effort(
@@ -298,30 +298,29 @@ _UNCHECKED = ('collisions are not checked: the arm may touch itself, its base or
 
 
 class FeasibilityChecker:
-    """Checks motions against joint limits, torque, motor current and clearance.
+    """Checks of motions against joint limits, torque, motor current and clearance.
 
-    A motion is evaluated at every control cycle, which is all that is ever commanded. Between
-    two cycles a joint moves beyond both by at most ddq_max cycle^2 / 8 (2e-6 rad at 15 rad/s^2
-    and 1 kHz), less than any limit is known to. Clearance is certified between cycles too.
+    A motion is evaluated at every control cycle, which covers all commands. Between two cycles a
+    joint exceeds both values by at most ddq_max cycle^2 / 8 (2e-6 rad at 15 rad/s^2 and 1 kHz),
+    less than the accuracy of any limit. Clearance is certified between cycles as well.
 
     Parameters
     ----------
-    limits : what the joints may do.
-    clearance : distances to keep; None leaves collisions unchecked.
-    effort_model : prior dynamics, for torque and current; None leaves them unchecked.
-    highest_frequency : highest harmonic a trajectory may have [Hz], below what shakes the arm's
-        elastic parts.
+    limits : limits of the joints.
+    clearance : distances to keep; None skips collision checks.
+    effort_model : prior dynamics, for torque and current; None skips these checks.
+    highest_frequency : largest allowed frequency of a harmonic [Hz], below resonances of the arm.
     cycle : control cycle [s].
-    stops : checks that the arm may rest anywhere on the motion; None leaves that unchecked.
+    stops : check that the arm may rest at any point of the motion; None skips this check.
 
     Raises
     ------
     ExcitationError
-        If the cycle cannot carry the highest frequency (Nyquist, thesis 3.4.2).
+        If the cycle is too slow for the highest frequency (Nyquist, thesis 3.4.2).
     """
 
     _GLANCE = 25
-    """Every how many cycles a motion is looked at first."""
+    """Spacing in cycles of the samples of the first, coarse check."""
 
     def __init__(
         self,
@@ -349,7 +348,7 @@ class FeasibilityChecker:
     ) -> FeasibilityReport:
         """Return the margins of one period of a trajectory with run-in and run-out.
 
-        More periods repeat the same postures, so one stands for all. Parameters as in `check`;
+        Further periods repeat the same postures, so one period suffices. Parameters as in `check`;
         `ramp_time` [s] as in `RampedExcitation`.
         """
         reached, allowed = trajectory.highest_frequency, self.highest_frequency
@@ -363,12 +362,12 @@ class FeasibilityChecker:
         return FeasibilityReport([harmonic, *report.margins], report.notes)
 
     def check(self, motion: JointMotion, stop_early: bool = False) -> FeasibilityReport:
-        """Return the margins of `motion` to every limit.
+        """Return the margins of `motion` to all limits.
 
         Parameters
         ----------
-        motion : what is checked, from 0 to its duration.
-        stop_early : look at a few samples first, and leave the rest out once a limit is broken.
+        motion : motion to check, from 0 to its duration.
+        stop_early : whether to check a few samples first, and to skip the rest after a violation.
         """
         cycles = int(np.ceil(motion.duration / self.cycle))
         times = np.linspace(0.0, motion.duration, cycles + 1)
@@ -411,7 +410,7 @@ class FeasibilityChecker:
                 if np.isfinite(bound):
                     reached = float(position[sample, j])
                     margin = sign * (reached - float(bound))
-                    # Half the range: the most margin that can be had on both sides.
+                    # Half the range is the largest possible margin to both limits.
                     half = 0.5 * float(min(high[j] - low[j], 2.0 * np.pi))
                     margins.append(
                         LimitMargin(
@@ -430,7 +429,7 @@ class FeasibilityChecker:
 
 def _clearance_margin(kind: str, found: Clearance, times: Array) -> LimitMargin:
     margin = found.guaranteed - found.required
-    # Compared with 0.1 m: the distance at which an arm of this size counts as free.
+    # Relative to 0.1 m, a distance at which an arm of this size counts as free.
     return LimitMargin(
         f'{kind} clearance',
         found.subject,

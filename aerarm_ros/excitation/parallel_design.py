@@ -1,4 +1,4 @@
-"""Designs from many starts, on several processes."""
+"""Trajectory designs from many random starts in several processes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _worker_designer: TrajectoryDesigner | None = None
 _worker_stop: Callable[[], bool] | None = None
 
 GRACE = 20.0
-"""How long workers may take to return their best so far once a stop is asked for [s]."""
+"""Time for workers to return their best result after a stop [s]."""
 
 
 def design_all(
@@ -36,21 +36,21 @@ def design_all(
     workers: int = 1,
     stop: Callable[[], bool] = lambda: False,
 ) -> Iterator[Outcome]:
-    """Yield the outcome of each start as it is finished.
+    """Yield the outcome of each start when finished.
 
-    Each start has random numbers of its own, so the set of results does not depend on the
-    number of workers. Leaving the iteration early ends the workers.
+    Each start has its own random numbers, so the set of results does not depend on the number of
+    workers. Leaving the iteration early ends the workers.
 
     Parameters
     ----------
-    specification : what is to be designed.
-    starts : how many random starts.
-    workers : processes, at least one: this one keeps watching `stop`, and linear algebra on
-        several threads would give other last digits than on one.
-    stop : asked ten times a second; once True, starts under way yield their best so far, and
-        those not begun yield nothing.
+    specification : specification of the design.
+    starts : number of random starts.
+    workers : number of processes, at least one, because this process watches `stop`. Each uses one
+        thread, since multi-threaded linear algebra would change the last digits.
+    stop : function called ten times per second; once it returns True, running starts yield their
+        best result so far, and pending starts yield nothing.
     """
-    # Started afresh rather than forked: the parent may have threads (BLAS, a ROS context).
+    # Spawned rather than forked, because the parent may have threads (BLAS, a ROS context).
     context = multiprocessing.get_context('spawn')
     stopping = context.Event()
     with _single_threaded_algebra(), interrupts_held_back():
@@ -70,7 +70,7 @@ def design_all(
 
 
 class _StopRequest:
-    """Passes a stop on to the workers, and counts the time since."""
+    """Forwards a stop to the workers, and measures the time since then."""
 
     def __init__(self, stop: Callable[[], bool], stopping: Event) -> None:
         self._stop = stop
@@ -78,7 +78,7 @@ class _StopRequest:
         self._give_up = math.inf
 
     def patience_is_over(self) -> bool:
-        """Return whether the workers had long enough to react."""
+        """Return whether the time for the workers to react has passed."""
         if not self._stopping.is_set() and self._stop():
             self._stopping.set()
             self._give_up = time.monotonic() + GRACE
@@ -117,11 +117,11 @@ def _work(start: int) -> Outcome | None:
 
 @contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Block SIGINT for this thread, and for good in the processes it starts meanwhile.
+    """Block SIGINT in this thread, and permanently in processes started in this context.
 
-    A Ctrl-C reaches every process of the terminal; the parent decides what it means.
+    Ctrl-C sends SIGINT to every process of the terminal; only the parent handles it.
     """
-    resource_tracker.ensure_running()  # else it starts with the pool, and unblocks SIGINT
+    resource_tracker.ensure_running()  # otherwise it starts with the pool, and unblocks SIGINT
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -131,7 +131,7 @@ def interrupts_held_back() -> Iterator[None]:
 
 @contextmanager
 def _single_threaded_algebra() -> Iterator[None]:
-    """Keep the children's linear algebra from using more threads than there are workers."""
+    """Limit the linear algebra of child processes to one thread."""
     before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, '1'))
     try:

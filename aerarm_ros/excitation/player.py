@@ -1,4 +1,4 @@
-"""The player of an excitation: a command for each state."""
+"""Player that sends one command of an excitation for each state."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aerarm_ros.motion.signals import Array, JointCommand, JointReference
 
 
 class CommandLaw(Protocol):
-    """Maps a reference to the command of a mode."""
+    """Control law that maps a reference to a command."""
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
         """Return the command for the measured `position` (n,) [rad]."""
@@ -24,7 +24,7 @@ class CommandLaw(Protocol):
 
 
 class FeedForwardLaw:
-    """Position and velocity reference with the torque the prior model expects, thesis (4.4).
+    """Position and velocity reference with the prior model's torque, thesis (4.4).
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class FeedForwardLaw:
         self._effort_model = effort_model
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
-        """Return reference and feed-forward torque; the boards close the loop themselves."""
+        """Return reference and feed-forward torque; the boards close the loop."""
         effort = self._effort_model.effort(*(np.atleast_2d(part) for part in reference))[0]
         return JointCommand(reference.q, reference.dq, effort)
 
@@ -43,14 +43,14 @@ class FeedForwardLaw:
 class VelocityLaw:
     """Kinematic control: dq_cmd = dq_d + K (q_d - q), thesis section 2.5.2 in joint space.
 
-    The boards integrate the velocity reference, so the posture drifts only by what their
-    velocity loop leaves; a small K takes that away without stiffening the loop.
+    The boards integrate the velocity reference, so the posture drifts only by the error of their
+    velocity loop; a small K removes the drift without stiffening the loop.
 
     Parameters
     ----------
-    gain : K [1/s], 0 for the thesis's pure velocity commands.
-    limit : (n,) largest speed commanded [rad/s]. The reference is checked before it is played,
-        the correction cannot be: it depends on how well the arm follows.
+    gain : gain K [1/s], 0 for the thesis's pure velocity commands.
+    limit : (n,) largest commanded speed [rad/s]. The reference is checked before the motion, but
+        the correction depends on the tracking error and cannot be checked.
     """
 
     def __init__(self, gain: float, limit: Array | float = np.inf) -> None:
@@ -60,13 +60,13 @@ class VelocityLaw:
     def command(self, reference: JointReference, position: Array) -> JointCommand:
         """Return the velocity command for the measured `position` (n,) [rad]."""
         correction = self._gain * (reference.q - position)
-        # In the 1 kHz loop, where np.clip would take longer than all the rest.
+        # Not np.clip, which would dominate the time of this 1 kHz call.
         velocity = np.minimum(reference.dq + correction, self._limit)
         return JointCommand(dq=np.maximum(velocity, -self._limit))
 
 
 class PlayState(Enum):
-    """Where a player is."""
+    """State of a player."""
 
     RUNNING = 'running'
     STOPPING = 'stopping'
@@ -75,16 +75,16 @@ class PlayState(Enum):
 
 
 class ExcitationPlayer:
-    """Answers every measured state with one command until the motion ends.
+    """Returns one command per measured state until the motion ends.
 
-    Time is the stamp of the states: a lost message leaves a gap in the commands but does not
-    delay the motion.
+    Time is the stamp of the states: a lost message causes a gap in the commands without delaying
+    the motion.
 
     Parameters
     ----------
-    motion : what is played, starting at rest in the posture of the first state.
-    law : command mode.
-    stops : limits that a stop keeps; it follows the motion's path as fast as they allow.
+    motion : motion to play, starting at rest in the posture of the first state.
+    law : control law of the command.
+    stops : limits of a stop, which follows the motion's path as fast as they allow.
     tracking_limit : largest |q_d - q| of a joint before the motion is stopped [rad].
     largest_gap : largest time between two states [s].
 
@@ -95,7 +95,7 @@ class ExcitationPlayer:
     """
 
     START_TOLERANCE = 0.05
-    """How far a joint may have moved since the motion was planned [rad]."""
+    """Largest joint motion between planning and start [rad]."""
 
     def __init__(
         self,
@@ -113,13 +113,13 @@ class ExcitationPlayer:
         self._joint_names = stops.limits.joint_names
         self._tracking_limit = tracking_limit
         self._largest_gap_ns = round(largest_gap * 1e9)
-        self._stop: PolynomialPath | None = None  # path time against time, once a stop began
+        self._stop: PolynomialPath | None = None  # path time over time, once a stop began
         self._stop_at = 0.0
         self._start_ns: int | None = None
         self._last_ns = 0
         self.state = PlayState.RUNNING
         self.fault: str | None = None
-        """Why the motion was broken off, None if it was not."""
+        """Reason why the motion was aborted, None if it was not."""
         self.path_time = 0.0
         """Time along the motion at the last state [s]."""
         self.largest_error = np.zeros(len(self._joint_names))
@@ -127,26 +127,26 @@ class ExcitationPlayer:
 
     @property
     def done(self) -> bool:
-        """Whether the reference is at rest and nothing more is to be commanded."""
+        """Whether the reference is at rest and no further command is needed."""
         return self.state in (PlayState.FINISHED, PlayState.STOPPED)
 
     @property
     def progress(self) -> float:
-        """Share of the motion that was played, 0 to 1."""
+        """Fraction of the motion already played, 0 to 1."""
         return min(self.path_time / self.motion.duration, 1.0)
 
     @property
     def stage(self) -> str:
-        """Name of the running stage."""
+        """Name of the active stage of the motion."""
         return self.motion.stage_at(self.path_time).name
 
     def stop(self) -> None:
-        """Bring the arm to rest on its path; takes effect at the next state."""
+        """Stop the arm on its path, starting at the next state."""
         if self.state is PlayState.RUNNING:
             self.state = PlayState.STOPPING
 
     def hold(self, position: Array) -> JointCommand:
-        """Return the command that keeps the arm where the motion starts, before it does.
+        """Return the command that holds the arm at the start of the motion, before it begins.
 
         Parameters
         ----------
@@ -155,7 +155,7 @@ class ExcitationPlayer:
         Raises
         ------
         ExcitationError
-            If the posture is not finite, or not where the motion starts.
+            If the posture is not finite, or differs from the start of the motion.
         """
         self._require_start(position)
         start = self.motion.evaluate(0.0)
@@ -163,7 +163,7 @@ class ExcitationPlayer:
         return self._law.command(start, position)
 
     def update(self, stamp_ns: int, position: Array) -> JointCommand:
-        """Return the command that answers one state.
+        """Return the command for one state.
 
         Parameters
         ----------
@@ -173,8 +173,8 @@ class ExcitationPlayer:
         Raises
         ------
         ExcitationError
-            If the stamp jumps or the posture is not finite: what the arm does is not known then,
-            so no command can be right. Or if the first posture is not where the motion starts.
+            If the stamp jumps or the posture is not finite, because the arm's state is then
+            unknown. Also if the first posture differs from the start of the motion.
         """
         if self._start_ns is None:
             self._require_start(position)
@@ -194,7 +194,7 @@ class ExcitationPlayer:
         return self._with_braking(command, path) if command.tau is None else command
 
     def ahead(self, times: Array) -> JointReference | None:
-        """Return the references (M, n) at times (M,) [s] after the last state; None before it."""
+        """Return references (M, n) at times (M,) [s] after the last state; None before any."""
         if self._start_ns is None:
             return None
         now = (self._last_ns - self._start_ns) * 1e-9
@@ -206,9 +206,9 @@ class ExcitationPlayer:
         worst = int(moved.argmax())
         if moved[worst] > self.START_TOLERANCE:
             raise ExcitationError(
-                f'{self._joint_names[worst]} moved by {moved[worst]:.3f} rad since the motion was '
-                'planned: check that the arm is held and that no person or node moves it, then '
-                'try again'
+                f'{self._joint_names[worst]} moved by {moved[worst]:.3f} rad after the motion '
+                'was planned: check that the arm is held and that no person or node moves it, '
+                'then try again'
             )
 
     def _elapsed(self, stamp_ns: int) -> float:
@@ -217,8 +217,8 @@ class ExcitationPlayer:
         gap = stamp_ns - self._last_ns
         if not 0 <= gap <= self._largest_gap_ns:
             raise ExcitationError(
-                f'joint state stamps jump by {gap * 1e-9:.3f} s: check that one bridge publishes '
-                'joint_states without pauses and that its clock is not being set'
+                f'joint state stamps jump by {gap * 1e-9:.3f} s: check that exactly one bridge '
+                'publishes joint_states without pauses and that no program sets its clock'
             )
         self._last_ns = stamp_ns
         return (stamp_ns - self._start_ns) * 1e-9
@@ -233,9 +233,9 @@ class ExcitationPlayer:
         return PathTime(*(float(part[0]) for part in self._stop.evaluate(now - self._stop_at)))
 
     def _with_braking(self, command: JointCommand, path: PathTime) -> JointCommand:
-        """Add the torque that brakes: a velocity loop alone is late by what it has to build up.
+        """Add the braking torque, because a velocity loop alone reacts with delay.
 
-        It is zero where a stop begins and ends.
+        The torque is zero at the beginning and the end of a stop.
         """
         if self._stop is None:
             return command
@@ -244,9 +244,9 @@ class ExcitationPlayer:
 
     def _check_tracking(self, error: Array) -> None:
         distance = np.abs(error)
-        worst = int(distance.argmax())  # the first NaN, if there is one
+        worst = int(distance.argmax())  # first NaN, if any
         if np.isnan(distance[worst]):
-            raise ExcitationError('a joint state holds NaN: check the encoders and the bridge')
+            raise ExcitationError('a joint state contains NaN: check the encoders and the bridge')
         np.maximum(self.largest_error, distance, out=self.largest_error)
         if distance[worst] > self._tracking_limit and self.fault is None:
             self.fault = (

@@ -1,4 +1,4 @@
-"""A trajectory on one page that opens without a network."""
+"""Preview of a trajectory on one page that opens offline."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from aerarm_ros.pages.html_text import bullets, origin, page, paragraph, section
 from aerarm_ros.pages.plots import plotly_figure, plotting_script
 
 _SEGMENTS = 16
-_CORNERS = 96  # of a hull, at most
+_CORNERS = 96  # largest number of corners of a hull
 
 
 class TriangleMesh(NamedTuple):
-    """Vertices (V, 3) [m] and triangles (T, 3) of vertex numbers."""
+    """Vertices (V, 3) [m] and triangles (T, 3) of vertex indices."""
 
     vertices: Array
     triangles: NDArray[np.intp]
 
 
 def mesh_of_shape(shape: pin.GeometryObject) -> TriangleMesh | None:
-    """Return the mesh of a convex shape in its link's joint frame, None if it has no points.
+    """Return the mesh of a convex shape in its link's joint frame, None without points.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def mesh_of_shape(shape: pin.GeometryObject) -> TriangleMesh | None:
 
 
 def _points(geometry: Any) -> Array | None:
-    """Return points whose hull is the shape (round ones with a few segments), (P, 3)."""
+    """Return points (P, 3) whose hull is the shape; round shapes have a few segments."""
     if hasattr(geometry, 'halfSide'):
         corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
         return np.asarray(corners * np.asarray(geometry.halfSide))
@@ -85,13 +85,13 @@ def _points(geometry: Any) -> Array | None:
 
 
 def _outermost(points: Array) -> Array:
-    """Return those of (P, 3) points that lie farthest out in directions all around.
+    """Return those of (P, 3) points that are farthest out in evenly spread directions.
 
-    A hull of a scanned shape has thousands of corners, and an animation holds each many times.
+    A hull of a scanned shape has thousands of corners, and an animation stores each many times.
     """
     if len(points) <= _CORNERS:
         return points
-    # Fibonacci's sphere: golden angles around, equal steps in height.
+    # Fibonacci sphere: golden angles around, equal steps in height.
     height = 1.0 - (2.0 * np.arange(_CORNERS) + 1.0) / _CORNERS
     angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_CORNERS)
     ring = np.sqrt(1.0 - height**2)
@@ -100,7 +100,7 @@ def _outermost(points: Array) -> Array:
 
 
 def _ball_rings() -> list[tuple[float, float]]:
-    """Return radius and height of circles on the upper half of the unit ball."""
+    """Return radius and height of circles on the upper half of the unit sphere."""
     latitudes = np.linspace(0.0, 0.5 * np.pi, 4)
     return [(max(float(np.cos(a)), 1e-3), float(np.sin(a))) for a in latitudes]
 
@@ -109,12 +109,12 @@ _COLOURS = ('#444b54', '#d9722e', '#8a8f98', '#d9a62e', '#5b8fb9', '#7fb069', '#
 
 
 class ArmAnimation:
-    """Draws an arm in the postures of a trajectory.
+    """Animation of an arm in the postures of a trajectory.
 
     Parameters
     ----------
-    robot : the arm.
-    clearance : where its collision shapes come from; None for an arm that has none.
+    robot : robot model of the arm.
+    clearance : source of its collision shapes; None for an arm without shapes.
     """
 
     def __init__(self, robot: Robot, clearance: ClearanceChecker | None) -> None:
@@ -125,7 +125,7 @@ class ArmAnimation:
 
     @property
     def tool_name(self) -> str:
-        """Name of the frame whose path is drawn: of the last link, farthest from its joint."""
+        """Name of the frame whose path is drawn: the last link's frame farthest from its joint."""
         return str(self._robot.model.frames[self._tool].name)
 
     def tool_path(self, positions: Array) -> Array:
@@ -137,13 +137,13 @@ class ArmAnimation:
         return np.array(path)
 
     def figure(self, times: Array, positions: Array, frames: int = 56) -> go.Figure:
-        """Return the animation.
+        """Return the animation as a Plotly figure.
 
         Parameters
         ----------
-        times : (M,) [s].
+        times : (M,) times [s].
         positions : (M, n) postures [rad].
-        frames : pictures of the animation.
+        frames : number of frames of the animation.
         """
         shown = np.unique(np.linspace(0, len(times) - 1, frames).astype(int))
         path = self.tool_path(positions)
@@ -177,7 +177,7 @@ class ArmAnimation:
         return max(last, key=lambda i: float(np.linalg.norm(frames[i].placement.translation)))
 
     def _draw(self, q: Array) -> list[go.Mesh3d]:
-        """Return the links, each whole."""
+        """Return complete meshes of the links."""
         meshes = self._place(q)
         for drawn, (joint, mesh) in zip(meshes, self._bodies.items(), strict=True):
             i, j, k = mesh.triangles.astype(np.uint32).T
@@ -187,12 +187,12 @@ class ArmAnimation:
         return meshes
 
     def _place(self, q: Array) -> list[go.Mesh3d]:
-        """Return where the links' corners are: what changes from picture to picture."""
+        """Return the positions of the links' corners, which change between frames."""
         pin.forwardKinematics(self._robot.model, self._data, q)
         meshes = []
         for joint, mesh in self._bodies.items():
             placement = self._data.oMi[joint]
-            # Single precision: enough for a picture, and half of the file's size.
+            # Single precision suffices for a picture and halves the file's size.
             vertices = mesh.vertices @ placement.rotation.T + placement.translation
             x, y, z = vertices.astype(np.float32).T
             meshes.append(go.Mesh3d(x=x, y=y, z=z))
@@ -200,7 +200,7 @@ class ArmAnimation:
 
     @staticmethod
     def _merge_by_joint(shapes: list[pin.GeometryObject]) -> dict[int, TriangleMesh]:
-        """Return one mesh for each joint's link, 0 for what is fixed to the base."""
+        """Return one mesh per joint's link, with key 0 for shapes fixed to the base."""
         parts: dict[int, list[TriangleMesh]] = {}
         for shape in shapes:
             mesh = mesh_of_shape(shape)
@@ -217,7 +217,7 @@ class ArmAnimation:
 
 
 def scene() -> dict[str, object]:
-    """Return the layout of a scene in the base frame that shows all of its axes' box."""
+    """Return the layout of a scene in the base frame that shows the whole bounding box."""
     axes = {f'{axis}axis_title': f'{axis} [m]' for axis in 'xyz'}
     camera = {'eye': {'x': 1.9, 'y': 1.9, 'z': 1.1}, 'center': {'x': 0.0, 'y': 0.0, 'z': -0.12}}
     return {'aspectmode': 'data', 'camera': camera, **axes}
@@ -250,13 +250,13 @@ _LINE_COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2
 
 
 class Preview:
-    """Writes plots, workspace, excitation of each parameter and an animation to HTML.
+    """HTML page with plots, workspace, excitation of each parameter and an animation.
 
     Parameters
     ----------
-    designer : for the regressor and the standard deviations.
-    result : the trajectory.
-    reference : a trajectory to compare the standard deviations with, usually a random one.
+    designer : designer with regressor and standard deviations.
+    result : trajectory to show.
+    reference : trajectory whose standard deviations are compared, usually a random one.
     """
 
     def __init__(
@@ -272,26 +272,32 @@ class Preview:
         self._states = motion.evaluate(self._times)
 
     def write(self, path: Path | str) -> None:
-        """Write the page.
+        """Write the preview page to a file.
 
         Raises
         ------
         ExcitationError
-            If it cannot be written.
+            If the page cannot be written.
         """
         write_design(path, self._page())
 
     def _page(self) -> str:
         sections = [
-            ('Trajectory', [self._trajectory()], 'One period with run-in and run-out. Dashed: what '
-             'an excitation may use of the limits. Click a joint to hide it.'),
+            ('Trajectory', [self._trajectory()], 'One period of the trajectory, with run-in and '
+                                                 'run-out. Dashed lines: limits of the '
+                                                 'excitation. Click a joint to hide it.'),
             ('Workspace', [self._path(), self._coverage()], 'Path of '
-             f'{self._animation.tool_name} in the base frame, and the share of each joint range '
-             'that is covered.'),
-            ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation of '
-             'the part of each parameter that can be identified, after one period at 1 kHz with '
-             'white torque noise. Smaller is better; a parameter without a bar cannot be seen by '
-             'any motion of this arm.'),
+                                                            f'{self._animation.tool_name} in the '
+                                                            'base frame, and the covered '
+                                                            'fraction of each joint range.'),
+            ('Excitation of each parameter', [self._deviations()], 'Expected standard deviation '
+                                                                   'of each parameter, for its '
+                                                                   'identifiable part, after one '
+                                                                   'period at 1 kHz with white '
+                                                                   'torque noise. Smaller is '
+                                                                   'better. A parameter without '
+                                                                   'a bar cannot be identified '
+                                                                   'from any motion of this arm.'),
             ('Animation', [self._animation.figure(self._times, self._states.q)],
              'Collision shapes in the postures of the trajectory.'),
         ]  # fmt: skip
@@ -308,8 +314,8 @@ class Preview:
             f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number (5.2) '
             f'{quality.condition_number:.1f} (random start {other.condition_number:.1f}); with '
             f'scaled columns {quality.scaled_condition_number:.1f} '
-            f'({other.scaled_condition_number:.1f}); standard deviations {gain:.2f} times smaller '
-            'in the geometric mean.'
+            f'({other.scaled_condition_number:.1f}). Expected standard deviations are {gain:.2f} '
+            'times smaller (geometric mean).'
         )
         rows = [
             (m.limit, m.subject, float(m.reached), float(m.allowed), float(m.margin), m.unit)
@@ -319,7 +325,7 @@ class Preview:
         parts: list[str] = [table(headings, rows)]
         notes = self._result.report.notes
         if notes:
-            parts += [paragraph('Clearances that are not checked, or reduced:'), bullets(notes)]
+            parts += [paragraph('Clearances that are reduced or not checked:'), bullets(notes)]
         return [paragraph(lead, 'lead'), section('Limits', *parts)]
 
     def _trajectory(self) -> go.Figure:
@@ -375,7 +381,7 @@ class Preview:
         figure = go.Figure()
         figure.add_bar(x=np.round(covered, 1), y=names, orientation='h', showlegend=False,
                        marker_color='#5b8fb9')  # fmt: skip
-        figure.update_xaxes(title_text='covered share of the joint range [%]', range=[0, 100])
+        figure.update_xaxes(title_text='covered fraction of the joint range [%]', range=[0, 100])
         figure.update_yaxes(autorange='reversed', type='category')
         figure.update_layout(height=90 + 30 * len(names), margin={'t': 10, 'b': 60})
         return figure
@@ -393,7 +399,7 @@ class Preview:
         figure.update_yaxes(
             type='log', title_text='standard deviation [SI units]', exponentformat='e', dtick=1
         )
-        # Every name, however many: Plotly leaves out what it finds too dense.
+        # Show all names; Plotly would omit some of them by default.
         figure.update_xaxes(tickangle=90, dtick=1, tickfont={'size': 9})
         figure.update_layout(barmode='group', height=480, margin={'t': 20})
         return figure

@@ -1,4 +1,4 @@
-"""Settings of an excitation, its motion limits and its errors."""
+"""Settings, motion limits and exceptions of an excitation."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from aerarm_ros.motion.signals import Array
 
 
 class ExcitationError(ValueError):
-    """An excitation trajectory cannot be built, loaded or played; the text says what to check."""
+    """Excitation trajectory that cannot be built, loaded or played; the text says what to check."""
 
 
 class InfeasibleError(ExcitationError):
-    """No trajectory inside the limits was found; the text names the limit that binds."""
+    """No feasible trajectory was found; the text names the violated limit."""
 
 
 class NothingDrawnError(InfeasibleError):
@@ -28,7 +28,7 @@ class NothingDrawnError(InfeasibleError):
 
     Attributes
     ----------
-    binding : the limit that most of them break, in words.
+    binding : description of the limit most often violated.
     """
 
     def __init__(self, message: str, binding: str) -> None:
@@ -36,21 +36,21 @@ class NothingDrawnError(InfeasibleError):
         self.binding = binding
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Workers send it to the process that waits for them.
+        # Workers send this exception to the waiting process.
         return type(self), (str(self), self.binding)
 
 
 class DesignStoppedError(ExcitationError):
-    """A design was stopped before it had a feasible trajectory."""
+    """Design that was stopped before a feasible trajectory was found."""
 
 
 def one_a_joint(name: str, values: ArrayLike, n: int) -> Array:
-    """Return `values` as (n,): one for all joints, or one each.
+    """Return `values` as (n,), from one value for all joints or one per joint.
 
     Raises
     ------
     ExcitationError
-        If there are neither 1 nor n.
+        If the number of values is neither 1 nor n.
     """
     array = np.atleast_1d(np.asarray(values, dtype=float))
     if array.shape not in ((1,), (n,)):
@@ -60,12 +60,12 @@ def one_a_joint(name: str, values: ArrayLike, n: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of each joint, all (n,) in joint order; infinite where there is none.
+    """Limits of each joint, all (n,) in joint order; infinite without a limit.
 
     Parameters
     ----------
     joint_names : names, for messages.
-    position_min, position_max : [rad].
+    position_min, position_max : position limits [rad].
     velocity : largest speed [rad/s].
     acceleration : largest acceleration [rad/s^2].
     effort : largest joint torque [Nm].
@@ -74,7 +74,7 @@ class MotionLimits:
     Raises
     ------
     ExcitationError
-        If a shape differs, a minimum is not below its maximum, or a limit is not positive.
+        If shapes differ, a minimum is not below its maximum, or a limit is not positive.
     """
 
     joint_names: tuple[str, ...]
@@ -104,7 +104,7 @@ class MotionLimits:
 
     @classmethod
     def of_arm(cls, config: ArmConfig) -> MotionLimits:
-        """Return the limits of the arm's configuration."""
+        """Return the limits of an arm's configuration."""
         return cls(
             tuple(config.joint_names),
             config.column('position_min'),
@@ -119,18 +119,18 @@ class MotionLimits:
     def of_robot(
         cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
     ) -> MotionLimits:
-        """Return the limits a URDF states, and the two it does not know.
+        """Return the limits in a URDF, with the two limits that a URDF lacks.
 
         Parameters
         ----------
-        robot : the arm.
+        robot : robot model with the URDF's limits.
         acceleration_limit : largest acceleration [rad/s^2], one for all joints or (n,).
-        current_limit : largest motor current [A], likewise.
+        current_limit : largest motor current [A], one for all joints or (n,).
 
         Raises
         ------
         ExcitationError
-            If there are neither 1 nor n values, or one is not positive.
+            If the number of values is neither 1 nor n, or a value is not positive.
         """
         unlimited = np.full(robot.n, np.inf)
         return cls(
@@ -139,28 +139,28 @@ class MotionLimits:
             robot.position_max,
             robot.velocity_max,
             one_a_joint('acceleration limit', acceleration_limit, robot.n),
-            # A URDF writes 0 where it does not know the effort.
+            # A URDF contains 0 for an unknown effort limit.
             np.where(robot.effort_max > 0.0, robot.effort_max, unlimited),
             one_a_joint('current limit', current_limit, robot.n),
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:
-        """Return the share of these limits an excitation may use, each factor in (0, 1].
+        """Return the usable part of these limits for an excitation, with factors in (0, 1].
 
         Parameters
         ----------
-        position : share of each joint's range, about its middle.
-        velocity : share of velocity and acceleration.
-        effort : share of torque and current.
+        position : fraction of each joint's range, about its middle.
+        velocity : fraction of velocity and acceleration.
+        effort : fraction of torque and current.
 
         Raises
         ------
         ExcitationError
-            If a share is not in (0, 1].
+            If a fraction is not in (0, 1].
         """
         for name, share in (('position', position), ('velocity', velocity), ('effort', effort)):
             if not 0.0 < share <= 1.0:
-                raise ExcitationError(f'usable share of {name} must be in (0, 1], got {share}')
+                raise ExcitationError(f'usable fraction of {name} must be in (0, 1], got {share}')
         slack = (1.0 - position) * 0.5 * (self.position_max - self.position_min)
         slack = np.where(np.isfinite(slack), slack, 0.0)
         return MotionLimits(
@@ -176,28 +176,26 @@ class MotionLimits:
 
 @dataclass(frozen=True, slots=True)
 class ExcitationConfig:
-    """Surroundings and usable shares of an arm's limits.
+    """Usable fractions of an arm's limits, and its surroundings.
 
     Parameters
     ----------
-    position_share : usable share of each joint's range, about its middle.
-    velocity_share : usable share of velocity and acceleration limits.
-    effort_share : usable share of torque and motor current limits.
-    transfer_share : share of the usable velocity and acceleration on the way to the trajectory
-        and back.
-    self_clearance : distance kept between links that are not neighbours and to what is fixed to
-        the base [m].
-    ground_clearance : distance kept to the ground [m].
+    position_share : usable fraction of each joint's range, about its middle.
+    velocity_share : usable fraction of velocity and acceleration limits.
+    effort_share : usable fraction of torque and motor current limits.
+    transfer_share : fraction of the usable velocity and acceleration for approach and return.
+    self_clearance : distance between non-adjacent links and to obstacles fixed to the base [m].
+    ground_clearance : distance to the ground [m].
     ground_height : height of the ground above the base frame's origin, against gravity [m]; None
-        if there is no ground in reach.
-    bias : centre of the motion [rad], a joint each; None for the middle of each joint's range.
-    bias_spread : largest random term added to a bias that is given [rad].
-    highest_frequency : highest harmonic N f0 allowed [Hz], so that elastic parts are not excited.
-    ramp_time : run-in and run-out along the trajectory [s].
-    unchecked_pairs : pairs of links whose distance is not checked, each as 'one to other': they
-        touch by construction.
-    check_clearance : whether distances are checked at all; False for an arm without collision
-        shapes, which then moves without any check of collisions.
+        without reachable ground.
+    bias : centre of the motion [rad], one value per joint; None for the middle of each range.
+    bias_spread : largest random offset of a given bias [rad].
+    highest_frequency : largest allowed frequency N f0 [Hz], to avoid exciting elastic parts.
+    ramp_time : duration of run-in and run-out along the trajectory [s].
+    unchecked_pairs : pairs of links that touch by design and are not checked, each as 'one to
+        other'.
+    check_clearance : whether to check distances; False for an arm without collision shapes, which
+        then moves without collision checks.
 
     Raises
     ------
@@ -239,10 +237,10 @@ class ExcitationConfig:
         object.__setattr__(self, 'unchecked_pairs', tuple(pairs))
 
     def bias_spread_of(self, robot: Robot) -> Array:
-        """Return the largest random term of each joint's bias [rad], (n,).
+        """Return the largest random offset of each joint's bias [rad], (n,).
 
-        Without a bias given, the middle of a joint's range is a guess (and may be a posture in
-        collision), so a third of the range around it is drawn from.
+        Without a given bias, the middle of a joint's range is only a guess (and may be a posture in
+        collision), so the offset covers a third of the range.
         """
         if self.bias is not None:
             return np.full(robot.n, self.bias_spread)
@@ -255,7 +253,7 @@ class ExcitationConfig:
         Raises
         ------
         ConfigError
-            If `bias` does not have one value a joint.
+            If `bias` does not have one value per joint.
         """
         if self.bias is None:
             middle = 0.5 * (robot.position_min + robot.position_max)
@@ -278,7 +276,7 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
     Raises
     ------
     ConfigError
-        If the file cannot be read or says something wrong.
+        If the file cannot be read or is invalid.
     """
     return load(path, 'excitation.yaml', _build)
 
@@ -286,7 +284,7 @@ def load_excitation_config(path: Path | str | None = None) -> ExcitationConfig:
 def _build(document: dict[str, Any]) -> ExcitationConfig:
     if 'stop_time' in document:
         raise ConfigError(
-            'stop_time is no longer used, motions stop as fast as the limits of the arm allow: '
-            'delete the line'
+            'stop_time is no longer used: delete the line; motions stop as fast as the limits of '
+            'the arm allow'
         )
     return build(ExcitationConfig, 'top level', document)

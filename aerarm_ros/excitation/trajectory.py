@@ -1,4 +1,4 @@
-"""Trajectories of an excitation: Fourier series (3.16), strokes, transfers and their sequence."""
+"""Excitation trajectories: Fourier series (3.16), strokes, transfers and sequences."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ class FourierTrajectory:
 
     q_i(t) = q0_i + sum_k alpha_ik sin(k w0 t) + beta_ik cos(k w0 t), with w0 = 2 pi f0.
 
-    Velocity and acceleration are its true derivatives; (3.17) as printed has sine and cosine
+    Velocity and acceleration are the exact derivatives; (3.17) as printed has sine and cosine
     swapped.
 
     Parameters
@@ -41,7 +41,7 @@ class FourierTrajectory:
 
     def __post_init__(self) -> None:
         for field in ('q0', 'alpha', 'beta'):
-            # A private read-only copy: whoever drew the coefficients may reuse the arrays.
+            # A private read-only copy, because the caller may reuse the arrays.
             values = np.array(getattr(self, field), dtype=float)
             values.setflags(write=False)
             object.__setattr__(self, field, values)
@@ -54,8 +54,8 @@ class FourierTrajectory:
             )
         if self.alpha.shape != self.beta.shape or self.harmonics == 0:
             raise ExcitationError(
-                'sine and cosine coefficients must have one shape with at least one harmonic, '
-                f'got alpha {self.alpha.shape} and beta {self.beta.shape}'
+                'sine and cosine coefficients must have the same shape with at least one '
+                f'harmonic, got alpha {self.alpha.shape} and beta {self.beta.shape}'
             )
         if not all(np.isfinite(v).all() for v in (self.q0, self.alpha, self.beta)):
             raise ExcitationError('Fourier coefficients must be finite numbers')
@@ -126,24 +126,24 @@ def standstill(position: ArrayLike) -> PolynomialPath:
 
 @dataclass(frozen=True)
 class Stage:
-    """A named part of a sequence."""
+    """Named part of a sequence."""
 
     name: str
     motion: JointMotion
 
 
 class MotionSequence:
-    """Stages played one after the other; a motion itself.
+    """Sequence of stages, which is a motion itself.
 
     Parameters
     ----------
-    stages : at least one; each has to start where the one before ends, to 1e-9 in position
+    stages : at least one; each must start at the end of the previous stage, within 1e-9 in position
         [rad], velocity [rad/s] and acceleration [rad/s^2].
 
     Raises
     ------
     ExcitationError
-        If there is no stage, or two stages do not join.
+        If there is no stage, or consecutive stages do not join.
     """
 
     _JOIN_TOLERANCE = 1e-9
@@ -170,15 +170,15 @@ class MotionSequence:
 
     @property
     def duration(self) -> float:
-        """Length of all stages [s]."""
+        """Total duration of all stages [s]."""
         return float(self.boundaries[-1])
 
     def stage_at(self, time: float) -> Stage:
-        """Return the stage running at `time` [s]."""
+        """Return the active stage at `time` [s]."""
         return self.stages[self._index(time)]
 
     def evaluate(self, time: ArrayLike) -> JointReference:
-        """Return the reference at `time` [s], scalar or (M,); the ends hold outside."""
+        """Return the reference at `time` [s], scalar or (M,); constant outside the duration."""
         if np.ndim(time) == 0:
             return self._evaluate_one(float(time))  # type: ignore[arg-type]
         time = np.asarray(time, dtype=float)
@@ -206,20 +206,20 @@ class MotionSequence:
 
 @dataclass(frozen=True, eq=False)
 class RampedExcitation:
-    """Fourier trajectory traversed at a speed that rises from 0 to 1 and falls back to 0.
+    """Fourier trajectory whose speed factor rises from 0 to 1 and falls back to 0.
 
-    A Fourier trajectory starts with velocity and acceleration. Rather than reaching them by a
-    polynomial, which swings out by a distance that grows with the start velocity, the arm
-    enters on the trajectory itself: the phase phi(t) starts half a ramp before zero and its
-    rate rises along a quintic step, so posture, velocity and acceleration are continuous. The
-    postures of run-in and run-out are then postures of the trajectory, already checked, and
-    their velocities never exceed the trajectory's.
+    A Fourier trajectory starts with nonzero velocity and acceleration. Reaching them by a
+    polynomial would cause an overshoot that grows with the start velocity. Instead the run-in
+    follows the trajectory itself: the phase phi(t) starts half a ramp before zero, and its rate
+    rises along a quintic step. Posture, velocity and acceleration are continuous. All postures of
+    run-in and run-out belong to the checked trajectory, and velocities never exceed those of the
+    trajectory.
 
     Parameters
     ----------
-    trajectory : the periodic part.
-    periods : how many whole periods are traversed at full speed, at least 1.
-    ramp_time : duration of each ramp [s], positive.
+    trajectory : periodic part of the motion.
+    periods : number of whole periods at full speed, at least 1.
+    ramp_time : positive duration of each ramp [s].
 
     Raises
     ------
@@ -241,12 +241,12 @@ class RampedExcitation:
 
     @property
     def duration(self) -> float:
-        """Length with both ramps [s]."""
+        """Duration including both ramps [s]."""
         return self.periodic_duration + 2.0 * self.ramp_time
 
     @property
     def periodic_duration(self) -> float:
-        """Length of the part at full speed [s], a whole number of periods."""
+        """Duration of the part at full speed [s], a whole number of periods."""
         return self.periods * self.trajectory.period
 
     def evaluate(self, time: ArrayLike) -> JointReference:
@@ -257,7 +257,7 @@ class RampedExcitation:
         time = np.asarray(time, dtype=float)
         after_up = time - ramp
         up, down = smooth_step(time / ramp), smooth_step((after_up - length) / ramp)
-        # The phase is the integral of the rate: up.value at first, then 1, then 1 - down.value.
+        # The phase is the integral of the rate: first up.value, then 1, then 1 - down.value.
         phase = ramp * (up.integral - down.integral - 0.5) + np.minimum(
             np.maximum(after_up, 0.0), length + ramp
         )
@@ -268,20 +268,20 @@ class RampedExcitation:
 
 @dataclass(frozen=True, eq=False)
 class SteadyStroke:
-    """A stroke of one joint from rest to rest; the other joints stand still.
+    """Stroke of one joint from rest to rest; all other joints stand still.
 
     Parameters
     ----------
-    start : (n,) posture at the beginning [rad].
-    joint : index of the joint that moves.
-    travel : signed way of that joint [rad].
-    speed : constant speed in the middle of the way [rad/s], positive.
-    acceleration : largest acceleration of the ramps [rad/s^2], positive.
+    start : (n,) initial posture [rad].
+    joint : index of the moving joint.
+    travel : signed travel of that joint [rad].
+    speed : positive constant speed in the middle of the travel [rad/s].
+    acceleration : positive largest acceleration of the ramps [rad/s^2].
 
     Raises
     ------
     ExcitationError
-        If the ramps leave no part at constant speed.
+        If the ramps leave no section of constant speed.
     """
 
     start: Array
@@ -295,8 +295,9 @@ class SteadyStroke:
             raise ExcitationError('speed and acceleration of a stroke must be positive')
         if self.steady_time <= 0.0:
             raise ExcitationError(
-                f'a stroke of {abs(self.travel):.3g} rad is too short for {self.speed:.3g} rad/s: '
-                f'its ramps alone take {self.speed * self.ramp_time:.3g} rad'
+                f'a stroke of {abs(self.travel):.3g} rad is too short for {self.speed:.3g} '
+                'rad/s, because acceleration and braking alone take '
+                f'{self.speed * self.ramp_time:.3g} rad'
             )
 
     @property
@@ -306,20 +307,20 @@ class SteadyStroke:
 
     @property
     def steady_time(self) -> float:
-        """Time at constant speed [s]: a ramp covers half of what that speed would."""
+        """Time at constant speed [s]; a ramp covers half the distance of that speed."""
         return abs(self.travel) / self.speed - self.ramp_time
 
     @property
     def duration(self) -> float:
-        """Length of the stroke [s]."""
+        """Duration of the stroke [s]."""
         return 2.0 * self.ramp_time + self.steady_time
 
     def evaluate(self, time: ArrayLike) -> JointReference:
-        """Return the reference at `time` [s], scalar or (M,), held at the ends outside."""
+        """Return the reference at `time` [s], scalar or (M,); constant outside the duration."""
         t = np.clip(np.asarray(time, dtype=float), 0.0, self.duration)
         ramp, speed = self.ramp_time, np.copysign(self.speed, self.travel)
         up, down = smooth_step(t / ramp), smooth_step((t - self.duration + ramp) / ramp)
-        # The integral of a step goes on at 1/2: the time since the ramp's end is added here.
+        # The integral of a step continues at 1/2; add the time since the ramp's end.
         steady = np.maximum(t - ramp, 0.0)
         way = ramp * (up.integral - down.integral) + steady
         return JointReference(
@@ -329,7 +330,7 @@ class SteadyStroke:
         )
 
     def _of_joint(self, others: Array, value: ArrayLike) -> Array:
-        """Return `others` with `value`, scalar or (M,), added to the joint that moves."""
+        """Return `others` with `value`, scalar or (M,), added to the moving joint."""
         value = np.asarray(value)
         whole = np.broadcast_to(others, (*value.shape, len(others))).copy()
         whole[..., self.joint] += value

@@ -1,4 +1,4 @@
-"""Designs one trajectory from one random start."""
+"""Design of one trajectory from one random start."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 @dataclass(frozen=True)
 class Quality:
-    """How good a trajectory is.
+    """Quality figures of a trajectory.
 
     Parameters
     ----------
     objective : value of the objective, smaller is better.
-    condition_number : thesis (5.2), without rotor columns.
-    scaled_condition_number : of the base regressor, columns of norm one, rotors included.
+    condition_number : condition number (5.2) of the thesis, without rotor columns.
+    scaled_condition_number : condition number of the base regressor with unit columns and rotors.
     log_deviation : mean logarithm of the standard deviations, see `InformationCriterion`.
     """
 
@@ -50,27 +50,27 @@ class Quality:
     log_deviation: float
 
     def compared_with(self, other: Quality, name: str) -> str:
-        """Return how expected standard deviations (geometric mean) compare with `other`'s."""
+        """Return a comparison of expected standard deviations (geometric mean) with `other`."""
         gain = exp(other.log_deviation - self.log_deviation)
         if abs(gain - 1.0) < 0.005:
-            return f'deviations as large as {name}'
+            return f'standard deviations equal to those of {name}'
         ratio, word = (gain, 'smaller') if gain >= 1.0 else (1.0 / gain, 'larger')
-        return f'deviations {ratio:.2f} times {word} than {name}'
+        return f'standard deviations {ratio:.2f} times {word} than those of {name}'
 
 
 @dataclass(frozen=True)
 class DesignResult:
-    """A feasible trajectory, how good it is and where it comes from.
+    """Feasible trajectory with its quality and origin.
 
     Parameters
     ----------
-    trajectory : the Fourier series.
-    quality : its figures.
+    trajectory : Fourier series of the joints.
+    quality : quality figures.
     report : margins to all limits.
     start : number of the random start.
-    seconds : time taken [s].
-    remark : what became of the optimum, if this is not it.
-    stopped : whether the search was stopped before its optimiser came to an end.
+    seconds : computing time [s].
+    remark : reason why the trajectory is not the optimum, if so.
+    stopped : whether the search was stopped before convergence.
     """
 
     trajectory: FourierTrajectory
@@ -84,9 +84,9 @@ class DesignResult:
 
 THESIS, SCALED, INFORMATION, BOTH = 'thesis', 'condition', 'd_optimal', 'both'
 OBJECTIVES = {
-    BOTH: 'd_optimal, with the condition number (5.2) held below a limit',
+    BOTH: 'd_optimal with an upper limit of the condition number (5.2)',
     INFORMATION: 'volume of the confidence ellipsoid under torque noise (D-optimality)',
-    SCALED: 'condition number of the base regressor with columns of norm one',
+    SCALED: 'condition number of the base regressor with normalised columns',
     THESIS: 'condition number of the regressor without rotor columns, thesis (5.2)',
 }
 
@@ -97,22 +97,23 @@ class DesignSpecification:
 
     Parameters
     ----------
-    setup : the arm, its limits and surroundings.
-    fundamental : f0 [Hz].
-    harmonics : N.
-    objective : a key of `OBJECTIVES`.
-    condition_limit : what `both` holds a smooth upper bound of the condition number (5.2) below;
-        the number itself ends about a tenth lower.
-    amplitude : largest coefficient of the random trajectories that designs start from [rad].
-    noise : (n,) standard deviation of the torque measurement [Nm]; None: 1 % of the effort limit.
-    seed : of the starting points.
+    setup : arm with limits and surroundings.
+    fundamental : frequency f0 [Hz].
+    harmonics : number of harmonics N.
+    objective : key of `OBJECTIVES`.
+    condition_limit : upper bound that the objective `both` imposes on a smooth approximation of the
+        condition number (5.2); the exact number is about a tenth lower.
+    amplitude : largest coefficient of the random initial trajectories [rad].
+    noise : (n,) standard deviation of the torque measurement [Nm]; None means 1 % of the effort
+        limit.
+    seed : seed of the starting points.
 
     Raises
     ------
     ExcitationError, ConfigError
         If a value is out of range.
     InfeasibleError
-        If no trajectory can be feasible: N f0 too high, or a centre the arm may not rest at.
+        If no trajectory can be feasible, because N f0 is too high or the centre is not allowed.
     """
 
     setup: ExcitationSetup
@@ -127,13 +128,13 @@ class DesignSpecification:
     def __post_init__(self) -> None:
         if self.objective not in OBJECTIVES:
             raise ExcitationError(
-                f'objective {self.objective!r} is none of {", ".join(OBJECTIVES)}'
+                f'objective {self.objective!r} is unknown: choose one of {", ".join(OBJECTIVES)}'
             )
         if not self.condition_limit > 1.0:
             raise ExcitationError(f'condition limit must exceed 1, got {self.condition_limit}')
         if self.seed < 0:
             raise ExcitationError(f'the seed must not be negative, got {self.seed}')
-        # Its own checks see to amplitude, fundamental and harmonics.
+        # The constructor checks amplitude, fundamental and harmonics.
         self.setup.random_trajectory(self.amplitude, self.fundamental, self.harmonics)
         self._require_frequency()
         self.setup.require_bias()
@@ -147,9 +148,9 @@ class DesignSpecification:
         for name, limit in limits.items():
             if highest > limit * (1.0 + 1e-9):
                 raise InfeasibleError(
-                    f'frequency of highest harmonic: N f0 = {self.harmonics} x '
-                    f'{self.fundamental:g} Hz = {highest:g} Hz exceeds {limit:g} Hz, {name}: '
-                    'lower the harmonics or the fundamental'
+                    f'the highest harmonic, N f0 = {self.harmonics} x {self.fundamental:g} Hz = '
+                    f'{highest:g} Hz, exceeds {limit:g} Hz ({name}): lower the harmonics or the '
+                    'fundamental'
                 )
 
     def torque_noise(self) -> Array:
@@ -160,10 +161,10 @@ class DesignSpecification:
         return np.where(np.isfinite(effort), 0.01 * effort, 0.1)
 
     def betters(self, found: Quality, other: Quality) -> bool:
-        """Return whether a trajectory is better than another one.
+        """Return whether one trajectory is better than another.
 
-        `both` trades condition number against deviations, and what it gains in one must not cost
-        the other: deviations never grow, and the condition number only where it stays below its
+        The objective `both` combines condition number and deviations, and a gain in one must not
+        worsen the other. Deviations never grow, and the condition number may grow only below its
         limit.
         """
         if not found.objective < other.objective:
@@ -179,9 +180,10 @@ class DesignSpecification:
         scaled: ConditionCriterion,
         optimality: InformationCriterion,
     ) -> DesignCriterion:
-        """Return the criterion of the objective, made of the three it is reported by."""
+        """Return the criterion of the objective, composed of the three reported criteria."""
         if self.objective == BOTH:
-            # Weight 2: beyond the limit, a tenth more is not worth a tenth less of deviation.
+            # Weight 2: above the limit, the condition number has twice the weight of the
+            # deviations.
             bounded = BoundedCriterion(thesis, log(self.condition_limit))
             return CombinedCriterion([(1.0, optimality), (2.0, bounded)])
         if self.objective == INFORMATION:
@@ -189,31 +191,35 @@ class DesignSpecification:
         return scaled if self.objective == SCALED else thesis
 
 
-# SLSQP's exit modes.
+# Exit modes of SLSQP.
 _CONVERGED, _OUT_OF_ITERATIONS = 0, 9
 
 
 class _StopDesignError(Exception):
-    """Leaves the optimiser from inside the function it minimises."""
+    """Exception that leaves the optimizer from within its objective function."""
 
 
 class TrajectoryDesigner:
-    """Sequential quadratic programming from random feasible trajectories.
+    """Trajectory design by sequential quadratic programming from random feasible trajectories.
 
     Parameters
     ----------
-    specification : what is to be designed.
+    specification : specification of the design.
     """
 
     _SHRINKING = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1)
-    """Amplitudes tried for a feasible start, times the specification's."""
+    """Amplitude factors tried for a feasible start, relative to the specification."""
     _REPORT_SAMPLES = 2000
     _RESTARTS = 4
-    """Attempts if the solver's quadratic subproblem fails: a new one forgets the curvature."""
+    """Largest number of restarts if the solver's quadratic subproblem fails; a restart resets the
+    curvature.
+    """
     _TOWARD_START = (0.97, 0.93, 0.85, 0.75, 0.6, 0.4)
-    """Shares of the way from the start to the optimum tried if amplitudes do not repair it."""
+    """Fractions of the path from start to optimum that are tried if smaller amplitudes are
+    infeasible.
+    """
     _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
-    """Scales about the bias tried for a result that breaks a limit between its samples."""
+    """Scale factors about the bias tried for a result that violates a limit between samples."""
 
     def __init__(self, specification: DesignSpecification) -> None:
         setup = specification.setup
@@ -226,7 +232,7 @@ class TrajectoryDesigner:
             setup.config.ramp_time,
         )
         self.regressor = SmoothRegressor(setup.robot)
-        # Results are told with the velocity's true sign, and at the rate of a fine plot.
+        # Results use the exact sign of velocity, and a fine sampling rate.
         self._exact_regressor = SmoothRegressor(setup.robot, width=1e-9)
         everything = slice(None)
         thesis_columns = self.regressor.thesis_columns
@@ -242,14 +248,15 @@ class TrajectoryDesigner:
         )
 
     def initial(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
-        """Return the random feasible trajectory that `start` begins with.
+        """Return the random feasible trajectory of a start.
 
         Raises
         ------
         InfeasibleError
-            If there is none even with a tenth of the amplitude; names the limit that binds.
+            If none is feasible even with a tenth of the amplitude; the message names the violated
+            limit.
         DesignStoppedError
-            If `stop` became true before there was one.
+            If `stop` returned True before a trajectory was found.
         """
         began = time.monotonic()
         seed = int(np.random.SeedSequence([self.specification.seed, start]).generate_state(1)[0])
@@ -267,29 +274,29 @@ class TrajectoryDesigner:
         amplitude = self.specification.amplitude
         raise InfeasibleError(
             f'no random trajectory between a tenth and all of the amplitude {amplitude:g} rad is '
-            f'feasible, where {binding}: lower the amplitude or the fundamental '
+            f'feasible, because {binding}: lower the amplitude or the fundamental '
             f'({self.specification.fundamental:g} Hz), or check that limit and the bias'
         )
 
     def design(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
-        """Return the best feasible trajectory found from `start`, at least the initial one.
+        """Return the best feasible trajectory found from a start, at least the initial one.
 
         Parameters
         ----------
         start : number of the random start.
-        stop : asked at every step; True ends the search, and the best so far is returned.
+        stop : function called at every step; True ends the search, and the best result is returned.
 
         Raises
         ------
         InfeasibleError, DesignStoppedError
-            As `initial`.
+            See `initial`.
         """
         began = time.monotonic()
         initial = self.initial(start, stop)
         iterates = FeasibleIterates()
         begin = self._basis.coefficients(initial.trajectory)
         optimum = self._optimise(begin, iterates, stop)
-        # A search that was not let go on says nothing about the limits.
+        # A stopped search gives no information about the limits.
         stopped = optimum is None
         refusal: LimitMargin | None = None
         for coefficients, remark in self._proposals(begin, optimum, iterates):
@@ -313,7 +320,7 @@ class TrajectoryDesigner:
     def _proposals(
         self, begin: Array, optimum: Array | None, iterates: FeasibleIterates
     ) -> Iterator[tuple[Array, str]]:
-        """Yield coefficients to be checked, best first, and how they differ from the optimum."""
+        """Yield coefficients to check, best first, with their difference from the optimum."""
         if optimum is not None:
             yield from self._shrunk(optimum, '')
         for coefficients, number in iterates.best():
@@ -321,7 +328,7 @@ class TrajectoryDesigner:
             yield coefficients.reshape(self._basis.shape), f'{why} {number} steps'
         if optimum is None and iterates.last is not None:
             yield from self._shrunk(iterates.last.reshape(self._basis.shape), 'stopped early')
-        # The start keeps every limit, and so does what is near enough to it.
+        # The start satisfies all limits, and so do coefficients close to it.
         end = iterates.last if optimum is None else optimum
         if end is None:
             return
@@ -330,7 +337,7 @@ class TrajectoryDesigner:
             yield coefficients, f'{100.0 * share:.0f} % of the way to the optimum'
 
     def _shrunk(self, coefficients: Array, remark: str) -> Iterator[tuple[Array, str]]:
-        """Yield coefficients with smaller and smaller amplitudes about the same bias."""
+        """Yield coefficients with decreasing amplitudes about the same bias."""
         for scale in self._REPAIR:
             scaled = coefficients.copy()
             scaled[1:] *= scale
@@ -338,16 +345,16 @@ class TrajectoryDesigner:
             yield scaled, ', '.join(filter(None, texts))
 
     def states(self, trajectory: FourierTrajectory) -> JointReference:
-        """Return the states of one period, fine enough to judge the trajectory by."""
+        """Return the states of one period, sampled finely enough for evaluation."""
         time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
         return trajectory.evaluate(time)
 
     def stacked(self, states: JointReference) -> Array:
-        """Return the regressor (M, n, p) of (M, n) states, not smoothed."""
+        """Return the regressor (M, n, p) of (M, n) states, without smoothing."""
         return self._exact_regressor.stack(states)
 
     def quality(self, states: JointReference) -> Quality:
-        """Return the figures of a motion, given by (M, n) states at equal intervals."""
+        """Return the quality figures of a motion, given by (M, n) equally spaced states."""
         stacked = self.stacked(states)
         return Quality(
             self._criterion.evaluate(stacked)[0],
@@ -359,7 +366,7 @@ class TrajectoryDesigner:
     def _optimise(
         self, coefficients: Array, iterates: FeasibleIterates, stop: Callable[[], bool]
     ) -> Array | None:
-        """Return the optimum, None if stopped; `iterates` collects what is met on the way."""
+        """Return the optimum, None if stopped; `iterates` collects intermediate results."""
         problem = self._problem
 
         def value(x: Array) -> float:
@@ -394,9 +401,9 @@ class TrajectoryDesigner:
         return np.asarray(best.reshape(coefficients.shape))
 
     def _bounds(self) -> Array:
-        """Return the most each coefficient can be, (coefficients, 2) [rad]."""
+        """Return the bounds of each coefficient, (coefficients, 2) [rad]."""
         limits, rows = self._setup.usable_limits, self._basis.shape[0]
-        # Beyond these no trajectory is feasible, and a line search has no business there.
+        # No trajectory is feasible beyond these, so a line search must not go there.
         reach = np.minimum(0.5 * (limits.position_max - limits.position_min), np.pi)
         low, high = np.tile(-reach, (2, rows, 1)) * np.array([1.0, -1.0])[:, None, None]
         low[0] = np.maximum(limits.position_min, -2.0 * np.pi)
@@ -433,4 +440,6 @@ class TrajectoryDesigner:
 
 
 def _explain(remark: str, refusal: LimitMargin | None) -> str:
-    return remark if refusal is None else f'{remark}: the optimum breaks {refusal}'
+    return (
+        remark if refusal is None else f'{remark}, because the optimum exceeds a limit: {refusal}'
+    )

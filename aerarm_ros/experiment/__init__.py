@@ -1,5 +1,5 @@
-"""Controllers compared on the simulated arm, thesis 5.4: the whole stack but ROS.
+"""Comparison of controllers on the simulated arm, thesis 5.4, without ROS.
 
-In come an arm, a motion and the parameters of the plant; out goes one run a case, the same every
-time, and a page with the errors of all.
+From an arm, a motion and the parameters of the plant the package produces one reproducible run per
+case, and a page with all errors.
 """

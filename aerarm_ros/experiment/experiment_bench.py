@@ -1,8 +1,8 @@
-"""Runs a controller on the emulated arm as fast as the processor allows.
+"""Simulation of a controller on the emulated arm, as fast as the processor allows.
 
-Everything between the law and the physics engine is what runs on the real arm: the bridge's
-cycle with its frames, the boards' laws, quantised encoders and filtered velocities. Only ROS
-is left out, so that a run is the same every time.
+All code between control law and physics engine equals that of the real arm: the bridge's cycle with
+its frames, the boards' control laws, quantized encoders and filtered velocities. ROS is omitted, so
+that every run is reproducible.
 """
 
 import multiprocessing
@@ -40,20 +40,20 @@ CAD, TRUE = 'CAD', 'true'
 
 @dataclass(frozen=True)
 class ExperimentCase:
-    """One run.
+    """Settings of one run.
 
     Attributes
     ----------
     law
-        `GRAVITY`, `HOST` or `BOARDS`.
+        Control law: `GRAVITY`, `HOST` or `BOARDS`.
     parameters
-        Parameters that the controller knows: `CAD`, or `TRUE`, which are the plant's own.
+        Parameters of the controller: `CAD`, or `TRUE` for those of the plant.
     observer
-        Whether the momentum observer compensates.
+        Whether the momentum observer compensates disturbances.
     base
-        What the drone does: `STILL`, `TILTED` or `MOVING`.
+        Motion of the drone: `STILL`, `TILTED` or `MOVING`.
     aware
-        Whether the controller listens to the IMU.
+        Whether the controller uses the IMU.
     """
 
     law: str
@@ -64,14 +64,14 @@ class ExperimentCase:
 
     @property
     def name(self) -> str:
-        """Description for tables."""
+        """Description of the case for tables."""
         observer = ' + observer' if self.observer else ''
         imu = '' if self.base == STILL else ', IMU' if self.aware else ', no IMU'
         return f'{self.law}{observer}; {self.parameters}; {self.base}{imu}'
 
 
 def all_cases() -> list[ExperimentCase]:
-    """Return the runs of the experiment."""
+    """Return all cases of the experiment."""
     still = [
         ExperimentCase(law, parameters, observer)
         for law in (GRAVITY, HOST, BOARDS)
@@ -90,42 +90,41 @@ def all_cases() -> list[ExperimentCase]:
 
 
 CYCLE = 1e-3
-SETTLE = 1.0  # [s] at rest before the motion begins, and after it has ended
+SETTLE = 1.0  # [s] at rest before and after the motion
 _IMU_PERIOD = 4  # cycles: 250 Hz
-_START_LIMIT = 20.0  # [s]
+_START_LIMIT = 20.0  # [s] longest time for the start
 
 
 class MotionSource:
-    """A motion of the excitation room as a controller's reference."""
+    """Excitation motion as the reference of a controller."""
 
     def __init__(self, motion: RampedExcitation) -> None:
         self._motion = motion
         self.begin = np.inf
 
     def take_over(self, q: Array) -> None:
-        """Start at its own start: the arm was put there."""
+        """Do nothing, because the arm is already at the start of the motion."""
 
     def update(self, q: Array, now: float, dt: float) -> JointReference:
-        """Return the reference at `now` [s]; the ends hold."""
+        """Return the reference at `now` [s], constant before the start and after the end."""
         time = min(max(now - self.begin, 0.0), self._motion.duration)
         return JointReference(*self._motion.evaluate(time))
 
 
 @dataclass(frozen=True, eq=False)
 class ExperimentRun:
-    """One run, one row a cycle.
+    """Recorded data of one run, with one row per cycle.
 
     Attributes
     ----------
-    case : ExperimentCase
     time : (M,) ndarray
-        Since the motion began [s].
+        Time since the start of the motion [s].
     q, qd : (M, n) ndarray
         True and desired joint positions [rad].
     effort : (M, n) ndarray
-        Torques of the drives [Nm].
+        Drive torques [Nm].
     at_full_speed : (M,) ndarray of bool
-        Whether the periodic part is played, after the run-in has brought the arm onto it.
+        Whether the periodic part of the motion is active, after the run-in.
     """
 
     case: ExperimentCase
@@ -137,16 +136,16 @@ class ExperimentRun:
 
 
 class ExperimentBench:
-    """Arm, motion, and a simulated plant with different parameters.
+    """Simulated arm with a motion, and a plant whose parameters deviate from CAD.
 
     Parameters
     ----------
     config, robot
-        The arm as drawn (CAD).
+        Nominal configuration and robot model (CAD).
     truth
-        What the plant is made of.
+        True parameters of the plant.
     motion
-        What the arm should do.
+        Motion that the arm should follow.
     """
 
     def __init__(
@@ -159,7 +158,7 @@ class ExperimentBench:
         self._limits = JointLimits.from_config(config)
 
     def run(self, case: ExperimentCase) -> ExperimentRun:
-        """Run a case from rest to rest; raises RuntimeError if the arm was stopped."""
+        """Run a case from rest to rest; raises RuntimeError if the bridge stops the arm."""
         start = self._motion.evaluate(0.0).q
         transport = make_emulated_transport(
             self._config, self._robot, None, position=start, parameters=self._truth
@@ -183,7 +182,7 @@ class ExperimentBench:
             command = loop.update(state, now)
             now += CYCLE
             if command is not None:
-                # The answer to this cycle's state acts in the next cycle, as over topics.
+                # The response to this cycle's state acts in the next cycle, as over topics.
                 bridge.command(
                     OfferedCommand(self._config.joint_names, *command, CYCLE, 'experiment'), now
                 )
@@ -191,7 +190,7 @@ class ExperimentBench:
             desired = source.update(state.q, now, CYCLE).q
             rows.append(np.concatenate([[now - source.begin], plant.position, desired, bridge.tau]))
         if bridge.mode != 'running':
-            raise RuntimeError(f'{case.name}: the arm was stopped: {"; ".join(bridge.faults)}')
+            raise RuntimeError(f'{case.name}: the arm was stopped ({"; ".join(bridge.faults)})')
         table = np.array(rows)
         time = table[:, 0]
         ramp = self._motion.ramp_time
@@ -200,7 +199,7 @@ class ExperimentBench:
         return ExperimentRun(case, time, q, desired_q, effort, full_speed)
 
     def _enable(self, bridge: BridgeCycle) -> float:
-        """Align the motors and let the arm rest; return the time [s]."""
+        """Align the motors and hold the arm at rest; return the time [s]."""
         now = 0.0
         ready_at = np.inf
         while now < ready_at + SETTLE:
@@ -248,26 +247,24 @@ class ExperimentBench:
 def run_all(
     bench: ExperimentBench, cases: Sequence[ExperimentCase], workers: int
 ) -> Generator[ExperimentRun, None, None]:
-    """Yield the run of each case, in their order, the same whatever the number of workers.
+    """Yield the run of each case in order, with results independent of the number of workers.
 
     Leaving the iteration early ends the workers.
 
     Parameters
     ----------
-    bench
-    cases
     workers
-        Processes; with one, it is this one.
+        Number of processes; one means this process.
 
     Raises
     ------
     RuntimeError
-        If the arm was stopped.
+        If the bridge stops the arm.
     """
     if workers == 1:
         yield from map(bench.run, cases)
         return
-    # Started afresh rather than forked: MuJoCo and Pinocchio may have threads.
+    # Spawned rather than forked, because MuJoCo and Pinocchio may have threads.
     with interrupts_held_back():
         pool = multiprocessing.get_context('spawn').Pool(workers)
     with pool:

@@ -17,26 +17,26 @@ from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.simulation.base_profile import STILL
 
 HEADINGS = (
-    'law; model of the controller; drone',
+    'control law; model of the controller; drone',
     'joints RMS [mrad]',
     'joints max [mrad]',
     'joints final [mrad]',
     'tool RMS [mm]',
     'tool max [mm]',
     'tool final [mm]',
-    'RMS over still: joint, tool',
+    'RMS relative to the resting arm: joint, tool',
 )
 _MOST_POINTS = 1500
 _TOOL_RMS = HEADINGS.index('tool RMS [mm]')
 
 
 class ExperimentReport:
-    """Collects runs and reports the tracking errors.
+    """Report of the tracking errors of all runs.
 
     Parameters
     ----------
     robot
-        For the tool's path.
+        Robot model for the tool's path.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -67,13 +67,13 @@ class ExperimentReport:
         return row
 
     def text(self) -> str:
-        """Return the table for a terminal."""
+        """Return the table of tracking errors as text for a terminal."""
         rows = [HEADINGS, *self._rows]
         widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
         return '\n'.join(_aligned(row, widths) for row in rows)
 
     def write(self, path: Path, note: str) -> None:
-        """Write the page; it needs no network."""
+        """Write the HTML page, which opens offline."""
         body: list[str] = [paragraph(note, 'lead')]
         for base in dict.fromkeys(run.case.base for run in self._runs):
             rows = [
@@ -88,9 +88,9 @@ class ExperimentReport:
         write_whole(path, text)
 
     def _over_still(self, case: ExperimentCase, rms: Array) -> str:
-        """Return how much larger the errors are than those of the same case on a still base.
+        """Return the ratio of the errors to those of the same case on a still base.
 
-        Of the joints the worst is taken; '' for a still base, or where that was not run.
+        The result refers to the worst joint; '' for a still base, or without a run on a still base.
         """
         if case.base == STILL:
             self._still[case] = rms
@@ -99,11 +99,11 @@ class ExperimentReport:
         return '' if still is None else ' '.join(f'{ratio:.2f}' for ratio in rms / still)
 
     def _figure(self) -> Html:
-        """Return the desired path and, of the list above it, one run's."""
+        """Return a figure of the desired path and the path of the selected run."""
         shown = np.flatnonzero(self._runs[0].at_full_speed)
         shown = shown[:: max(1, len(shown) // _MOST_POINTS)]
         desired = self._path(self._runs[0].qd[shown])
-        extent = np.ptp(desired, axis=0) + 1e-3  # a flat path has a box too
+        extent = np.ptp(desired, axis=0) + 1e-3  # a flat path also needs a box
         traces = [_curve(desired, 'desired', True)]
         for index, run in enumerate(self._runs):
             traces.append(_curve(self._path(run.q[shown]), run.case.name, index == 0))
@@ -120,7 +120,7 @@ class ExperimentReport:
             'margin': {'l': 0, 'r': 0, 't': 60, 'b': 0},
             'scene': {
                 **{f'{axis}axis': {'title': {'text': f'{axis} [m]'}} for axis in 'xyz'},
-                # Equal scales, the longest side 1.8: plotly's own choice leaves the picture.
+                # Equal scales with the longest side 1.8; plotly's default exceeds the picture.
                 'aspectratio': dict(
                     zip('xyz', (1.8 * extent / extent.max()).tolist(), strict=True)
                 ),
@@ -143,7 +143,7 @@ def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def _numbers(row: Sequence[str]) -> list[str | float]:
-    """Return a row for a page: what is one number as such."""
+    """Return a row for a page, with numbers converted."""
     return [float(x) if x.replace('.', '', 1).isdigit() else x for x in row]
 
 

@@ -1,5 +1,5 @@
-"""Flying the drone that carries the arm: what the arm adds to it, and a controller.
+"""Flight control of the drone that carries the arm, with the arm's load.
 
-In come odometry, IMU samples, a set point, the joints' motion and the drone's description; out go
-what may be fed forward of the arm, the thrusts of the rotors, and what is wrong with the sensors.
+The package computes the arm's feedforward and the rotors' thrusts, and detects faulty sensors. The
+inputs are odometry, IMU samples, a set point, the joints' motion and the drone's description.
 """

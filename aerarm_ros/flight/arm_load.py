@@ -1,4 +1,4 @@
-"""What the arm adds to its drone, in a form that may be fed forward."""
+"""The arm's load on its drone, in a form for feedforward."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -38,17 +38,16 @@ class MassProperties:
     def of(
         cls, drone: DroneConfig, arm_mass: float, arm_centre: Array, arm_inertia: Array
     ) -> 'MassProperties':
-        """Return those of a drone with an arm.
+        """Return the mass properties of a drone with an arm.
 
         Parameters
         ----------
-        drone : DroneConfig
         arm_mass : float
             [kg]
         arm_centre : (3,) ndarray
-            In the arm's base frame [m].
+            Centre of mass in the arm's base frame [m].
         arm_inertia : (3, 3) ndarray
-            About that, in the base frame's axes [kg m^2].
+            About that centre, in the base frame's axes [kg m^2].
         """
         rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
         body = drone.mass, np.array(drone.centre_of_mass), drone.inertia_matrix
@@ -59,18 +58,18 @@ class MassProperties:
 class FeedForward(NamedTuple):
     """Mass properties of drone and arm, and the wrench of the arm's motion on the drone.
 
-    In body axes, moments about the body frame's origin.
+    All quantities are in body axes, with moments about the body frame's origin.
 
     Attributes
     ----------
     body : MassProperties
-        When a command of now acts.
+        At the time when a present command acts.
     wrench, wrench_now : (6,) ndarray
-        Of the joints' motion on the drone when a command of now acts, and now: force [N], moment
-        [Nm].
+        Force [N] and moment [Nm] of the joints' motion on the drone, at the time when a present
+        command acts, and now.
     force_rate, force_curvature : (3,) ndarray
-        Derivatives of its force by time, now [N/s] and when a command acts [N/s^2]: a drone leans
-        for such a force, which it does by turning.
+        Time derivatives of the force, now [N/s] and when a command acts [N/s^2]. These derivatives
+        determine how fast the drone must tilt.
     """
 
     body: MassProperties
@@ -81,7 +80,7 @@ class FeedForward(NamedTuple):
 
     @classmethod
     def at_rest(cls, body: MassProperties) -> 'FeedForward':
-        """Return the feed-forward of an arm at rest: its weight."""
+        """Return the feedforward of an arm at rest: its weight."""
         zero = np.zeros(3)
         return cls(body, np.zeros(6), np.zeros(6), zero, zero)
 
@@ -89,9 +88,9 @@ class FeedForward(NamedTuple):
 class ArmLoad(NamedTuple):
     """Mass properties of the arm and its wrenches on the drone, at one instant.
 
-    Nothing in it is measured by the drone's IMU: posture and motion of the joints are all it
-    depends on, so no loop is closed by feeding it forward. In the base frame's axes, moments about
-    its origin, force before moment.
+    The load depends only on posture and motion of the joints, not on the drone's IMU, so its
+    feedforward closes no loop. All quantities are in the base frame's axes, with moments about its
+    origin and force before moment.
 
     Attributes
     ----------
@@ -102,10 +101,11 @@ class ArmLoad(NamedTuple):
     inertia : (3, 3) ndarray
         About the centre of mass [kg m^2].
     weight : (6,) ndarray
-        What a hovering drone carries: the weight along the thrust, however the drone leans. A
-        drone with rotors in one plane accelerates along its thrust, and that is what the arm feels.
+        Wrench of the arm's weight on a hovering drone, along the thrust at any tilt. A drone with
+        rotors in one plane accelerates along its thrust, so the arm's specific force has that
+        direction.
     motion : (6,) ndarray
-        What the joints' own motion does, `-(M_bj ddq + c_b)` of `WholeBodyDynamics`.
+        Wrench of the joints' own motion, `-(M_bj ddq + c_b)` of `WholeBodyDynamics`.
     """
 
     mass: float
@@ -115,10 +115,10 @@ class ArmLoad(NamedTuple):
     motion: Array
 
     def acceleration(self, drone: DroneConfig) -> Array:
-        """Return the acceleration (6,) of the rotors that compensates the arm's motion.
+        """Return the acceleration (6,) by the rotors that compensates the arm's motion.
 
-        Of the arm's base origin [m/s^2], then angular [rad/s^2], in base axes: `motion` taken
-        back, over the inertia of drone and arm in this posture.
+        First the acceleration of the arm's base origin [m/s^2], then the angular one [rad/s^2], in
+        base axes: minus `motion` over the inertia of drone and arm in this posture.
         """
         body = MassProperties.of(drone, self.mass, self.com, self.inertia)
         rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
@@ -130,10 +130,9 @@ class ArmLoad(NamedTuple):
 
 
 def at_drone_centre(acceleration: Array, drone: DroneConfig) -> Array:
-    """Return an acceleration (6,) of the arm's base as that of the drone's centre of mass.
+    """Convert an acceleration (6,) of the arm's base to that of the drone's centre of mass.
 
-    In the drone's body axes; the body turns slowly enough that nothing but the angular
-    acceleration counts between the two places.
+    In the drone's body axes. Centrifugal terms are neglected, because the body rotates slowly.
     """
     rotation = drone.mount.rotation
     linear, spin = rotation @ acceleration[:3], rotation @ acceleration[3:]
@@ -145,17 +144,17 @@ _STILL = np.zeros(3)
 
 
 class ArmLoadModel:
-    """Computes an `ArmLoad` from the motion of the joints.
+    """Compute an `ArmLoad` from the motion of the joints.
 
     Parameters
     ----------
     robot : Robot
-        With everything the arm adds to the drone; its gravity is that of a level drone.
+        All bodies that the arm adds to the drone; its gravity is that of a level drone.
 
     Attributes
     ----------
     dynamics : WholeBodyDynamics
-        The model, to be told of a payload.
+        The model, whose payload the caller sets.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -170,30 +169,30 @@ class ArmLoadModel:
         return ArmLoad(mass, com, inertia, weight, -self.dynamics.forces(*motion, _STILL)[:6])
 
 
-# A plan that the arm is further off [rad], [rad/s] is not what it does.
+# Largest difference [rad], [rad/s] between the arm and a plan that it follows.
 _POSTURE, _SPEED = 0.3, 1.5
 _FADE = 0.05  # [s] between plan and measurement
 _LONGEST = 10.0  # [s] of a plan
-_TOO_OLD = 0.5  # [s] a plan that begins that long before the newest state is of another time
+_TOO_OLD = 0.5  # [s]; a plan that begins so long before the newest state is outdated
 
 
 class ArmForecast:
-    """The joints' motion a lead ahead of now: as planned, or else as measured.
+    """Motion of the joints at the preview time: as planned, or else as measured.
 
-    A controller says what it will do in the next moments, and then no observer could be as early.
-    From where the arm is, its posture goes on as the plan's does. Without a plan, or with one that
-    is not what the arm does, the measured motion serves: the posture goes on with its velocity.
-    From one to the other it fades. Times are those of the stamps of joint states [s].
+    A controller publishes its planned motion, which is available earlier than any estimate. The
+    forecast adds the plan's further motion to the arm's present posture. Without a plan, or if the
+    arm does not follow it, the posture is extrapolated with its measured velocity. Changes between
+    the two fade. Times are stamps of joint states [s].
 
     Parameters
     ----------
     n : int
         Number of joints.
     lead : float
-        How far ahead [s].
+        Preview time [s].
     use_measured : bool
-        Whether the measured motion serves where there is no plan. Not where a law answers the
-        drone: its reaction, fed forward, would close a loop through the drone.
+        Whether to extrapolate the measured motion without a plan. Set it to False for a control
+        law that reacts to the drone, because feedforward of the reaction would close a loop.
     """
 
     def __init__(self, n: int, lead: float = 0.0, use_measured: bool = True) -> None:
@@ -208,25 +207,25 @@ class ArmForecast:
 
     @property
     def problem(self) -> str:
-        """Why the plan is not used, '' if it is."""
+        """Reason why the plan is not used; empty if it is used."""
         return self._trust_problem
 
     def offer(self, begin: float, times: Array, q: Array, dq: Array, ddq: Array) -> None:
-        """Take a plan: points (M, n) at times (M,) after `begin` [s], rising from 0.
+        """Set a plan: points (M, n) at times (M,) after `begin` [s], rising from 0.
 
         Raises
         ------
         RejectedInputError
-            If it has fewer than two points, a number is missing or not finite, or times do not
-            rise from 0.
+            If the plan has fewer than two points, a number is missing or not finite, or times do
+            not rise from 0.
         """
         if q.ndim != 2 or len(times) < 2 or not q.shape == dq.shape == ddq.shape:
             raise RejectedInputError(
-                'planned motion: it needs two points or more, each with positions, velocities '
+                'planned motion: two points or more are needed, each with positions, velocities '
                 'and accelerations'
             )
         if q.shape != (len(times), self._n):
-            raise RejectedInputError(f'planned motion: each point needs {self._n} joints')
+            raise RejectedInputError(f'planned motion: each point needs values of {self._n} joints')
         if not np.isfinite(times.sum() + q.sum() + dq.sum() + ddq.sum()):
             raise RejectedInputError('planned motion: its numbers must be finite')
         if times[0] != 0.0 or np.any(np.diff(times) <= 0.0) or times[-1] > _LONGEST:
@@ -245,13 +244,13 @@ class ArmForecast:
             seen = measured.q, np.zeros(self._n), np.zeros(self._n)
         self._trust_problem = self._problem(now, measured)
         if not 0.0 <= step < _TOO_OLD:
-            # At first, or after a gap, nothing can jump.
+            # At first, or after a gap, there is no earlier value to fade from.
             self._fade.share = 0.0 if self._trust_problem else 1.0
             step = 0.0
         share = self._fade.update(step, not self._trust_problem)
         if share == 0.0 or self._path is None:
             return JointReference(*seen)
-        end = (1.0 - 1e-9) * self._path.duration  # at which the motion still goes on
+        end = (1.0 - 1e-9) * self._path.duration  # at this time the motion still continues
         here = self._path.evaluate(min(now - self._begin, end))
         ahead = self._path.evaluate(min(now + self.lead - self._begin, end))
         planned = measured.q + ahead.q - here.q, ahead.dq, ahead.ddq
@@ -268,40 +267,39 @@ class ArmForecast:
             return 'no plan for this time'
         here = self._path.evaluate(elapsed)
         if np.any(np.abs(here.q - measured.q) > _POSTURE):
-            return 'the arm is not where it was planned to be'
+            return 'the arm is not at its planned position'
         if self._use_measured and np.any(np.abs(here.dq - measured.dq) > _SPEED):
             return 'the arm does not move as planned'
         return ''
 
 
-HOLD = 0.05  # [s] for which the last that was told stands for what comes after it
+HOLD = 0.05  # [s] for which the last received value remains valid
 _FEED_FADE = 0.1  # [s]
-_SPACING = 0.012  # [s] of the differences that are derivatives
+_SPACING = 0.012  # [s] step of the numerical derivatives
 _STEP_MAX = 0.05  # [s]
-_MASS_MAX = 3.0  # of the drone's; of an arm that is heavier something is wrong
+_MASS_MAX = 3.0  # of the drone's mass; a heavier arm indicates an error
 _ROUNDING = 1e-9  # [m^2]
-_REACH = 3.0  # [m] its centre is nearer, or was told in another unit
+_REACH = 3.0  # [m] largest distance of the centre; a larger one is in another unit
 
 
 class ArmFeedForward:
-    """Receives stamped mass properties and wrenches of the arm, and returns those of a time.
+    """Store stamped mass properties and wrenches of the arm, and return those of a time.
 
-    What is told of a posture is kept until it is told anew; a motion that is no longer told fades.
+    Mass properties stay until new ones arrive; the wrench of motion fades without new messages.
 
     Parameters
     ----------
-    drone : DroneConfig
     body : MassProperties
-        Of drone and arm, until the arm's are told, and where the posture is not used.
-    use_posture, use_motion : bool
+        Default mass properties of drone and arm, and those used without `use_posture`.
     lead : float
+        Time until a command acts [s].
 
     Attributes
     ----------
     use_posture, use_motion : bool
-        What is used; may be changed.
+        Which quantities are used; may be changed.
     lead : float
-        From a command until it acts [s]; may be changed.
+        Time until a command acts [s]; may be changed.
     """
 
     def __init__(
@@ -325,33 +323,38 @@ class ArmFeedForward:
         self._time = -np.inf
 
     def offer_inertia(self, stamp: float, mass: float, com: Array, inertia: Array) -> None:
-        """Take mass properties of the arm about a time [s], in its base's frame.
+        """Add mass properties of the arm at a time [s], in the frame of its base.
 
         Raises
         ------
         RejectedInputError
-            If no body has them.
+            If no physical body has such properties.
         """
         numbers = np.concatenate([[mass], com, inertia.ravel()])
         if not np.isfinite(numbers.sum()) or not 0.0 < mass < _MASS_MAX * self._drone.mass:
-            raise RejectedInputError(f'arm_inertia: {mass:.3g} kg under a drone, or NaN')
+            raise RejectedInputError(
+                f'arm_inertia: mass of {mass:.3g} kg is too large for this drone, not '
+                'positive, or NaN'
+            )
         if np.linalg.norm(com) > _REACH or np.linalg.eigvalsh(inertia)[0] < -_ROUNDING * mass:
             raise RejectedInputError(
-                f'arm_inertia: its centre is more than {_REACH:g} m away, or it has less than no '
-                'moment of inertia'
+                f'arm_inertia: the centre of mass is more than {_REACH:g} m away, or a moment of '
+                'inertia is negative'
             )
         self._arm.add(stamp, numbers)
 
     def offer_motion(self, stamp: float, wrench: Array) -> None:
-        """Take the wrench (6,) of the joints' motion about a time [s], in the arm's base frame.
+        """Add the wrench (6,) of the joints' motion at a time [s], in the arm's base frame.
 
         Raises
         ------
         RejectedInputError
-            If it is not finite, or larger than any motion's.
+            If the wrench is not finite, or too large for any motion.
         """
         if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 100.0 * self._drone.mass:
-            raise RejectedInputError('base_wrench_motion: NaN, or no force or moment of this arm')
+            raise RejectedInputError(
+                'base_wrench_motion: a force or moment is NaN, or too large for this arm'
+            )
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
         self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
 
@@ -371,7 +374,7 @@ class ArmFeedForward:
         return any(used and newest is not None and newest < need for used, newest, need in needs)
 
     def at(self, now: float) -> FeedForward:
-        """Return the feed-forward at `now` [s]."""
+        """Return the feedforward at `now` [s]."""
         step = min(max(now - self._time, 0.0), _STEP_MAX)
         self._time = now
         last = self._last
@@ -388,7 +391,7 @@ class ArmFeedForward:
         return FeedForward(body, share * wrench, *(share * force for force in forces))
 
     def _motion_at(self, now: float) -> tuple[Array, Array, Array, Array] | None:
-        """Return the wrench then and now, and the force's derivatives, None if unknown."""
+        """Return both wrenches and the force's derivatives, None if unknown."""
         ahead, motion = now + self.lead, self._motion
         wrench = motion.at(ahead)
         if wrench is None:
@@ -397,7 +400,7 @@ class ArmFeedForward:
         here = motion.at(now)
         parts = [motion.between(time) for time in (now - h, now + h, ahead - h, ahead + h)]
         if here is None or any(part is None for part in parts):
-            # Not told far enough ahead: it leans for what is, and turns for nothing.
+            # With too short a forecast, compensate the present force without its derivatives.
             return wrench, wrench, np.zeros(3), np.zeros(3)
         before, after, earlier, later = (part[:3] for part in parts if part is not None)
         rate = (after - before) / (2.0 * h)

@@ -1,4 +1,4 @@
-"""Contact in flight from what comes of drone and arm, at different times and not always."""
+"""Contact estimation in flight from asynchronous messages of drone and arm."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -19,25 +19,25 @@ _WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
 class ContactObserver:
-    """Compares the momentum of drone and arm with the effect of rotors and weight.
+    """Compare the momentum of drone and arm with the effect of rotors and weight.
 
-    With p and L the linear momentum and the angular one about the centre of mass c of the whole,
-    joints included, in the world::
+    p is the linear momentum, and L the angular momentum about the common centre of mass c, joints
+    included, in the world::
 
         dp/dt = f + m g + f_c          dL/dt = M - c x f + M_c
 
-    The joints' torques act between parts of the whole and are not in it, so the arm moves as it
-    likes; neither is any acceleration. What remains passes a first-order low-pass, which makes of
-    it the observer `d = K (p - int(f + m g + d) dt)` (De Luca et al., IROS 2006, of a free body).
+    The joints' torques are internal and do not appear, so any motion of the arm is possible, and
+    no acceleration is needed. The remainder passes a first-order low-pass, which gives the
+    observer `d = K (p - int(f + m g + d) dt)` (De Luca et al., IROS 2006, for a free body).
 
     Parameters
     ----------
     drone : DroneConfig
-        For where the arm's base is on it.
+        Drone with the mount of the arm's base.
     whole : WholeBodyDynamics
-        Arm and drone, an instance of its own, to be told of a payload.
+        Model of arm and drone, an instance for this observer alone; the caller sets its payload.
     bandwidth : float
-        Of the low-pass [Hz].
+        Bandwidth of the low-pass [Hz].
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class ContactObserver:
     Raises
     ------
     ValueError
-        If the bandwidth isn't positive.
+        If the bandwidth is not positive.
     """
 
     def __init__(self, drone: DroneConfig, whole: WholeBodyDynamics, bandwidth: float) -> None:
@@ -72,19 +72,19 @@ class ContactObserver:
         Parameters
         ----------
         state : FlightState
-            Of the drone.
+            State of the drone.
         q, dq : (n,) ndarray
-            Of the joints at the same time [rad], [rad/s].
+            State of the joints at the same time [rad], [rad/s].
         rotors : (6,) ndarray
             Mean wrench of the rotors over the last `dt`.
         dt : float
-            Since the last call [s], positive.
+            Time since the last call [s], positive.
 
         Returns
         -------
         (6,) ndarray
-            On drone and arm: force [N] and moment [Nm] about the origin of the arm's base frame, in
-            its axes, as is `rotors`.
+            Wrench on drone and arm: force [N] and moment [Nm] about the origin of the arm's base
+            frame, in its axes, like `rotors`.
         """
         rotation = state.rotation @ self._turn
         momentum, centre = self._momentum(state, q, dq, rotation)
@@ -113,22 +113,22 @@ class ContactObserver:
         return np.concatenate([rotation @ momentum[:3], rotation @ momentum[3:]]), centre
 
     def _known(self, rotors: Array, rotation: Array, centre: Array) -> Array:
-        """Return what rotors and weight change of the momentum in a second, (6,)."""
+        """Return the rate of the momentum due to rotors and weight, (6,)."""
         force = rotation @ rotors[:3] + self.whole.mass * _WEIGHT
         moment = rotation @ (rotors[3:] - cross(centre, rotors[:3]))
         return np.concatenate([force, moment])
 
 
 DURATION = 2.0
-"""[s] over which it is averaged."""
+"""[s] over which the bias is averaged."""
 
 
 class ContactZero:
-    """Subtracts the bias that a wrong model of weight and thrust causes.
+    """Subtract the bias that a wrong model of weight and thrust causes.
 
-    A wrong mass, or a thrust that is not as commanded, is a force that stays along the world's axes
-    as long as the drone hovers; where it acts stays with the drone. So a mean force in the world
-    and a mean moment in the axes of the arm's base are subtracted.
+    While the drone hovers, a wrong mass or thrust is a constant force in the world frame, at a
+    constant place on the drone. So the bias is a mean force in the world frame and a mean moment
+    in the axes of the arm's base.
     """
 
     def __init__(self) -> None:
@@ -148,9 +148,9 @@ class ContactZero:
         wrench : (6,) ndarray
             [N], [Nm]
         rotation : (3, 3) ndarray
-            Of the base in the world.
+            Base to world.
         dt : float
-            Since the last one [s].
+            Time since the last call [s].
         """
         force = rotation @ wrench[:3]
         if self._is_averaging:
@@ -163,36 +163,33 @@ class ContactZero:
 
 
 FADE_STEP = 0.01
-"""[s] between two words on an estimate that fades."""
+"""[s] between two messages of a fading estimate."""
 
-_FADE = 0.2  # [s] in which it does
-_PIECE = 0.004  # [s] over which the rotors' wrench may be taken as straight
-_GAP = 0.05  # [s] without odometry: what the rotors did meanwhile need not have been heard
-_WAITING = 16  # odometry messages that wait for their joint state
+_FADE = 0.2  # [s] duration of the fade
+_PIECE = 0.004  # [s] over which the rotors' wrench is assumed linear
+_GAP = 0.05  # [s] without odometry; commands in that time may be lost
+_WAITING = 16  # number of odometry messages that wait for their joint state
 _OTHER_CLOCK = 1.0  # [s]
 
 
 class ContactEstimator:
-    """Joins odometry, rotor commands and joint states by their stamps, for a `ContactObserver`.
+    """Combine odometry, rotor commands and joint states by their stamps, for a `ContactObserver`.
 
-    All stamps must be of one clock: a command acts from its stamp (that of the odometry that it
-    answers) plus the latency of the rotors' wrench on. Where an input is missing the last estimate
-    fades to nothing, and what comes back begins anew.
+    All stamps must belong to one clock. A command acts from its stamp, which is that of the
+    answered odometry, plus the latency of the rotors' wrench. If an input is missing, the last
+    estimate fades to zero, and the estimation starts again when the input returns.
 
     Parameters
     ----------
-    drone : DroneConfig
-    observer : ContactObserver
     rotors : RotorWrench
-        An instance of its own.
+        An instance for this estimator alone.
     hold_time : float
         Silence of the odometry [s] after which it counts as missing.
 
     Attributes
     ----------
-    observer : ContactObserver
     zero : ContactZero
-        What is subtracted.
+        The subtracted bias.
     """
 
     def __init__(
@@ -217,9 +214,9 @@ class ContactEstimator:
         self._fade = Fade(_FADE, share=1.0)
 
     def offer_odometry(self, sample: OdometrySample) -> None:
-        """Take an odometry sample; raises RejectedInputError with what is wrong."""
+        """Process an odometry sample; raises RejectedInputError."""
         if sample.stamp == self._offered:
-            return  # nothing new
+            return  # no new data
         self._check_clock('odometry', sample.stamp)
         self._offered = sample.stamp
         self._flight.offer_odometry(sample)
@@ -228,20 +225,20 @@ class ContactEstimator:
             self._waiting.append((sample.stamp, state))
 
     def offer_rotors(self, names: Sequence[str], thrust: Array, stamp: float) -> None:
-        """Take commanded thrusts [N] of named rotors; raises RejectedInputError if they are none.
+        """Process commanded thrusts [N] of named rotors; raises RejectedInputError.
 
-        They act from their stamp [s] on.
+        The thrusts act from their stamp [s] on.
         """
         self._check_clock('rotor_command', stamp)
         self._rotors.offer(names, thrust, stamp, stamp)
 
     def offer_joints(self, stamp: float, q: Array, dq: Array) -> None:
-        """Take positions [rad] and velocities [rad/s] (n,) of the joints at a stamp [s]."""
+        """Process positions [rad] and velocities [rad/s] (n,) of the joints at a stamp [s]."""
         self._now = stamp
         self._joints.add(stamp, np.concatenate([q, dq]))
 
     def problem(self) -> str:
-        """Return why the contact estimate is unavailable, '' if it is available."""
+        """Return why the contact estimate is unavailable, or an empty text."""
         now = self._now
         if np.isinf(now):
             return 'no joint states yet'
@@ -252,7 +249,7 @@ class ContactEstimator:
         return self._rotors.problem(now)
 
     def update(self) -> tuple[float, Array] | None:
-        """Return the newest wrench (6,) with its time [s], None if there is none.
+        """Return the newest wrench (6,) with its time [s], None without a new one.
 
         See `ContactObserver.update`.
         """
@@ -269,7 +266,7 @@ class ContactEstimator:
         """Fade the last estimate over `dt` [s]; return the rest, None once it is zero."""
         if self._wrench is None:
             return None
-        # What was told last is some time ago; nothing may jump for that.
+        # The last estimate may be old, so fade by one step without a jump.
         share = self._fade.update(FADE_STEP, is_on=False)
         self._told_at = self._told_at + dt if dt > 0.0 else self._now
         told = self._told_at, share * self._wrench
@@ -303,6 +300,6 @@ class ContactEstimator:
         ahead = stamp - self._now
         if np.isfinite(ahead) and abs(ahead) > _OTHER_CLOCK:
             raise RejectedInputError(
-                f'{what}: it is stamped {ahead:+.3g} s from joint_states; contact needs both on '
-                "one clock: synchronise the drone's with this host's"
+                f'{what}: its stamp is {ahead:+.3g} s from that of joint_states; synchronise the '
+                "drone's clock with this host's"
             )

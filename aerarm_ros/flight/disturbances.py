@@ -16,17 +16,15 @@ class Disturbance(Protocol):
     """Estimator of the wrench on drone and arm in addition to rotors and weight."""
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset the estimator."""
 
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
         """Return force in the world and moment in body axes about the centre of mass, (6,).
 
         Parameters
         ----------
-        state : FlightState
-        body : MassProperties
         wrench : (6,) ndarray
-            Of all that is known over the last `dt` [s], in body axes about the origin.
+            All known wrenches over the last `dt` [s], in body axes about the origin.
         """
         ...
 
@@ -35,9 +33,9 @@ _WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
 class DisturbanceObserver:
-    """Compares the momentum of drone and arm with its known changes.
+    """Compare the momentum of drone and arm with its known changes.
 
-    First order: `d = K (p - int(w + d) dt)`, with the momentum p of the whole taken as one rigid
+    First order: `d = K (p - int(w + d) dt)`. The momentum p is that of drone and arm as one rigid
     body, from odometry and gyroscope.
 
     Parameters
@@ -51,7 +49,7 @@ class DisturbanceObserver:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset the estimator."""
         self._expected: Array | None = None
         self._estimate = np.zeros(6)
 
@@ -76,16 +74,16 @@ class DisturbanceObserver:
 class IncrementalEstimate:
     """Correction of the last command by incremental dynamic inversion, as a `Disturbance`.
 
-    INDI commands `w_f + M (a_wanted - a_f)`, with the rotors' wrench w and the measured
-    acceleration a through one filter (Smeur, Chu and de Croon, J. Guid. Control Dyn. 2016). That
-    is `M a_wanted - d` with the disturbance `d = M a_f - w_f`, second order here.
+    INDI commands `w_f + M (a_wanted - a_f)`. The rotors' wrench w and the measured acceleration a
+    pass equal filters (Smeur, Chu and de Croon, J. Guid. Control Dyn. 2016). The command equals `M
+    a_wanted - d` with the disturbance `d = M a_f - w_f`, with a second-order filter.
 
     Parameters
     ----------
     drone : DroneConfig
-        For the place of its IMU.
+        Drone with the place of its IMU.
     frequency : float
-        Of the filter, critically damped [rad/s].
+        Natural frequency of the critically damped filter [rad/s].
     """
 
     def __init__(self, drone: DroneConfig, frequency: float) -> None:
@@ -94,7 +92,7 @@ class IncrementalEstimate:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset the estimator."""
         self._rate: Array | None = None
         self._once = self._twice = np.zeros(6)
 

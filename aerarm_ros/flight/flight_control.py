@@ -1,4 +1,4 @@
-"""Position and attitude of a drone with its arm, on SE(3)."""
+"""Control of position and attitude of a drone with its arm, on SE(3)."""
 
 from dataclasses import dataclass
 
@@ -13,22 +13,23 @@ from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.motion.signals import Array, limited
 
-# What a drone needs first: lift, and the moments that keep it upright.
+# Components with priority: lift, and the moments that keep the drone upright.
 _FIRST = np.array([False, False, True, True, True, False])
 _HALVINGS = 10
-_TURN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e3])  # [Nm] more than any rotors give
+_TURN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e3])  # [Nm], more than any rotors can give
 
 
 class Allocation:
-    """Distributes a wrench to the rotors, within their limits.
+    """Distribute a wrench to the rotors, within their limits.
 
-    Where they cannot give it all, the moments about the horizontal axes come first, then lift, then
-    the moment about the vertical and forces sideways, which are scaled down together.
+    If the rotors cannot give the whole wrench, the moments about the horizontal axes have
+    priority, then lift. The moment about the vertical and horizontal forces follow, scaled down
+    together.
 
     Parameters
     ----------
     drone : DroneConfig
-        A drone whose rotors cannot push sideways gets no force sideways.
+        A drone with rotors in one plane gets no horizontal force.
 
     Attributes
     ----------
@@ -60,7 +61,7 @@ class Allocation:
         return thrusts
 
     def turning_moment(self, body: MassProperties) -> float:
-        """Return the largest moment about the vertical that a body that hovers gets [Nm]."""
+        """Return the largest moment about the vertical [Nm] of a hovering body."""
         weight = body.mass * GRAVITY
         force = np.array([0.0, 0.0, weight])
         hover = np.concatenate([force, cross(body.centre, force)])
@@ -68,7 +69,7 @@ class Allocation:
         return float(min(most))
 
     def _first(self, lift: Array, tilt: Array) -> Array:
-        """Return lift and tilting moment, as much as can be given of them."""
+        """Return lift and tilting moment, as far as the rotors can give them."""
         if (scale := self._scale(lift, tilt)) is not None:
             return scale * lift + tilt
         thrusts: Array = np.clip(lift, self._min, self._max)
@@ -81,7 +82,7 @@ class Allocation:
         return thrusts
 
     def _scale(self, lift: Array, tilt: Array) -> float | None:
-        """Return the factor nearest to 1 on the lift that leaves room for the moment."""
+        """Return the factor of the lift, closest to 1, with which the moment is possible."""
         used = np.abs(lift) > 1e-9
         if np.any(tilt[~used] > self._max[~used]) or np.any(tilt[~used] < self._min[~used]):
             return None
@@ -92,11 +93,11 @@ class Allocation:
 
 @dataclass(frozen=True)
 class FlightGains:
-    """Poles of position and attitude; the gains follow with mass and inertia.
+    """Poles of position and attitude; the gains follow from mass and inertia.
 
-    The attitude's loop closes through the rotors' lag, some 25 ms, so its frequency times that lag
-    stays well below one; the position's loop closes through the attitude's, so it is some four
-    times slower. Lift needs no lean: the height can be held more stiffly.
+    The attitude loop includes the rotors' lag of some 25 ms, so its frequency times that lag must
+    be well below one. The position loop includes the attitude loop, so it is about four times
+    slower. Lift needs no tilt, so the height loop can be stiffer.
 
     Attributes
     ----------
@@ -105,16 +106,16 @@ class FlightGains:
     position_damping, attitude_damping : float
         Damping ratio [-].
     position_integral, attitude_integral : float
-        Rate at which what stays is integrated, as a share of the frequency [-].
+        Integral rate as a fraction of the frequency [-].
     speed_max : float
-        With which a far set point is approached [m/s].
+        Speed toward a distant set point [m/s].
     tilt_max : float
-        Largest tilt that is asked for [rad].
+        Largest commanded tilt [rad].
 
     Raises
     ------
     ValueError
-        If one isn't positive (an integral: is negative).
+        If an integral is negative, or another value is not positive.
     """
 
     position_frequency: float = 2.0
@@ -128,7 +129,7 @@ class FlightGains:
     tilt_max: float = 0.5
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Check that every value is in its range."""
         for name, value in vars(self).items():
             if name.endswith('_integral'):
                 non_negative_number(name, value)
@@ -137,17 +138,12 @@ class FlightGains:
 
     @property
     def position_frequencies(self) -> npt.NDArray[np.float64]:
-        """Those along the axes of the world, (3,) [rad/s]."""
+        """Frequencies along the axes of the world, (3,) [rad/s]."""
         return np.array([self.position_frequency, self.position_frequency, self.height_frequency])
 
 
 class RotorEstimate:
-    """Thrusts that follow commands with each rotor's first-order lag.
-
-    Parameters
-    ----------
-    drone : DroneConfig
-    """
+    """Thrusts that follow commands with each rotor's first-order lag."""
 
     def __init__(self, drone: DroneConfig) -> None:
         self._allocation = drone.allocation
@@ -156,11 +152,11 @@ class RotorEstimate:
         self._thrust = np.zeros(drone.n)
 
     def reset(self) -> None:
-        """Reset the allocation."""
+        """Reset the thrusts."""
         self._command = None
 
     def command(self, thrust: Array) -> None:
-        """Take the commanded thrusts (n,) [N]; the first are taken as given."""
+        """Set the commanded thrusts (n,) [N]; the first command applies at once."""
         if self._command is None:
             self._thrust = thrust
         self._command = thrust
@@ -177,48 +173,47 @@ class RotorEstimate:
 
 _UP = np.array([0.0, 0.0, 1.0])
 _SIDEWAYS = np.array([1.0, 1.0, 0.0])
-# Most that integrals and estimates may add: an acceleration [m/s^2], and a moment over the weight
-# [m], which is how far the arm may move the centre of mass aside.
+# Limits of integrals and estimates: an acceleration [m/s^2], and a moment over the weight [m],
+# which is the largest sideways shift of the centre of mass by the arm.
 _CORRECTION = 4.0
 _CORRECTION_LEVER = 0.2
-# Rotors turn a drone about the vertical by little more than their drag: what they cannot do must
-# neither tilt it [rad] nor be remembered [m], and the heading takes a share of it at most, since
-# feedback that asks for more only switches from limit to limit.
+# Rotors turn a drone about the vertical by little more than their drag. A moment beyond that must
+# neither tilt the drone [rad] nor add to the integral [m]. The feedback of the heading uses at most
+# a fraction of that moment, because more would only switch between the limits.
 _YAW_STEP, _YAW_LEVER = 0.2, 0.01
 _YAW_SHARE = 0.25
 _YAW_MISSED = 0.01  # [rad/s^2]
-_LIFT_MIN = 0.2  # share of the weight
-_SINK = 0.97  # share of the weight that is lifted where the height is not known
+_LIFT_MIN = 0.2  # fraction of the weight
+_SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class FlightControl:
-    """A drone with its arm, held at a place or led along a path.
+    """Hold a drone with its arm at a place, or move it along a path.
 
-    What is led is the centre of mass of the whole, to where it belongs if the body is level at its
-    target: the body itself moves aside as it leans. With the wrench f, m of the joints' motion::
+    The controlled point is the common centre of mass. The target of the centre of mass is its
+    place with a level body at the body's target. The body itself moves aside when it tilts. f and
+    m are the force and moment of the joints' motion::
 
         F = m (g + a_d + Kp e + Kd de + Ki int e) - f - d
         M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m - d_R    about the centre of mass
 
-    `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with rotors
-    in one plane turns its z axis along the force, and `e_w` and `a_R` follow from the rate at which
-    a planned force turns, by itself and with the heading; a fully actuated one stays level. `d` is
-    what a `Disturbance` estimates. Where rotors cannot give the moment about the vertical, the
-    heading gives way, and nothing else; it is held no more stiffly than they can turn the drone.
+    `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with
+    rotors in one plane turns its z axis along the force. `e_w` and `a_R` follow from the rate of
+    the planned force and of the heading. A fully actuated drone stays level. `d` is the estimate
+    of a `Disturbance`. If the rotors cannot give the moment about the vertical, only the heading
+    error grows. The stiffness of the heading is limited by the rotors' moment.
 
     Parameters
     ----------
-    drone : DroneConfig
     body : MassProperties
-        Of drone and arm, where nothing else is told.
-    gains : FlightGains, optional
+        Default mass properties of drone and arm.
     disturbance : Disturbance, optional
-        Its estimate is compensated.
+        Estimator whose estimate is compensated.
 
     Attributes
     ----------
     problem : str
-        Why the rotors are not to be commanded; '', as nothing keeps this law from it.
+        Reason why the rotors must not be commanded; always empty for this law.
     """
 
     problem = ''
@@ -251,7 +246,7 @@ class FlightControl:
         self.reset()
 
     def reset(self) -> None:
-        """Forget integrals and estimates."""
+        """Reset integrals and estimates."""
         self._push = np.zeros(3)
         self._moment = np.zeros(3)
         self._felt = np.zeros(6)
@@ -266,10 +261,10 @@ class FlightControl:
         dt: float,
         arm: FeedForward | None = None,
     ) -> Array:
-        """Return the thrusts (n,) [N] that lead to the target, after a step of `dt` [s]."""
+        """Return the thrusts (n,) [N] toward the target, after a step of `dt` [s]."""
         arm = self._at_rest if arm is None else arm
         body, heading = arm.body, yaw_of(state.rotation)
-        # What hangs at the body turns with it, wherever it was told to look.
+        # The arm turns with the body, so use the measured heading.
         level = _attitude(_UP, heading)
         yaw = heading + min(max(_turned(target.yaw - heading), -_YAW_STEP), _YAW_STEP)
         self._estimate(state, arm, dt)
@@ -278,7 +273,7 @@ class FlightControl:
         ahead = self._bounded(body.mass * feedback - level @ arm.wrench[:3], body.mass)
         if self._is_full:
             return self._thrusts(state, arm, ahead, _attitude(_UP, yaw), np.zeros((2, 3)), dt)
-        # What is planned in axes of the body turns with its heading.
+        # A plan in body axes rotates with the body's heading.
         turn = _heading_rate(state)
         rate = arm.force_rate + cross(turn, arm.wrench_now[:3])
         passing = cross(turn, 2.0 * arm.force_rate + cross(turn, arm.wrench[:3]))
@@ -286,14 +281,14 @@ class FlightControl:
         return self._thrusts(state, arm, ahead, _attitude(now, yaw), turning, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] of a drone that knows its attitude only: level, sinking."""
+        """Return the thrusts (n,) [N] of a level, sinking drone without a known position."""
         force = _SINK * self._at_rest.body.mass * GRAVITY * _UP
         wanted = _attitude(_UP, yaw_of(state.rotation))
         self._felt = np.zeros(6)
         return self._thrusts(state, self._at_rest, force, wanted, np.zeros((2, 3)), dt)
 
     def _estimate(self, state: FlightState, arm: FeedForward, dt: float) -> None:
-        """Compare what is known of the last step with how the drone moved in it."""
+        """Compare the known wrench of the last step with the drone's motion."""
         wrench = self._rotors.advance(dt)
         if self._disturbance is None:
             return
@@ -312,7 +307,7 @@ class FlightControl:
         kp, kd, ki = self._position_gains
         lever = state.rotation @ body.centre
         velocity = state.velocity + state.rotation @ cross(state.rate, body.centre)
-        # With its heading turns where the centre belongs.
+        # The target of the centre rotates with the heading.
         turn = _heading_rate(state)
         moving = cross(turn, level @ body.centre)
         error = target.position + level @ body.centre - (state.position + lever)
@@ -341,14 +336,14 @@ class FlightControl:
         turning: Array,
         dt: float,
     ) -> Array:
-        """Return the thrusts for a force in the world and a turn to an attitude."""
+        """Return the thrusts for a force in the world and a rotation to an attitude."""
         kp, kd, ki = self._attitude_gains
         rotation, body = state.rotation, arm.body
         inertia = body.inertia
         turn = rotation.T @ wanted - wanted.T @ rotation
         error = 0.5 * np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
         rate, spin = turning @ rotation  # in body axes
-        # Axis by axis: an error of the heading that stays must not lean it by products of inertia.
+        # Per axis: products of inertia must not turn a heading error into a tilt.
         self._integrate(ki * dt * np.diag(inertia) * error)
         spin = spin - cross(state.rate, rate)
         moment = inertia @ (spin + kp * error + kd * (rate - state.rate))
@@ -362,7 +357,7 @@ class FlightControl:
         thrusts = self._allocation.thrusts(wrench)
         missing = (self._allocation.matrix[5] @ thrusts - wrench[5]) / inertia[2, 2]
         if abs(missing) > _YAW_MISSED:
-            # It turns about the vertical otherwise than wanted, and shall not lean for that.
+            # A missing yaw moment must not cause a tilt.
             wrench[3:5] += missing * inertia[:2, 2]
             thrusts = self._allocation.thrusts(wrench)
         self._rotors.command(thrusts)
@@ -394,9 +389,9 @@ def _attitude(up: Array, yaw: float) -> Array:
 
 
 def _turning(force: Array, rate: Array, curvature: Array) -> Array:
-    """Return angular velocity and acceleration (2, 3) in the world of what points along a force.
+    """Return angular velocity and acceleration (2, 3) in the world of a force's direction.
 
-    To first order in the rate: it does not turn about the force.
+    To first order in the rate, without rotation about the force.
     """
     length = np.linalg.norm(force)
     along = force / length

@@ -10,12 +10,12 @@ from aerarm_ros.motion.signals import Array
 
 
 class FreezeWatch:
-    """Follows how long a reading has not changed by a single bit.
+    """Measure the time for which a reading has not changed by a single bit.
 
     Parameters
     ----------
     patience : float
-        Time [s] after which a reading that stays counts as frozen, if the drone moves.
+        Time [s] after which a constant reading counts as frozen, if the drone moves.
     """
 
     def __init__(self, patience: float) -> None:
@@ -24,7 +24,7 @@ class FreezeWatch:
         self._since = 0.0
 
     def is_frozen(self, reading: Array, now: float, is_moving: bool) -> bool:
-        """Take a reading at `now` [s]; return whether it has stayed while the drone moved."""
+        """Process a reading at `now` [s]; return whether it is frozen while the drone moves."""
         if self._last is None or not np.array_equal(reading, self._last) or not is_moving:
             self._last, self._since = reading, now
         return now - self._since > self._patience
@@ -35,32 +35,32 @@ SILENCE = 0.1
 
 _FROZEN = 0.1  # [s]
 _MOVING_RATE, _MOVING_SPEED = 0.05, 0.05  # [rad/s], [m/s]
-# How far a sample may be from where the one before leads to: place [m], tilt [rad], speed [m/s],
-# turn [rad/s]; and how long samples that agree with each other are not believed [s].
+# Largest difference between a sample and its prediction: place [m], tilt [rad], speed [m/s],
+# angular velocity [rad/s]. A jump must stay for a time [s] before it is accepted.
 _PLACE, _TURN, _SPEED, _RATE = 0.3, 0.3, 2.0, 6.0
 _DOUBT = 0.3
-_FORGOTTEN = 1.0  # [s] after which the last sample tells nothing of where the drone is
+_FORGOTTEN = 1.0  # [s] after which the last sample no longer predicts the drone's place
 _GYRO_DOUBT = 3.0  # [rad/s] between IMU and odometry
-_AGE_MAX = 0.1  # [s] over which an old odometry is brought forward
+_AGE_MAX = 0.1  # [s] longest extrapolation of an old odometry
 
 
 class FlightEstimator:
-    """Checks samples and joins them to a `FlightState`.
+    """Check samples and combine them to a `FlightState`.
 
-    Position, velocity and attitude are the odometry's, brought forward by its age with the IMU's
-    rate; the rate is the IMU's while that is heard. A sample is refused, with the reason, if it is
-    unusable, old, frozen while the other sensor says that the drone moves, or a jump that no
-    drone makes. A jump that stays for 0.3 s is believed: the odometry has found itself anew.
+    Position, velocity and attitude are those of the odometry, extrapolated by its age with the
+    IMU's rate. The angular velocity is the IMU's if its samples arrive. A sample is rejected with
+    a reason if it is invalid, old, frozen while the other sensor shows motion, or an impossible
+    jump. A jump that stays for 0.3 s is accepted, because the odometry has reset its frame.
 
     Parameters
     ----------
     drone : DroneConfig
-        For the place of its IMU.
+        Drone with the place of its IMU.
 
     Attributes
     ----------
     jumps : int
-        Jumps that were believed: the numbers of a place mean another one now.
+        Number of accepted jumps, each of which changes the meaning of positions.
     """
 
     def __init__(self, drone: DroneConfig) -> None:
@@ -73,11 +73,11 @@ class FlightEstimator:
         self.jumps = 0
 
     def offer_odometry(self, sample: OdometrySample) -> None:
-        """Take an odometry sample; raises RejectedInputError with what is wrong."""
+        """Process an odometry sample; raises RejectedInputError."""
         before = self._odometry
         if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
             raise RejectedInputError(
-                'odometry: a sample is not newer than the one before: one publisher only'
+                'odometry: a sample is not newer than the previous one; run only one publisher'
             )
         self._refuse_frozen_odometry(sample)
         if before is not None and sample.stamp > before.stamp:
@@ -85,31 +85,35 @@ class FlightEstimator:
         self._odometry, self._doubted = sample, None
 
     def offer_imu(self, sample: ImuSample) -> None:
-        """Take an IMU sample; raises RejectedInputError with what is wrong."""
+        """Process an IMU sample; raises RejectedInputError."""
         before, odometry = self._imu, self._odometry
         if before is not None and before.stamp - 1.0 < sample.stamp <= before.stamp:
-            raise RejectedInputError('IMU: a sample is not newer than the one before')
+            raise RejectedInputError(
+                'IMU: a sample is not newer than the previous one; run only one publisher'
+            )
         rate = self._to_body @ sample.angular_velocity
         if odometry is not None and abs(sample.stamp - odometry.stamp) < SILENCE:
             is_moving = float(np.linalg.norm(odometry.rate)) > _MOVING_RATE
             reading = np.concatenate([sample.angular_velocity, sample.specific_force])
             if self._frozen_imu.is_frozen(reading, sample.stamp, is_moving):
-                raise RejectedInputError('IMU: it repeats itself while the drone turns: frozen')
+                raise RejectedInputError(
+                    'IMU: repeated samples while the drone turns (frozen); check the driver'
+                )
             if np.linalg.norm(rate - odometry.rate) > _GYRO_DOUBT:
                 raise RejectedInputError(
-                    'IMU: its angular velocity is not that of the odometry: a jump, or the '
-                    "drone file's pose of the IMU is wrong"
+                    'IMU: its angular velocity differs from that of the odometry; the odometry '
+                    "jumped, or the IMU's pose in the drone file is wrong"
                 )
         self._imu = sample
 
     @property
     def stamp(self) -> float | None:
-        """Stamp of the newest good sample [s], None before the first."""
+        """Stamp of the newest valid sample [s], None before the first."""
         stamps = [sample.stamp for sample in (self._odometry, self._imu) if sample is not None]
         return max(stamps, default=None)
 
     def missing(self) -> list[str]:
-        """Return which of odometry and IMU have been without a good sample for too long."""
+        """Return which of odometry and IMU have lacked a valid sample for too long."""
         now = self.stamp
         names = ('odometry', self._odometry), ('imu', self._imu)
         return [
@@ -154,7 +158,7 @@ class FlightEstimator:
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen_odometry.is_frozen(reading, sample.stamp, is_moving):
             raise RejectedInputError(
-                'odometry: its pose repeats itself while the drone moves: frozen'
+                'odometry: repeated pose while the drone moves (frozen); check its source'
             )
 
     def _refuse_jump(self, before: OdometrySample, sample: OdometrySample) -> None:
@@ -166,7 +170,7 @@ class FlightEstimator:
             return
         doubted = self._doubted
         if doubted is None or _jump(doubted, sample):
-            self._doubted_since = sample.stamp  # not even like the jump before
+            self._doubted_since = sample.stamp  # differs from the previous jump too
         self._doubted = sample
         if sample.stamp - self._doubted_since < _DOUBT:
             raise RejectedInputError(f'odometry: {jump}')
@@ -178,7 +182,7 @@ def _is_old(sample: OdometrySample | ImuSample, now: float) -> bool:
 
 
 def _jump(before: OdometrySample, sample: OdometrySample) -> str:
-    """Return what a drone cannot do between two samples, '' if nothing."""
+    """Return the impossible change between two samples, or an empty text."""
     step = sample.stamp - before.stamp
     rotation = rotation_matrix(before.attitude)
     place = before.position + step * (rotation @ before.velocity)
@@ -204,7 +208,7 @@ def _jump(before: OdometrySample, sample: OdometrySample) -> str:
 
 
 def _quaternion(turn: Array) -> Array:
-    """Return the quaternion (x, y, z, w) of a turn vector [rad]."""
+    """Return the quaternion (x, y, z, w) of a rotation vector [rad]."""
     angle = float(np.linalg.norm(turn))
     share = 0.5 * np.sinc(0.5 * angle / np.pi)
     return np.append(share * turn, np.cos(0.5 * angle))

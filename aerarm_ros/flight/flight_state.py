@@ -1,4 +1,4 @@
-"""Where the drone is and how it moves."""
+"""Pose and motion of the drone."""
 
 from bisect import bisect_right
 from collections import deque
@@ -19,13 +19,13 @@ class FlightState(NamedTuple):
     Attributes
     ----------
     position, velocity : (3,) ndarray
-        Of its origin in the world [m], [m/s].
+        Of the frame's origin in the world [m], [m/s].
     rotation : (3, 3) ndarray
         Body to world.
     rate : (3,) ndarray
         Angular velocity in body axes [rad/s].
     specific_force : (3,) ndarray, optional
-        What the IMU feels where it is, in body axes [m/s^2].
+        Specific force at the IMU, in body axes [m/s^2].
     """
 
     position: Array
@@ -39,14 +39,14 @@ _ZERO = np.zeros(3)
 
 
 class FlightTarget(NamedTuple):
-    """A place to hover at or to pass.
+    """A place at which to hover, or through which to fly.
 
     Attributes
     ----------
     position : (3,) ndarray
         Of the body frame's origin in the world [m].
     yaw : float
-        Turn of the body about the vertical [rad].
+        Rotation of the body about the vertical [rad].
     velocity, acceleration : (3,) ndarray
         Of that origin in the world [m/s], [m/s^2].
     """
@@ -58,16 +58,16 @@ class FlightTarget(NamedTuple):
 
     @classmethod
     def here(cls, state: FlightState) -> 'FlightTarget':
-        """Return the place where a drone is, with its heading."""
+        """Return the present place of a drone, with its heading."""
         return cls(np.array(state.position), yaw_of(state.rotation))
 
 
 def yaw_of(rotation: Array) -> float:
-    """Return the heading [rad] of an attitude: where the body's x axis points to."""
+    """Return the heading [rad] of an attitude: the direction of the body's x axis."""
     return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
 
-# Beyond these an odometry is wrong rather than a flight bold.
+# Larger values indicate a fault of the odometry.
 _POSITION_MAX, _SPEED_MAX, _RATE_MAX = 1e5, 100.0, 40.0
 
 
@@ -82,15 +82,15 @@ class OdometrySample:
     position : (3,) ndarray
         Of the body frame's origin in the world [m].
     attitude : (4,) ndarray
-        Quaternion (x, y, z, w), body to world. Normalised when made.
+        Quaternion (x, y, z, w), body to world, normalized.
     velocity, rate : (3,) ndarray
         In body axes [m/s], [rad/s].
 
     Raises
     ------
     RejectedInputError
-        If a number isn't finite, the quaternion is none, or a value can't be in the unit
-        expected.
+        If a number is not finite, the quaternion is not valid, or a value is too large for the
+        expected unit.
     """
 
     stamp: float
@@ -100,14 +100,15 @@ class OdometrySample:
     rate: Array
 
     def __post_init__(self) -> None:
-        """Check every number."""
+        """Check that every number is finite and plausible."""
         numbers = [self.stamp, *self.position, *self.attitude, *self.velocity, *self.rate]
         if not np.all(np.isfinite(numbers)):
-            raise RejectedInputError('odometry: a value is NaN or infinite: check its source')
+            raise RejectedInputError('odometry: a value is NaN or infinite; check its source')
         norm = float(np.linalg.norm(self.attitude))
         if not 0.9 < norm < 1.1:
             raise RejectedInputError(
-                f'odometry: the orientation quaternion has length {norm:.3g}, not 1'
+                f'odometry: the orientation quaternion has length {norm:.3g} instead of '
+                '1; check its source'
             )
         for name, vector, limit, unit in (
             ('position', self.position, _POSITION_MAX, 'm'),
@@ -116,13 +117,13 @@ class OdometrySample:
         ):
             if np.linalg.norm(vector) > limit:
                 raise RejectedInputError(
-                    f'odometry: the {name} is above {limit:g} {unit}: check its unit'
+                    f'odometry: the {name} is above {limit:g} {unit}; check its unit'
                 )
         object.__setattr__(self, 'attitude', self.attitude / norm)
 
 
 _KEPT = 256
-SET_BACK = 1.0  # [s] a stamp that far before the last is of a clock that was set back
+SET_BACK = 1.0  # [s]; a larger step back means that the clock was set back
 
 
 class StampedValues:
@@ -131,7 +132,7 @@ class StampedValues:
     Parameters
     ----------
     hold_time : float
-        How long the last value stands for what comes after it [s].
+        Time for which the last value remains valid [s].
     """
 
     def __init__(self, hold_time: float) -> None:
@@ -145,7 +146,7 @@ class StampedValues:
         return self._times[-1] if self._times else None
 
     def add(self, time: float, value: Array) -> None:
-        """Take a value of a time [s]; one that is not newer than the last is ignored."""
+        """Add the value at a time [s]; a value that is not newer than the last is ignored."""
         times = self._times
         if times and time <= times[-1]:
             if time > times[-1] - SET_BACK:
@@ -156,7 +157,7 @@ class StampedValues:
         self._values.append(value)
 
     def between(self, time: float) -> Array | None:
-        """Return the value at a time [s], None if it does not lie between two."""
+        """Return the value at a time [s], None if the time is not between two values."""
         times = self._times
         return self.at(time) if times and times[0] <= time <= times[-1] else None
 
@@ -179,25 +180,25 @@ _ACCELERATION_MAX = 20.0  # [m/s^2]
 
 
 class FlightPath:
-    """Quintics through places and headings; where it ends the drone stays.
+    """Quintics through places and headings; at the end the drone hovers.
 
     Parameters
     ----------
     times : (M,) array_like
-        Of the points, from the start [s], rising, the first not negative.
+        Times of the points from the start [s], rising, the first not negative.
     positions : (M, 3) array_like
         Of the body frame's origin in the world [m].
     yaws : (M,) array_like
         [rad]
     velocities, accelerations : (M, 3) array_like, optional
-        [m/s], [m/s^2]; without them the slopes between neighbours, zero at both ends.
+        [m/s], [m/s^2]; by default the slopes between neighbours, zero at both ends.
     start : FlightTarget, optional
-        From where the way leads to a first point that lies ahead in time.
+        Start of the path if the first point has a time above zero.
 
     Raises
     ------
     RejectedInputError
-        If a number is missing or not finite, times do not rise, or no drone is as fast.
+        If a number is missing or not finite, times do not rise, or the path is too fast.
     """
 
     def __init__(
@@ -217,7 +218,9 @@ class FlightPath:
         if not all(np.all(np.isfinite(rows)) for rows in given):
             raise RejectedInputError('flight path: its numbers must be finite')
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
-            raise RejectedInputError('flight path: its times must rise, and not begin before zero')
+            raise RejectedInputError(
+                'flight path: its times must increase and must not be negative'
+            )
         if t[0] > 0.0 and start is not None:
             t = np.concatenate([[0.0], t])
             p, yaw = np.vstack([start.position, p]), np.concatenate([[start.yaw], yaw])
@@ -239,8 +242,8 @@ class FlightPath:
         hardest = float(np.linalg.norm(samples.ddq[:, :3], axis=1).max())
         if fastest > _PATH_SPEED_MAX or hardest > _ACCELERATION_MAX:
             raise RejectedInputError(
-                f'flight path: it takes {fastest:.1f} m/s and {hardest:.1f} m/s^2 (at most '
-                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}): give its points more time'
+                f'flight path: it needs {fastest:.1f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'{_SPEED_MAX:g} and {_ACCELERATION_MAX:g}); give its points more time'
             )
 
     @property
@@ -259,7 +262,9 @@ def _rows(values: npt.ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
         return None
     rows = np.array(values, dtype=float)
     if rows.shape != shape:
-        raise RejectedInputError('flight path: every point has a velocity, or none; so with others')
+        raise RejectedInputError(
+            'flight path: give a velocity for every point or for none; also for accelerations'
+        )
     return rows
 
 

@@ -1,6 +1,6 @@
-"""The bridge without ROS: from joint commands to frames, and from frames to joint states.
+"""Hardware bridge without ROS: turns joint commands into SPI frames and frames into joint states.
 
-In comes a joint command and the time; out go the joints' state, the mode of the arm, and what is
-wrong. `BridgeCycle` is the door: one cycle of 1 ms through the rooms inside, in the order of the
-flow: the gate limits a command, the boards make frames of it, a transport carries them.
+`BridgeCycle` runs one cycle of 1 ms. The gate limits the joint command, the boards package encodes
+it into frames, and a transport exchanges the frames with the motor boards. The cycle returns the
+joint states, the mode of the arm and its faults.
 """

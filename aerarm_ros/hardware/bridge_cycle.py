@@ -1,4 +1,4 @@
-"""The bridge's cycle of 1 ms, without ROS and without a clock."""
+"""The bridge's 1 ms cycle, independent of ROS and of any clock."""
 
 from __future__ import annotations
 
@@ -34,20 +34,14 @@ from aerarm_ros.hardware.heat_watch import HeatWatch
 from aerarm_ros.model.dynamics import largest_gravity_load
 from aerarm_ros.motion.signals import Array
 
-if TYPE_CHECKING:  # nothing to run
+if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.hardware.transports.transport import Transport
 
-_RECENT = 1.0  # [s] how long a rejection or a limit stays in the list of faults
+_RECENT = 1.0  # [s] how long a rejection or a limited command stays in the list of faults
 
 
 class BridgeReport:
-    """Puts faults and counts of the bridge's parts into words.
-
-    Parameters
-    ----------
-    intake, gate, links, zeros, heat, loads
-        The parts.
-    """
+    """Report the faults and counters of the bridge's parts as text."""
 
     def __init__(
         self,
@@ -67,26 +61,27 @@ class BridgeReport:
         self._monitors = [link.monitor for link in links]
 
     def faults(self, mode: str, now: float) -> list[str]:
-        """Return faults, the latched stop first; rejections and limits for a second."""
+        """Return the faults, latched stop first, with rejections and limits of the last second."""
         intake, gate = self._intake, self._gate
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
         for link in self._links:
             monitor = link.monitor
             if link.is_damped_unheard:
                 texts.append(
-                    f'{monitor.name} sends no valid frames; the bridge commands it to damp its '
-                    f'joints, disable switches it off: {monitor.problem}'
+                    f'{monitor.name} sends no valid frames ({monitor.problem}); the bridge '
+                    'commands the board to damp its joints, and to switch its motors off once '
+                    'the arm is disabled'
                 )
             elif monitor.is_silent or monitor.mode is BoardMode.DISCONNECTED:
-                texts.append(f'{monitor.name} does not answer: {monitor.problem}')
+                texts.append(f'no answer from {monitor.name}: {monitor.problem}')
             elif not monitor.fault:
                 texts.append(monitor.echo.warning)
         if mode in ('unhomed', 'fault'):
             texts.append(self._zeros.problem)
         if mode == 'damping':
             texts.append(
-                f'no valid command for {intake.age(now):.2f} s, the arm is damped: check that the '
-                'controller runs'
+                f'no valid command for {intake.age(now):.2f} s, so the bridge damps the arm: '
+                'check that the controller runs'
             )
         texts += [*self._heat.warnings(), *self._loads.warnings()]
         if now - intake.last_rejection_time < _RECENT:
@@ -96,8 +91,8 @@ class BridgeReport:
         return list(dict.fromkeys(filter(None, texts)))
 
     def counters(self) -> dict[str, int]:
-        """Return everything that is counted, by a name for diagnostics."""
-        # Copies, because a diagnostics thread may ask while the loop counts on.
+        """Return all counters by their names in the diagnostics."""
+        # Copies, because a diagnostics thread may read while the loop increments the counters.
         rejections, limited = dict(self._intake.rejections), dict(self._gate.limited)
         counts = {'commands accepted': self._intake.accepted}
         counts |= {f'rejected {key}': count for key, count in rejections.items()}
@@ -107,32 +102,31 @@ class BridgeReport:
         return counts
 
 
-_STEP_MAX = 0.005  # [s] longest time over which a reference is moved in one cycle
+_STEP_MAX = 0.005  # [s] longest time over which a reference moves in one cycle
 
 
 class BridgeCycle:
-    """Applies joint commands to the boards and reads the joints, once a cycle.
+    """Apply joint commands to the boards and read the joints, once per cycle.
 
-    `mode` is one of `bridge_modes.MODES`, which says what each means.
-    Requests (`enable`, `disable`, `home`, ...) act from the next update on.
+    `mode` is one of `bridge_modes.MODES`; the module `bridge_modes` describes each mode.
+    Requests (`enable`, `disable`, `home`, ...) take effect at the next update.
 
     Parameters
     ----------
-    config
-        The arm.
     transport
-        The way to the boards, open.
+        Open connection to the boards.
     settings
         Times and tolerances.
     profile
-        Frames of the boards; that of the configuration if not given.
+        Frame layout of the boards; by default the one that the configuration names.
     load_max
-        (n,) or one for all: largest torque [Nm] that gravity asks of a joint however the base
-        turns, for a base that moves; from `robot` if not given. See `EncoderMonitor`.
+        (n,) or one for all: largest gravity torque [Nm] of each joint over all base orientations.
+        Computed from `robot` by default. See `EncoderMonitor`.
     robot
-        The arm as drawn, whose loads the limits' barriers take; the packaged one if not given.
+        Robot model from which the barriers at the limits compute loads; by default the packaged
+        arm.
     kept
-        Zeros that a bridge before this one knew, or why they cannot be used.
+        Encoder zeros stored by the previous bridge, or the reason why they cannot be used.
     pulse_offset
         (n,) or one for all: motor angles of the index pulses modulo one turn [rad], see `Homing`.
 
@@ -146,15 +140,17 @@ class BridgeCycle:
     q, dq, tau
         Joint positions [rad], velocities [rad/s], torques from measured currents [Nm].
     motor_position, motor_velocity, motor_current, motor_power
-        Motor side [rad], [rad/s], [A], [W].
+        Motor positions [rad], velocities [rad/s], currents [A] and powers [W].
     state, power
-        The same with more detail: `ArmMeasurements`, and `MotorPower` with energy and source.
+        All measurements (`ArmMeasurements`), and power with energy and source (`MotorPower`).
     intake, gate
-        Checks on commands, with their counts.
+        Command checks and safety gate, with their counters.
     links, zeros, recall, probe
-        The boards; what is known of the zeros, and kept of that; what commissions an arm.
-    heat : how warm the motors are, and what that leaves of their torque.
-    cycles : number of updates.
+        Board links, encoder zeros, recall of stored zeros, and the commissioning probe.
+    heat
+        Motor temperatures and the torque limits that follow from them.
+    cycles
+        Number of updates.
     """
 
     def __init__(
@@ -206,24 +202,24 @@ class BridgeCycle:
         self._standstill = CommandBuffer.standstill(config.n)
         self._search = ZeroSearch(config, self.state, self.recall.pulse_offset)
         self._enabled = False
-        self._aligned = False  # every motor in use, when its board last answered
-        self._followed = False  # a command was followed since the arm became ready
+        self._aligned = False  # whether every motor in use was aligned at its board's last answer
+        self._followed = False  # whether the arm has followed a command since it became ready
         self._current_lag = settings.current_lag
         self._now = -np.inf
 
     @property
     def q_known(self) -> Array:
-        """(n,) joint positions [rad], NaN where the zero is unknown."""
+        """Joint positions (n,) [rad], NaN where the zero is unknown."""
         return self.zeros.known_only(self.q)
 
     @property
     def counters(self) -> dict[str, int]:
-        """Everything that is counted, by a name for diagnostics."""
+        """All counters by their names in the diagnostics."""
         return {'cycles': self.cycles, **self._report.counters()}
 
     @property
     def faults(self) -> list[str]:
-        """Faults, the latched stop first; rejections and limits for a second."""
+        """Faults, latched stop first, with rejections and limits of the last second."""
         return self._report.faults(self.mode, self._now)
 
     def way_out(self, emulated: bool) -> str:
@@ -243,16 +239,16 @@ class BridgeCycle:
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
         """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
 
-        Raises ValueError, and changes nothing, if the frame cannot hold one of them.
+        Raises ValueError, and changes nothing, if the frame cannot represent one of the gains.
         """
         self._references.set_gains(kp, kd, integral_gain)
 
     def check_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
-        """Raise what `set_gains` would raise; may be called from any thread."""
+        """Raise ValueError for gains that `set_gains` rejects; safe to call from any thread."""
         self._references.check_gains(kp, kd, integral_gain)
 
     def enable(self) -> Answer:
-        """Ask the boards to align and drive the motors. The arm moves: have it supported."""
+        """Request that the boards align and drive the motors; the arm moves, so support it."""
         refusal = self.probe.refusal or self._watch.refusal(self._enabled)
         if self._enabled and not refusal:
             return self._hold()
@@ -260,7 +256,9 @@ class BridgeCycle:
         if refusal:
             return Answer(False, refusal)
         self._align()
-        return Answer(True, 'the motors align now: the arm moves, keep it supported until ready')
+        return Answer(
+            True, 'the motors align now and the arm moves: support the arm until arm_mode is ready'
+        )
 
     def _align(self) -> None:
         self._enabled, self.mode = True, 'aligning'
@@ -269,14 +267,14 @@ class BridgeCycle:
         self._encoders.clear()
 
     def _hold(self) -> Answer:
-        """Hold a damped arm where it is; leave one that follows a command alone."""
+        """Hold a damped arm at its present position; do nothing if the arm follows a command."""
         if self.intake.is_fresh(self._now):
             return Answer(True, 'already enabled, tracking a command')
         self._followed = False
         return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Hold the arm once commands end, instead of damping it."""
+        """Make the arm hold its position, rather than damp, when commands end."""
         if self.mode not in ('ready', 'running', 'damping'):
             first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
             return Answer(False, f'arm_mode is {self.mode}: run {first} first')
@@ -285,7 +283,7 @@ class BridgeCycle:
         return Answer(True, f'the bridge holds the arm in place{when}')
 
     def disable(self) -> Answer:
-        """Ask the boards to switch the motors off. The arm falls: have it supported."""
+        """Request that the boards switch the motors off; the arm falls, so support it."""
         self._enabled = False
         self._search.end()
         self.probe.end('the motors were disabled')
@@ -293,20 +291,24 @@ class BridgeCycle:
         return Answer(True, 'the motors are off')
 
     def clear_fault(self) -> Answer:
-        """Leave the fault: hold the arm if its motors are still driven, else be idle."""
+        """Leave the fault mode: hold the arm if its motors are driven, otherwise go to idle."""
         silent = [link.monitor.name for link in self.links if link.monitor.is_silent]
         if silent and self._enabled:
-            # Going on without it would switch off the boards that damp the arm.
+            # Continuing without a known zero would switch off the boards that damp the arm.
             return Answer(
-                False, f'{", ".join(silent)} does not answer: disable first, or repair it'
+                False,
+                f'no answer from {", ".join(silent)}: disable the arm first, or repair '
+                'the connection',
             )
-        # Motors that lost their alignment align only when somebody says so.
+        # Motors that lost their alignment align again only on request.
         stays = self._enabled and all(link.may_be_damped for link in self.links)
         if stays and self.zeros.are_lost:
-            return Answer(False, f'disable first, the arm supported: {self.zeros.problem}')
+            return Answer(False, f'support the arm and disable it first: {self.zeros.problem}')
         violation = self.gate.state_violation(self.q, self.dq) or self.heat.refusal()
         if violation and self._enabled:
-            return Answer(False, f'the arm would stop again at once, {violation}')
+            return Answer(
+                False, f'the bridge would stop the arm again at once, because {violation}'
+            )
         reasons = [link.monitor.clear(link.state) for link in self.links]
         if any(reasons):
             return Answer(False, '; '.join(filter(None, reasons)))
@@ -317,14 +319,14 @@ class BridgeCycle:
         return Answer(True, 'the arm is held' if stays else 'the motors are off')
 
     def home(self) -> Answer:
-        """Search the encoders' index pulses: every motor turns by up to one turn to each side.
+        """Search the encoders' index pulses; every motor turns by up to one turn in each direction.
 
-        The arm has to be in its home configuration. Motors that are off are aligned before.
+        The arm must be in its home configuration. Motors that are off are aligned first.
         """
         state, zeros = self.state, self.zeros
         is_held = self.mode in ('ready', 'running', 'damping')
         if not is_held and self._enabled:
-            return Answer(False, f'the arm is {self.mode}, homing starts from ready or idle')
+            return Answer(False, f'the arm is {self.mode}, but homing needs ready or idle')
         refusal = '' if is_held else self.probe.refusal or self._watch.refusal(driven=False)
         refusal = self._search.problem or refusal or zeros.refusal(state.motor_position)
         if not is_held and not refusal:
@@ -336,7 +338,7 @@ class BridgeCycle:
             self.intake.forget()
             self._followed = False
         else:
-            # Until a pulse is met nobody but who homes the arm says where it is.
+            # Until a pulse is found, only the user knows the joint angles.
             expected = zeros.expected(state.motor_position)
             zeros.lose(range(self._config.n), 'homing did not end')
             self._set_zero(state.reported_position - expected)
@@ -346,17 +348,17 @@ class BridgeCycle:
         return Answer(True, f'{align}{self._search.motion}; {zeros.vouched()}')
 
     def e_stop(self, reason: str) -> Answer:
-        """Stop, damped and latched."""
+        """Latch a stop that damps the arm."""
         self.gate.trip(f'emergency stop: {reason}')
         return Answer(True, 'the arm is damped')
 
     def update(self, now: float) -> None:
-        """Run one cycle at the time `now` [s, monotonic]."""
+        """Run one bridge cycle at the time `now` [s, monotonic]."""
         elapsed = max(now - self._now, 0.0)
         self._now = now
         self.cycles += 1
         self._transport.advance(now)
-        # Boards answer before they take a command: what they tell came of the one before.
+        # A board answers before it reads the command, so its answer reflects the previous command.
         gains, feed_forward = self._references.gains, self._references.feed_forward
         noise = self._references.braking_noise
         running = self._choose_references(now, elapsed)
@@ -386,7 +388,7 @@ class BridgeCycle:
                 link.switch_off()
 
     def _choose_references(self, now: float, elapsed: float) -> bool:
-        """Set what the motors shall do; return whether a command is followed."""
+        """Set the motor references; return whether the arm follows a command."""
         references, gate, state = self._references, self.gate, self.state
         if not self._enabled:
             references.switch_off()
@@ -394,7 +396,7 @@ class BridgeCycle:
             return False
         if references.integrates:
             references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
-        # A barrier that leads a joint which nobody hears would drive it.
+        # A barrier acting on a joint without position readings would drive that joint.
         times, tells = state.age(now, now - elapsed), self._encoders.tells_position & state.heard
         q, dq = state.believed(tells)
         kept = references.kept_torques(q, dq, state.unconfirmed)
@@ -402,7 +404,7 @@ class BridgeCycle:
         return self._follow(now, min(elapsed, _STEP_MAX), tells & state.driven)
 
     def _follow(self, now: float, dt: float, trusted: Mask) -> bool:
-        """Set the references of the command, or damp; return whether a command is followed."""
+        """Set the references of the command, or damp; return whether the arm follows a command."""
         references, gate = self._references, self.gate
         command = None if gate.stop else self._current_command(now)
         is_braked = command is not None and gate.follow(
@@ -418,7 +420,7 @@ class BridgeCycle:
         return is_followed and self._followed
 
     def _current_command(self, now: float) -> CommandBuffer | None:
-        """Return what to follow, None if the arm is to be damped."""
+        """Return the command to follow, None if the arm is to be damped."""
         if not self._aligned:
             return None
         if self._search.is_on:
@@ -436,7 +438,7 @@ class BridgeCycle:
             self._search.end()
             if homing.fault:
                 self.gate.trip(homing.fault)
-                self.zeros.lose(homing.doubted, 'homing found its index pulses implausible')
+                self.zeros.lose(homing.doubted, 'homing found implausible index pulses')
             else:
                 self._set_zero(homing.zero)
                 self._encoders.clear()
@@ -444,7 +446,7 @@ class BridgeCycle:
         return homing.command
 
     def _set_zero(self, zero: Array) -> None:
-        """Let the motors' angles be zero where the boards report (n,) angles [rad]."""
+        """Set the (n,) reported angles [rad] at which the motor angles are zero."""
         self._references.set_zero(zero)
         self.state.read(self.links, zero, self._references.gains)
 

@@ -1,19 +1,19 @@
-"""What the bridge may be doing, and what it answers to requests.
+"""Modes of the bridge and its answers to requests.
 
 - disconnected: a board does not answer.
-- idle: the boards answer and are off.
-- unhomed: likewise, and the zero of a joint is unknown. Only `home` and
+- idle: the boards answer and the motors are off.
+- unhomed: the motors are off, and the encoder zero of a joint is unknown. Only `home` and
   commissioning move the arm.
-- aligning: the boards turn their motors to find the rotors' directions. The arm moves.
-- ready: the arm is held where it is; no command has come yet.
-- homing: the motors search the encoders' index pulses.
-- commissioning: one motor turns its joint at low torque and speed, all others are off.
-- running: the last command is followed.
-- damping: the last command is too old, and nobody asked to `hold` the arm after it. The
-  joints are damped, so the arm sinks slowly; the next good command is followed again, and
-  `enable` or `hold` hold the arm where it is.
-- fault: stopped for the reason that `faults` gives. The joints are damped where their
-  board and encoder still work, until `clear_fault`.
+- aligning: the boards turn their motors to find the rotor angles. The arm moves.
+- ready: the arm holds its position; no command has arrived yet.
+- homing: the motors search for the encoders' index pulses.
+- commissioning: one motor turns its joint at low torque and speed; all other motors are off.
+- running: the arm follows the last command.
+- damping: the last command is too old, and no `hold` request is active. The joints are damped, so
+  the arm sinks slowly. The arm follows the next valid command; `enable` or `hold` make it hold its
+  position.
+- fault: the arm is stopped for the reason given by `faults`. Joints with a working board and
+  encoder are damped until `clear_fault`.
 """
 
 from typing import NamedTuple
@@ -37,16 +37,20 @@ OFF = ('idle', 'unhomed')
 HELD = ('ready', 'running')
 'Modes in which the motors hold the arm.'
 COMMANDABLE = (*HELD, 'damping')
-'Modes in which the arm tracks a command: damping ends with the next one.'
+"""Modes in which the arm follows a command; damping ends with the next command."""
 
 
 def to_switch_on(mode: str) -> str:
-    """Return the request, as typed, that switches on the motors of an arm in a mode."""
-    return "'arm home', the arm in its home configuration" if mode == 'unhomed' else "'arm enable'"
+    """Return the request that switches on the motors of an arm in a mode, as the user types it."""
+    return (
+        "'arm home', with the arm in its home configuration"
+        if mode == 'unhomed'
+        else "'arm enable'"
+    )
 
 
 class Answer(NamedTuple):
-    """Whether a request was accepted, and what happens now or why not."""
+    """Whether a request was accepted, with the consequence or the reason for rejection."""
 
     accepted: bool
     message: str

@@ -1,4 +1,4 @@
-"""Finds faults of boards, encoders and joints, and compares held torques with the model."""
+"""Detect faults of boards, encoders and joints, and compare holding torques with the model."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ class StoppedArm:
     Attributes
     ----------
     boards
-        Number and name of each board that is in fault, or whose encoder is doubted.
+        Number and name of each board that is in fault or has a doubted encoder.
     violation
-        Whether it is beyond a limit, so that it would stop again at once.
+        Whether the arm is beyond a limit, so that it would stop again immediately.
     driven
-        Whether all its motors are still driven and aligned.
+        Whether all motors are still driven and aligned.
     until_power_cycle
-        Whether its boards keep an error until their supply was off.
+        Whether the boards keep an error until their supply has been off.
     zero_unknown
-        Whether an encoder counts from nobody knows where.
+        Whether the zero of an encoder is unknown.
     absolute
-        Whether all its encoders know their angles after a power cycle.
+        Whether all encoders know their angles after a power cycle.
     latched
-        Whether the stop is still latched; without it the arm is off, and its zero unknown.
+        Whether the stop is still latched; otherwise the arm is off and its zero unknown.
     hot
-        What to wait for before a motor may be driven again, '' if none is too warm.
+        Condition to wait for before a motor may be driven again, '' if no motor is too warm.
     """
 
     boards: Sequence[tuple[int, str]] = ()
@@ -56,13 +56,13 @@ class StoppedArm:
 
 
 def way_out(arm: StoppedArm, emulated: bool) -> str:
-    """Return the recovery hint, steps separated by commas; commands are in quotes.
+    """Return the recovery hint, with steps separated by commas and commands in quotes.
 
-    Without a fault of a board or an encoder, and inside its limits, a driven arm is held where it
-    is. All else goes through idle: a board that restarted has to align, and clearing a fault would
-    not be accepted, or last. What has lost an encoder's zero, or will by a power cycle, is homed
-    from its home configuration. Emulated boards are mended by a command; on real ones it is said
-    what hands have to do.
+    A driven arm holds its position if no board or encoder is in fault and no limit is exceeded. In
+    all other cases the recovery passes through idle, because a restarted board must align and
+    clearing a fault would fail. Joints with a lost encoder zero are homed from the home
+    configuration. A command repairs emulated boards; for real boards the hint describes the manual
+    steps.
     """
     if not arm.latched:
         return "'arm home'" if emulated else "bring the arm to its home configuration, 'arm home'"
@@ -78,7 +78,7 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
         steps.append('repair the cause')
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
-    if not emulated and homes:  # where home and enable do it
+    if not emulated and homes:  # an emulated arm is moved there by home and enable
         steps.append('bring the arm to its home configuration')
     elif not emulated and arm.violation:
         steps.append('move the arm inside its limits by hand')
@@ -93,16 +93,14 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
 
 
 class FaultWatch:
-    """Watches boards, encoders and joints, and trips the gate's stop.
+    """Monitor boards, encoders and joints, and trip the gate's stop.
 
     Parameters
     ----------
-    config
-        The arm.
     gate, links, encoders, zeros, heat
-        What is watched, and what is told.
+        Monitored parts, and the gate that stops the arm.
     until_power_cycle
-        Whether the boards keep an error until their supply was off.
+        Whether the boards keep an error until their supply has been off.
     """
 
     def __init__(
@@ -124,11 +122,11 @@ class FaultWatch:
         self._until_power_cycle = until_power_cycle
 
     def refusal(self, driven: bool) -> str:
-        """Return why the motors cannot be switched on, or are not well if `driven`; ''."""
+        """Return why the motors cannot be switched on, or, if `driven`, their fault; '' if none."""
         if self._gate.stop:
             return f'clear the fault first: {self._gate.stop}'
         silent = [
-            f'{link.monitor.name} does not answer: {link.monitor.problem}'
+            f'no answer from {link.monitor.name}: {link.monitor.problem}'
             for link in self._links
             if link.monitor.mode is BoardMode.DISCONNECTED
         ]
@@ -136,13 +134,13 @@ class FaultWatch:
         if silent:
             return '; '.join(silent)
         if not driven and any(link.state.system_enabled for link in self._links):
-            return 'the boards are still switching off: try again'
+            return 'the boards are still switching off: try again in a moment'
         return '' if driven else self._heat.refusal()
 
     def boards(self, enabled: bool) -> None:
-        """Look for faults of boards, and for those that were switched off and on.
+        """Detect faults of boards, and boards that were switched off and on.
 
-        An `enabled` arm that loses a zero is stopped, also if its motors are still driven.
+        An `enabled` arm that loses a zero is stopped, even if its motors are still driven.
         """
         for link in self._links:
             if link.monitor.mode is BoardMode.FAULT:
@@ -153,8 +151,8 @@ class FaultWatch:
                 self._zeros.restarted(joints, f'{name} was switched off and on')
                 if enabled and self._zeros.are_lost:
                     self._gate.trip(
-                        f'{name} restarted while it was enabled, or its clock jumped: the zeros of '
-                        'its encoders are unknown, check its supply and its ground wire'
+                        f'{name} restarted while it was enabled, or its clock jumped, so the '
+                        'zeros of its encoders are unknown: check its supply and its ground wire'
                     )
 
     def joints(
@@ -164,16 +162,16 @@ class FaultWatch:
         feed_forward: Sequence[float],
         noise: Sequence[float],
     ) -> None:
-        """Look at encoders and joints whose motors are driven.
+        """Check the encoders and joints of driven motors.
 
         Parameters
         ----------
         state
-            What the boards report.
+            Measurements reported by the boards.
         now
             Time [s].
         feed_forward, noise
-            n each, as of `EncoderMonitor.check` [A].
+            n values each, as in `EncoderMonitor.check` [A].
         """
         gate, encoders = self._gate, self._encoders
         text = encoders.check(
@@ -189,14 +187,14 @@ class FaultWatch:
         )
         if text:
             gate.trip(text)
-        if not encoders.trusted.all():  # the second look comes later
-            self._zeros.lose(encoders.lost, 'its encoder jumped or stood still')
+        if not encoders.trusted.all():  # a second reading follows later
+            self._zeros.lose(encoders.lost, 'its encoder jumped or stopped counting')
         violation = gate.state_violation(state.q, state.dq)
         if violation:
             gate.trip(violation)
 
     def stopped(self, state: ArmMeasurements, driven: bool) -> StoppedArm:
-        """Return what decides how the arm is brought back; `driven` if all its motors are."""
+        """Return the facts that determine recovery; `driven` if all motors are driven."""
         trusted = self._encoders.trusted.tolist()
         doubted = {
             joint.board for joint, known in zip(self._joints, trusted, strict=True) if not known
@@ -218,39 +216,37 @@ class FaultWatch:
         )
 
 
-# A sample every so many cycles, so many samples in a mean, which is about a second.
+# One sample every `_CYCLES` cycles; the mean covers about one second.
 _CYCLES = 20
 _SAMPLES = 50
-_MOVED = 0.01  # [rad] by which a joint at rest may creep in that time
+_MOVED = 0.01  # [rad] largest motion of a joint at rest in that time
 
-# Friction may hold a load up or down: twice the configuration's, which commissioning accepts, and
-# what a gear loses of the torque that passes it.
+# Friction can add to or subtract from the load: twice the configured friction, which commissioning
+# accepts, plus the torque lost in the gear.
 _FRICTION = 2.0
 _GEAR_LOSS = 0.05
-# How far an arm may be from its drawing: 25 % of mass and 10 % of extent, and material that lies
-# elsewhere; with the torque constants' error.
+# Allowed deviation of an arm from its model: 25 % of mass, 10 % of size, a shifted mass
+# distribution, and the error of the torque constants.
 _MODEL_ERROR = 0.35
 _SHIFT = 0.025  # [m]
 
 _DELIVERY_ERROR = 0.25
-_CURRENT_ERROR = 0.05  # of the largest torque: offset and noise of the current's measurement
+_CURRENT_ERROR = 0.05  # relative to the largest torque: offset and noise of the current measurement
 
 
 class LoadCheck:
-    """Judges torques of an arm at rest.
+    """Compare the torques of an arm at rest with the model.
 
     Parameters
     ----------
     config
-        The arm: friction and rated payload.
-    robot
-        The arm as drawn.
+        Configuration with friction and rated payload.
     """
 
     def __init__(self, config: ArmConfig, robot: Robot) -> None:
         mass, *centre = config.rated_payload
         self._config = config
-        # Not those of the gate: diagnostics may be made by another thread.
+        # Separate from the gate's models, because another thread may produce the diagnostics.
         self._empty, self._loaded = Dynamics(robot), Dynamics(robot)
         self._loaded.carry(point_mass(mass, centre))
         masses = np.array(robot.inertial_parameters)[:, 0]
@@ -260,14 +256,14 @@ class LoadCheck:
         self._current_error: Array = _CURRENT_ERROR * config.column('effort_max')
 
     def warnings(self, q: Array, held: Array, requested: Array) -> list[str]:
-        """Return warnings about joints, and what to check.
+        """Return warnings about joints, with what to check.
 
         Parameters
         ----------
         q
             (n,) positions [rad].
         held, requested
-            (n,) torques by the measured currents and by the boards' law [Nm]; NaN where not known.
+            (n,) torques from measured currents and from the boards' law [Nm]; NaN if unknown.
         """
         empty, loaded = self._empty.gravity(q).copy(), self._loaded.gravity(q)
         lowest, highest = np.minimum(empty, loaded), np.maximum(empty, loaded)
@@ -280,32 +276,30 @@ class LoadCheck:
         for i, name in enumerate(self._config.joint_names):
             if fails[i]:
                 texts.append(
-                    f'{name} has a torque of {held[i]:.2f} Nm by its current instead of '
-                    f'{requested[i]:.2f} Nm: check the driver of {name}, supply and motor phases '
-                    "('arm commission')"
+                    f'{name} delivers {held[i]:.2f} Nm, computed from its current, instead of '
+                    f'the requested {requested[i]:.2f} Nm: check the driver of {name}, supply '
+                    "and motor phases ('arm commission')"
                 )
             elif differs[i]:
                 texts.append(
-                    f'{name} is held with {held[i]:.2f} Nm, but the model has a load of '
-                    f'{empty[i]:.2f} Nm, {loaded[i]:.2f} Nm with the rated payload: check the '
-                    f'payload, what touches or supports the arm, gravity_in_base, and gear ratio, '
+                    f'{name} holds {held[i]:.2f} Nm, but the model predicts a load of '
+                    f'{empty[i]:.2f} Nm, or {loaded[i]:.2f} Nm with the rated payload: check the '
+                    'payload, what touches or supports the arm, gravity_in_base, and gear ratio, '
                     f"sign, driver and torque constant of {name} ('arm commission')"
                 )
         return texts
 
 
 class LoadWatch:
-    """Takes means of the torques while the arm is held, and warns where the check fails.
+    """Average the torques while the arm holds its position, and warn where the check fails.
 
-    The first second is left out: the arm may still be supported by hand. A cycle adds a sample at
-    most; the model is asked when the warnings are.
+    The first second is excluded, because a person may still support the arm. Each cycle adds at
+    most one sample; the model is evaluated only when warnings are requested.
 
     Parameters
     ----------
-    config, robot
-        The arm.
     references
-        What the boards are asked for.
+        References sent to the boards.
     """
 
     def __init__(self, config: ArmConfig, robot: Robot, references: MotorReferences) -> None:
@@ -317,7 +311,7 @@ class LoadWatch:
         self._begin()
 
     def update(self, is_held: bool, state: ArmMeasurements) -> None:
-        """Take a cycle's measurements; `is_held` while no command is followed."""
+        """Add the measurements of a cycle; `is_held` is true while the arm follows no command."""
         if not is_held:
             if self._cycle:
                 self._begin()
@@ -357,7 +351,7 @@ class LoadWatch:
             return
         motors = self._references.motors
         requested = self._references.torques(state.q, state.dq)
-        # What the boards have integrated is an estimate of the bridge's own.
+        # The integral state of a board is only the bridge's own estimate.
         requested[[motor.integral_gain > 0.0 for motor in motors]] = np.nan
         self._sums += (state.q, state.tau, requested)
         if self._count == _SAMPLES:

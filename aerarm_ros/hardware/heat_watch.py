@@ -1,4 +1,4 @@
-"""Keep motors within their thermal limits."""
+"""Thermal model of the motors, with warnings, torque reduction and stop."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 from aerarm_ros.hardware.supply_watch import SupplyWatch
 
 _COPPER_REFERENCE = 20.0  # [degC] of `COPPER`
-# A resistance that a board reports is used within these multiples of the configuration's.
+# A reported resistance is used if it lies within these multiples of the configured one.
 _PLAUSIBLE = (0.5, 2.0)
-# No load lasts longer than this [s] in the forecast; it is halved this often, to 0.2 ms.
+# The forecast covers at most this time [s]; repeated halving refines it to 0.2 ms.
 _HORIZON = 3600.0
 _HALVINGS = 24
 
 
 class MotorTemperature:
-    """Two thermal nodes: the winding with its stator, and the housing with its mount.
+    """Thermal model of a motor: winding with stator, and housing with mount.
 
     Copper loss ``3/2 R i^2`` (thesis section 4.1, amplitude of the phase current) enters the
-    winding; it leaves through ``R_wh`` into the housing and through ``R_ha`` into the air. The sum
-    of both follows from the continuous current, with which the winding just reaches its largest
-    temperature, at 25 degC; ``tau_w = R_wh C_w``, ``tau_h = R_ha C_h``. This is the two-body model
-    that motor manufacturers state, for example maxon in "The selection of high-precision
-    microdrives", with winding and motor time constants.
+    winding. Heat flows through ``R_wh`` into the housing and through ``R_ha`` into the air. The sum
+    of both resistances follows from the continuous current: at 25 degC ambient this current just
+    heats the winding to its largest temperature. The time constants are ``tau_w = R_wh C_w`` and
+    ``tau_h = R_ha C_h``. Motor manufacturers state this two-body model, for example maxon in "The
+    selection of high-precision microdrives", with winding and motor time constants.
 
-    The resistance is the larger one of what the board reports and of what copper makes of the
-    configuration's: a board may report a constant of its firmware. If a bench has measured the
-    resistance, the first one that the board reports shows a motor that is warm already.
+    The model uses the larger of the reported resistance and the configured resistance scaled to the
+    winding temperature, because a board may report a firmware constant. If the configured
+    resistance was measured on a bench, the first reported resistance reveals a motor that is
+    already warm.
 
-    Plain numbers, not arrays: for four motors that is faster.
+    Plain floats are used, because they are faster than arrays for four motors.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ class MotorTemperature:
     ambient
         Temperature of the air [degC].
     start
-        Temperature of winding and housing at first [degC].
+        Initial temperature of winding and housing [degC].
 
     Attributes
     ----------
@@ -91,20 +92,20 @@ class MotorTemperature:
         return max(self._reported, self._resistance * grown / rated)
 
     def report(self, resistance: float) -> None:
-        """Take the resistance [ohm] that the board reports; 0 for none."""
+        """Use the resistance [ohm] that the board reports; 0 if it reports none."""
         low, high = _PLAUSIBLE
         ratio = resistance / self._resistance
         self._reported = resistance if low < ratio < high else 0.0
         if self._reported and self._is_measured:
-            # Once: the motor may be warmer than it was supposed to be at the start.
+            # Only once: the motor may be warmer than assumed at the start.
             self._is_measured = False
             grown = (ratio - 1.0) / COPPER * (1.0 + COPPER * (RATED_AMBIENT - _COPPER_REFERENCE))
             self.winding = max(self.winding, min(RATED_AMBIENT + grown, self._hottest))
 
     def update(self, square: float, duration: float) -> None:
-        """Go on by a duration [s] with a mean squared current [A^2].
+        """Advance the temperatures by a duration [s] with a mean squared current [A^2].
 
-        The step is implicit (backward Euler), so that any duration is stable.
+        The step uses the implicit Euler method, which is stable for any duration.
         """
         loss = 1.5 * self.resistance(self.winding) * square
         a = duration / (self._capacity_winding * self._to_housing)
@@ -118,7 +119,7 @@ class MotorTemperature:
     def time_until(self, temperature: float, square: float) -> float:
         """Return the time [s] to a temperature [degC] at a squared current [A^2]; inf for never.
 
-        The solution of the two linear equations, with the resistance at that temperature.
+        Solves the two linear equations with the resistance at that temperature.
         """
         if self.winding >= temperature:
             return 0.0
@@ -149,56 +150,54 @@ class MotorTemperature:
         return high
 
 
-# Below the largest temperature of the winding [K]: a warning, the first reduction of the torque,
-# and what the continuous current is reached at. The stop is at the largest temperature itself.
+# Distances below the largest winding temperature [K]: of the warning, of the first torque
+# reduction, and of the continuous current. The arm stops at the largest temperature.
 _WARNING, _REDUCTION, _CONTINUOUS = 30.0, 20.0, 5.0
-# An arm that is held by its barrier although it was stopped is let down this much above it [K].
+# Above the largest temperature by this much [K], a stopped arm held by its barrier is lowered.
 _LETTING_DOWN = 5.0
-# A warning comes this long [s] before the torque is reduced, ...
+# A warning appears this long [s] before the torque reduction, ...
 _WARNING_TIME = 30.0
 # ... at the mean current of this time [s].
 _MEAN_TIME = 2.0
-# A state ends this much [K] below where it began.
+# A thermal state ends this much [K] below the temperature at which it began.
 _HYSTERESIS = 3.0
-# [1/s] of the torque limit: it falls in a second at most, and comes back more slowly.
+# Rates of the torque limit [1/s]: it falls within one second and recovers more slowly.
 _FALL, _RISE = 1.0, 0.2
-# Share of the reduced torque that a load may take before the arm counts as sinking, and as held.
+# Load relative to the reduced torque above which the arm counts as sinking, below which as held.
 _SINKING, _HELD = 1.0, 0.9
-# Of the mean load that counts there, this share is the newest: 0.1 s at 50 updates in a second.
+# Weight of the newest load in the mean load: 0.1 s at 50 updates per second.
 _LOAD_SHARE = 0.2
 
 
 class ThermalLimit:
-    """Warns of a motor that gets warm, then reduces its torque, then asks for a stop.
+    """Warn of a warm motor, then reduce its torque, then request a stop.
 
-    The limit of the squared current falls with the winding's temperature, from that of the effort
-    limit to the continuous one, which is reached 5 K below the largest temperature. With the
-    continuous current the winding settles there. So no command brings the winding
-    beyond it; what does is a load that the joint's barrier must hold at a limit.
+    The limit of the squared current falls with the winding temperature: from the current of the
+    effort limit to the continuous current, 5 K below the largest temperature. At the continuous
+    current the winding temperature stays there. No command can therefore overheat the winding; only
+    a load that the barrier must hold at a limit can.
 
     Parameters
     ----------
-    joint
-        The joint with its motor.
     ambient, start
-        Temperatures of the air, and of the motor at first [degC].
+        Temperatures of the air and, initially, of the motor [degC].
 
     Attributes
     ----------
     motor
-        The estimate.
+        Temperature estimate.
     continuous_current
-        Current [A] with which the winding settles 5 K below its largest temperature.
+        Current [A] at which the winding settles 5 K below its largest temperature.
     effort_limit
-        Torque that a command may ask of the joint [Nm].
+        Largest torque that a command may request from the joint [Nm].
     remaining
-        Time to the first reduction at the present current [s]: 0 once it is reduced, inf if it
-        never will be.
+        Time to the first torque reduction at the present current [s]; 0 after a reduction, inf if
+        none will come.
     is_sinking
-        Whether the arm's weight is more than the reduced torque.
+        Whether the load of the arm's weight exceeds the reduced torque.
     lets_down
-        Whether the joint can no longer be held at a limit, but is let down slowly, until its motor
-        is off.
+        Whether the joint is lowered slowly until its motor is off, because its motor can no longer
+        hold it at a limit.
     """
 
     __slots__ = (
@@ -235,22 +234,22 @@ class ThermalLimit:
         self._per_ampere = joint.torque_per_ampere
         self._largest = (joint.effort_max / joint.torque_per_ampere) ** 2
         self._temperature_max = hottest = thermal.temperature_max
-        # Warmer air takes less heat away.
+        # Warmer air removes less heat.
         rise = max(hottest - _CONTINUOUS - ambient, 1.0) / (hottest - RATED_AMBIENT)
         self._continuous = min(rise * thermal.continuous_current**2, self._largest)
         self.continuous_current = sqrt(self._continuous)
-        self._square = 0.0  # mean of some seconds
+        self._square = 0.0  # mean over some seconds
         self._sum = self._duration = 0.0
         self._is_warm = self._stops = False
         self._worst = 0  # stage of the worst warning since the motor was cool
 
     @property
     def is_reduced(self) -> bool:
-        """Whether the joint has less than its whole torque."""
+        """Whether the joint's torque is currently reduced."""
         return self.effort_limit < self._effort_max
 
     def recall(self, winding: float, housing: float, away: float) -> None:
-        """Take temperatures [degC] of a motor that has been off for a time [s], if it is warmer."""
+        """Set kept temperatures [degC] of a motor that was off for a time [s], if higher."""
         motor, most = self.motor, self._temperature_max + _KEPT_MAX
         before = motor.winding, motor.housing
         motor.winding, motor.housing = min(winding, most), min(housing, most)
@@ -260,12 +259,12 @@ class ThermalLimit:
         motor.housing = max(motor.housing, before[1])
 
     def add(self, current: float, duration: float) -> None:
-        """Take a current [A] that flowed for a time [s]."""
+        """Add a current [A] that flowed for a time [s]."""
         self._sum += current * current * duration
         self._duration += duration
 
     def update(self, resistance: float) -> None:
-        """Take the time since the last call; the board reports a resistance [ohm], 0 for none."""
+        """Advance to the present; the board reports a resistance [ohm], 0 for none."""
         duration = self._duration
         if duration <= 0.0:
             return
@@ -282,33 +281,34 @@ class ThermalLimit:
         self._limit(duration)
 
     def forecast(self) -> None:
-        """Find out how much time is left; once a second is enough."""
+        """Estimate the time to the next torque reduction; one call per second suffices."""
         threshold = self._temperature_max - _REDUCTION
         self.remaining = self.motor.time_until(threshold, self._square)
 
     def carries(self, load: float) -> None:
-        """Take the load [Nm] that the arm's weight and motion put on the joint, after `update`."""
+        """Record the load torque [Nm] of the arm's weight and motion, after `update`."""
         self._load += _LOAD_SHARE * (load - self._load)
         share = _HELD if self.is_sinking else _SINKING
         self.is_sinking = self.is_reduced and abs(self._load) > share * self.effort_limit
 
     def rest(self) -> None:
-        """Take note that the motor is off."""
+        """Record that the motor is off."""
         self.is_sinking = self.lets_down = False
         self._load = 0.0
 
     def stop(self) -> str:
-        """Return why the arm has to stop, or ''."""
+        """Return the thermal reason why the arm has to stop, or ''."""
         if not self._stops:
             return ''
         return (
-            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated), its largest '
-            f'temperature is {self._temperature_max:.0f}: support the arm, disable it, let it cool'
+            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated), above its '
+            f'limit of {self._temperature_max:.0f}: support the arm, disable it, let the motor '
+            'cool'
         )
 
     @property
     def wait(self) -> str:
-        """What to wait for before the motor may be driven again, or ''."""
+        """Condition to wait for before the motor may be driven again, or ''."""
         cool = self._temperature_max - _REDUCTION
         if self.motor.winding <= cool:
             return ''
@@ -319,42 +319,47 @@ class ThermalLimit:
         if not self.wait:
             return ''
         return (
-            f'{self._name} has {self.motor.winding:.0f} degC (estimated) in its motor: {self.wait}'
+            f'the motor of {self._name} has {self.motor.winding:.0f} degC (estimated): {self.wait}'
         )
 
     def new_warning(self) -> str:
-        """Return the warning if it is a worse one than since the motor was last cool, or ''."""
+        """Return the warning if it is more severe than any since the motor was cool, or ''."""
         stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.lets_down))
         rises = stage > self._worst
         self._worst = max(stage, self._worst) if stage else 0
         return self.warning() if rises else ''
 
     def warning(self) -> str:
-        """Return the warning about the motor, or ''."""
+        """Return the warning about the motor temperature, or ''."""
         name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
         if self.lets_down:
-            return f'{name} yields beyond its limit, its motor has {temperature}: support it'
+            return (
+                f'{name} yields beyond its position limit because its motor has '
+                f'{temperature}: support the arm'
+            )
         if self.is_sinking:
             return (
-                f'{name} sinks: its motor has {temperature} and only {self.effort_limit:.2f} of '
-                f'{self._effort_max:.2f} Nm, less than the load: fold or support the arm'
+                f'{name} sinks because its motor has {temperature} and only '
+                f'{self.effort_limit:.2f} of {self._effort_max:.2f} Nm, less than the load: fold '
+                'or support the arm'
             )
         if self.is_reduced:
             return (
-                f'the torque of {name} is reduced to {self.effort_limit:.2f} of '
-                f'{self._effort_max:.2f} Nm, its motor has {temperature}: fold the arm, let it rest'
+                f'the torque of {name} is limited to {self.effort_limit:.2f} of '
+                f'{self._effort_max:.2f} Nm because its motor has {temperature}: fold the arm, '
+                'let the motor rest'
             )
         if not self._is_warm:
             return ''
         if self.remaining == inf:
-            return f'the motor of {name} has {temperature}: let it rest'
+            return f'the motor of {name} has {temperature}: let the motor rest'
         return (
-            f'the motor of {name} has {temperature}, at this load its torque is reduced in '
-            f'{self.remaining:.0f} s: fold the arm or lower its load'
+            f'the motor of {name} has {temperature}; at this load the bridge limits its torque '
+            f'in {self.remaining:.0f} s: fold the arm or lower its load'
         )
 
     def _limit(self, duration: float) -> None:
-        """Move the torque limit to what the temperature allows."""
+        """Move the torque limit towards the value that the temperature allows."""
         left = self._temperature_max - _CONTINUOUS - self.motor.winding
         share = min(max(left / (_REDUCTION - _CONTINUOUS), 0.0), 1.0)
         square = self._continuous + share * (self._largest - self._continuous)
@@ -364,14 +369,14 @@ class ThermalLimit:
         self.effort_limit = min(limit, self._effort_max)
 
 
-# A kept temperature counts up to this much [K] above the largest one: no file keeps an arm off.
+# Kept temperatures are capped at this much [K] above the largest, so no file blocks an arm.
 _KEPT_MAX = 30.0
-_COOLINGS = 100  # steps of the time in which no bridge ran
+_COOLINGS = 100  # steps over the time in which no bridge ran
 
 
 @dataclass(frozen=True)
 class KeptHeat:
-    """Temperatures that a bridge estimated at a time [s, monotonic].
+    """Motor temperatures that a bridge estimated at a time [s, monotonic].
 
     Attributes
     ----------
@@ -384,38 +389,38 @@ class KeptHeat:
     housings: tuple[float, ...]
 
 
-# One motor's temperatures are updated in a cycle, each once in so many; forecasts are rarer.
+# Each cycle updates one motor, each motor once per `_CYCLES` cycles; forecasts are rarer.
 _CYCLES = 20
 _FORECASTS = 50
 
 
 class HeatWatch:
-    """Feeds the estimates of temperature, applies reduced torques, and trips the gate's stop.
+    """Update the temperature estimates, apply reduced torques, and trip the gate's stop.
 
-    Short braking needs more than a reduced torque: the barriers at the limits keep the motors'
-    whole torque, and so does the damping of a stopped arm.
+    Short braking needs more than a reduced torque. The barriers at the limits and the damping of a
+    stopped arm therefore keep the full motor torque.
 
     Parameters
     ----------
     config
-        Motors and supply.
+        Configuration with motors and supply.
     settings
-        Temperatures of the air, and of the motors at first.
+        Temperatures of the air and, initially, of the motors.
     profile
         Frame layout: which quantities the boards report.
     gate, links, references
-        What is limited and read.
+        Parts that this class limits or reads.
 
     Attributes
     ----------
     limits
         One `ThermalLimit` per joint.
     news
-        Warnings that are worse than the ones before, for the log; who logs one removes it.
+        Warnings more severe than earlier ones, for the log; the logger removes each one.
     supplies
-        One `SupplyWatch` per board; none where frames carry no supply voltage.
+        One `SupplyWatch` per board; empty if the frames carry no supply voltage.
     unknown
-        What the configuration does not say of its motors.
+        Motor data that are missing in the configuration.
     """
 
     def __init__(
@@ -444,26 +449,26 @@ class HeatWatch:
         self._cycles = max(_CYCLES, config.n)
         unknown = {joint.motor.name for joint in config.joints if joint.motor.thermal is None}
         self.unknown = [
-            f'no thermal data for motor {name}: a third of its current_max counts as continuous; '
-            f'set motors.{name}.thermal in the configuration'
+            f'motor {name} has no thermal data, so a third of its current_max counts as '
+            f'continuous current: set motors.{name}.thermal in the configuration'
             for name in sorted(unknown)
         ]
 
     def update(self, state: ArmMeasurements, elapsed: float, enabled: bool) -> None:
-        """Take a cycle's measurements, an elapsed time [s] after those before."""
+        """Process the measurements of a cycle, an elapsed time [s] after the previous one."""
         if elapsed == inf:
             return  # the first cycle
         currents = state.motor_current.tolist()
         limits = self.limits
-        # A board that receives nothing for longer switches off.
+        # A board that receives nothing for longer than this switches off.
         driven = min(elapsed, self._board_timeout)
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
             if link.is_damped_unheard or link.monitor.mode is BoardMode.ALIGNING:
-                current = limit.continuous_current  # a board that aligns reports none
+                current = limit.continuous_current  # a board that aligns reports no current
             elif link.monitor.is_silent:
-                current = 0.0  # its last answer says nothing of a motor that is off
+                current = 0.0  # the last answer is outdated for a motor that is off
             limit.add(current, driven)
             if elapsed > driven:
                 limit.add(0.0, elapsed - driven)
@@ -474,13 +479,13 @@ class HeatWatch:
             self._look_at_supplies(elapsed, enabled)
 
     def keep(self, now: float) -> KeptHeat:
-        """Return the estimates at a time [s]."""
+        """Return the temperature estimates at a time [s]."""
         motors = [limit.motor for limit in self.limits]
         windings = tuple(motor.winding for motor in motors)
         return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
 
     def recall(self, kept: KeptHeat, now: float) -> None:
-        """Begin with what a bridge before this one estimated, motors off since then, if warmer."""
+        """Use the temperatures of a previous bridge, with motors off since then, where higher."""
         away = max(now - kept.time, 0.0)
         rows = zip(self.limits, kept.windings, kept.housings, strict=False)
         for limit, winding, housing in rows:
@@ -488,7 +493,7 @@ class HeatWatch:
 
     @property
     def wait(self) -> str:
-        """What to wait for before the motors may be driven again, or ''."""
+        """Condition to wait for before the motors may be driven again, or ''."""
         return ', '.join(filter(None, (limit.wait for limit in self.limits)))
 
     def refusal(self) -> str:
@@ -502,7 +507,7 @@ class HeatWatch:
         return [*filter(None, texts)]
 
     def _take_turn(self, joint: int, enabled: bool) -> None:
-        """Update one motor, and what its joint may do."""
+        """Update the temperature of one motor and the torque limit of its joint."""
         limit, gate = self.limits[joint], self._gate
         link, channel = self._places[joint]
         limit.update(link.state.coil_resistance[channel])

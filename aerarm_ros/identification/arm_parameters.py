@@ -1,4 +1,4 @@
-"""Parameters of an arm as its URDF and configuration state them: the CAD model."""
+"""Nominal arm parameters (CAD model) from URDF and configuration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,32 +15,33 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class LinkBounds:
-    """Additional constraints of the semidefinite program.
+    """Bounds of masses and centres of mass for the semidefinite program.
 
     Attributes
     ----------
     total_mass : tuple of two floats, optional
-        Least and largest mass of all links that a joint moves (3.13) [kg], from weighing.
+        Lower and upper bound of the total mass of all moving links (3.13) [kg], from weighing.
     centres : bool
-        Keep each centre of mass in the box that the link's inertia has according to CAD (3.12).
+        Whether each centre of mass must stay in the box given by the link's CAD inertia (3.12).
     """
 
     total_mass: tuple[float, float] | None = None
     centres: bool = False
 
     def __post_init__(self) -> None:
-        """Check the masses."""
+        """Validate the mass bounds."""
         if self.total_mass is not None:
             low, high = self.total_mass
             if not (np.isfinite([low, high]).all() and 0.0 <= low < high):
                 raise IdentificationError(
-                    f'total mass {low:g} .. {high:g} kg must rise from a number not below 0'
+                    f'total mass {low:g} .. {high:g} kg must be two increasing numbers, '
+                    'not negative'
                 )
 
 
 @dataclass(frozen=True, eq=False)
 class InertiaBoxes:
-    """A box for each of n links.
+    """Homogeneous box of equal inertia for each of n links.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class InertiaBoxes:
     axes : (n, 3, 3) ndarray
         Columns: directions of the box's edges, in the same frame.
     half_edges : (n, 3) ndarray
-        [m]; NaN where no real body has this inertia.
+        Half lengths of the edges [m]; NaN where the inertia is not physically possible.
     """
 
     centre: Array
@@ -58,23 +59,23 @@ class InertiaBoxes:
 
     @property
     def reach(self) -> Array:
-        """(n, 3) how far the box reaches from its centre along the frame's axes [m]."""
+        """(n, 3) extent of the box from its centre along the axes of the joint frame [m]."""
         return np.asarray((np.abs(self.axes) @ self.half_edges[..., None])[..., 0])
 
     def corners(self) -> Array:
-        """Return the (n, 8, 3) corners in the frames of the links' joints [m]."""
+        """Return the box corners (n, 8, 3) in the frames of the links' joints [m]."""
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         edges = self.axes * self.half_edges[:, None, :]
         return np.asarray(self.centre[:, None, :] + signs @ edges.transpose(0, 2, 1))
 
 
 def inertia_boxes(inertial: Array) -> InertiaBoxes:
-    """Return the boxes that have the mass and inertia of links.
+    """Return homogeneous boxes with the mass and inertia of links.
 
     Parameters
     ----------
     inertial : (n, 10) ndarray
-        Of positive masses.
+        Inertial parameters with positive masses.
     """
     matter = pseudo_inertia(inertial)
     mass = inertial[:, :1]
@@ -88,20 +89,20 @@ def inertia_boxes(inertial: Array) -> InertiaBoxes:
 
 
 CoupledJoints = Sequence[tuple[str, str]]
-"""Pairs of a joint and its driver, the joint whose motion it feels."""
+"""Pairs of a joint and its driver, the joint whose motion causes a torque on the first."""
 
 
 def coupled_terms(
     joint_names: Sequence[str], coupled: CoupledJoints
 ) -> tuple[tuple[JointTerm, ...], ...]:
-    """Return the columns that couplings add to each joint.
+    """Return the regressor columns that coupled joints add to each joint.
 
-    A drive that passes another joint, as in many wrists, is turned by it: the joint's torque
-    gets `cv dq + ca ddq` of its driver. Where the torque acts both ways, give both pairs.
+    A drive that passes through another joint, as in many wrists, is turned by that joint. The
+    joint's torque then gets the terms `cv dq + ca ddq` of its driver. If the torque acts in both
+    directions, give both pairs.
 
     Parameters
     ----------
-    joint_names : sequence of n str
     coupled : sequence of (joint, driver)
 
     Returns
@@ -111,27 +112,27 @@ def coupled_terms(
     Raises
     ------
     IdentificationError
-        If the arm lacks a joint, or one is to drive itself.
+        If the arm lacks a joint, or a joint is its own driver.
     """
     terms: list[list[JointTerm]] = [[] for _ in joint_names]
     for joint, driver in dict.fromkeys(coupled):
         unknown = [name for name in (joint, driver) if name not in joint_names]
         if unknown:
             raise IdentificationError(
-                f'coupled joints {joint}, {driver}: no joint {", ".join(unknown)}: the arm has '
-                f'{", ".join(joint_names)}'
+                f'coupled joints {joint}, {driver}: unknown joint {", ".join(unknown)}; the arm '
+                f'has {", ".join(joint_names)}'
             )
         if joint == driver:
             raise IdentificationError(
-                f'coupled joints {joint}, {driver}: a joint is coupled to another one, its own '
-                'friction and rotor are there anyway'
+                f"coupled joints {joint}, {driver}: name two different joints, because a joint's "
+                'own friction and rotor are always in the model'
             )
         index = list(joint_names).index(driver)
         terms[list(joint_names).index(joint)] += [JointTerm(k, driver=index) for k in COUPLED]
     return tuple(map(tuple, terms))
 
 
-_SMALLEST_SIZE = 0.05  # [m]: no link that a joint carries is smaller
+_SMALLEST_SIZE = 0.05  # [m] assumed lower bound of the size of a link
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +142,11 @@ class ArmParameters:
     Attributes
     ----------
     inertial : (n, 10) ndarray
-        In the order of thesis (3.3).
+        Inertial parameters in the order of thesis (3.3).
     viscous, coulomb, rotor_inertia : (n,) ndarray
-        [Nms/rad], [Nm], [kg m^2] at the joints.
+        Joint-side friction and rotor inertia [Nms/rad], [Nm], [kg m^2].
     load_friction : (n,) ndarray
-        Dry friction per torque that the gears pass on [-].
+        Dry friction per torque transmitted by the gear [-].
     """
 
     inertial: Array
@@ -156,7 +157,7 @@ class ArmParameters:
 
     @classmethod
     def stated(cls, robot: Robot, config: ArmConfig | None) -> 'ArmParameters':
-        """Return what the URDF states and, for the rotors, the configuration.
+        """Return the parameters of the URDF, with rotor inertia from the configuration.
 
         Raises
         ------
@@ -168,8 +169,9 @@ class ArmParameters:
             missing = [name for name in robot.joint_names if name not in config.joint_names]
             if missing:
                 raise IdentificationError(
-                    f'joints {", ".join(missing)} of the URDF are not in the configuration, which '
-                    f'has {", ".join(config.joint_names)}: give --urdf and --config of one arm'
+                    f'joints {", ".join(missing)} of the URDF are not in the configuration, '
+                    f'which has {", ".join(config.joint_names)}: pass --urdf and --config of the '
+                    'same arm'
                 )
             order = [config.joint_names.index(name) for name in robot.joint_names]
             rotor_inertia = config.column('reflected_inertia')[order]
@@ -182,7 +184,7 @@ class ArmParameters:
         )
 
     def vector(self, model: JointModel) -> Array:
-        """Return theta in the order of `model.columns`; terms that CAD doesn't know are 0."""
+        """Return theta in the order of `model.columns`; terms without a CAD value are 0."""
         known = {
             TermKind.VISCOUS: self.viscous,
             TermKind.COULOMB: self.coulomb,

@@ -11,27 +11,26 @@ from aerarm_ros.identification.regression.regression import Prediction, SampleCo
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
-# Share of the identified range by which a motion may leave it: filters alone cause a little.
+# Tolerated excess over the identified range, relative to that range; filters cause a little.
 _TOLERATED = 0.1
-_HARDLY_MOVED = 10.0  # times that range: a share says nothing then
-# The model is asked beyond its data if its uncertainty grows by this factor and matters.
+_HARDLY_MOVED = 10.0  # times that range; a relative excess is meaningless then
+# The model extrapolates if its uncertainty grows by this factor and is significant.
 _GROWTH = 3.0
 _QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
 
 
 @dataclass(frozen=True, eq=False)
 class BagDemand:
-    """Range and excitation of one bag relative to the model.
+    """Motion range and excitation of one bag relative to the identification motion.
 
     Attributes
     ----------
-    bag : str
     beyond : (3, n) ndarray
-        How far position, velocity and acceleration leave the range of the identification
-        motion, as a share of that range; 0 inside.
+        Excess of position, velocity and acceleration over the range of the identification motion,
+        relative to that range; 0 inside.
     uncertainty : (n,) ndarray
-        Standard deviation of the predicted torque because of the parameters' [Nm], root mean
-        square along the motion: the leverage of the samples, in torque.
+        Standard deviation of the predicted torque due to parameter uncertainty [Nm], RMS over the
+        motion.
     """
 
     bag: str
@@ -40,15 +39,16 @@ class BagDemand:
 
 
 def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColumns) -> BagDemand:
-    """Compare a bag with those identified from.
+    """Compare the motion of a bag with the identification bags.
 
     Parameters
     ----------
     fit : ModelFit
-        Made from `bags`.
+        Fit to `bags`.
     bags : sequence of SampleColumns
-        To identify from.
+        Identification bags.
     judged : SampleColumns
+        Bag to compare.
     """
     beyond = []
     for quantity, _ in _QUANTITIES:
@@ -69,13 +69,7 @@ def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColum
 def extrapolation_warnings(
     fit: ModelFit, identification: Sequence[BagDemand], validation: Sequence[BagDemand]
 ) -> list[str]:
-    """Return where validation bags ask for more than the identification bags have shown.
-
-    Parameters
-    ----------
-    fit : ModelFit
-    identification, validation : sequence of BagDemand
-    """
+    """Return warnings where validation bags exceed the range of the identification bags."""
     names = fit.model.joint_names
     known = np.max([demand.uncertainty for demand in identification], axis=0)
     warnings = []
@@ -84,21 +78,22 @@ def extrapolation_warnings(
             joints = [
                 f'{name} by {100.0 * share:.0f} %'
                 if share < _HARDLY_MOVED
-                else f'{name}, which hardly moved there'
+                else f'{name}, which hardly moves in the identification motion'
                 for name, share in zip(names, beyond, strict=True)
                 if share > _TOLERATED
             ]
             if joints:
                 warnings.append(
                     f'{demand.bag}: {word} leaves the range of the identification motion '
-                    f'({", ".join(joints)}): its errors are those of extrapolation'
+                    f'({", ".join(joints)}), so the errors are those of extrapolation'
                 )
         grown = (demand.uncertainty > _GROWTH * known) & (demand.uncertainty > fit.noise.std)
         if grown.any():
             joints = [name for name, bad in zip(names, grown, strict=True) if bad]
             warnings.append(
-                f'{demand.bag}: needs parameters that the identification motion hardly excites '
-                f'(torque of {", ".join(joints)}): identify from a motion that is more like it'
+                f'{demand.bag}: the torque of {", ".join(joints)} depends on parameters that the '
+                'identification motion hardly excites; identify from a motion that is more '
+                'similar'
             )
     return warnings
 
@@ -108,19 +103,17 @@ _SMALLEST = 1e-300  # keeps a bag without torque from dividing by zero
 
 @dataclass(frozen=True, eq=False)
 class BagAssessment:
-    """How well an estimate predicts the torque of one bag.
+    """Accuracy of the predicted torque of an estimate on one bag.
 
     Attributes
     ----------
-    bag : str
     filtered, filtered_measured, raw : float
-        `100 |tau - tau_hat| / |tau|` over all joints stacked [%]: for torque and prediction
-        through the same low-pass; for filtered torque and the prediction as it is, which is what
-        most publications quote; and for measured torque as recorded. A joint whose recorded
-        effort never changes does not count: nothing was measured of it. Nor does saturated effort.
+        `100 |tau - tau_hat| / |tau|` over all joints stacked [%]. `filtered` compares torque and
+        prediction through the same low-pass filter. `filtered_measured` compares filtered torque
+        with the unfiltered prediction, as most publications do. `raw` compares recorded torque.
+        Joints with constant recorded effort and samples with saturated effort are excluded.
     per_joint_filtered, per_joint_filtered_measured, per_joint_raw : (n,) ndarray
-        The same for each joint alone [%]; NaN for one that does not count.
-    prediction : Prediction
+        Torque errors per joint [%]; NaN for an excluded joint.
     """
 
     bag: str
@@ -133,10 +126,11 @@ class BagAssessment:
     prediction: Prediction
 
     def __repr__(self) -> str:
-        """Return the errors without the samples."""
+        """Return the torque errors as text, without the samples."""
         return (
             f'<{self.bag}: torque error {self.filtered:.2f} % filtered, '
-            f'{self.filtered_measured:.2f} % only the measured one, {self.raw:.2f} % raw>'
+            f'{self.filtered_measured:.2f} % with only the measured torque filtered, '
+            f'{self.raw:.2f} % raw>'
         )
 
 
@@ -147,7 +141,7 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
         prediction = bag.predict(estimate.model, estimate.theta)
         samples = bag.samples
         kept = samples.kept
-        # 0 near saturation, which leaves these samples out; NaN for a joint without any.
+        # 0 near saturation, which excludes these samples; NaN for a joint without measured samples.
         known = np.where(samples.measured.any(axis=0), samples.measured, np.nan)[kept]
         filtered, filtered_measured, raw = (
             torque_errors(known * measured[kept], known * predicted[kept])
@@ -173,12 +167,12 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
 
 
 def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
-    """Return (5.3) of all joints stacked, and of each joint, both in percent.
+    """Return the torque error (5.3) of all joints stacked and of each joint [%].
 
     Parameters
     ----------
     measured, predicted : (M, n) ndarray
-        [Nm]; a joint of which nothing was measured is NaN, and left out of the first.
+        Torque [Nm]; NaN for joints without measurement, which the first error excludes.
     """
     difference = np.linalg.norm(measured - predicted, axis=0)
     size = np.linalg.norm(measured, axis=0)
@@ -188,23 +182,22 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
     return 100.0 * float(np.linalg.norm(difference[known])) / whole, per_joint
 
 
-_SLOW = 0.05  # share of a joint's top speed up to which its direction is faded in
+_SLOW = 0.05  # fraction of a joint's top speed below which its direction is blended
 _CLEAR = 4.0  # standard deviations
-_WORTH_TELLING = 0.05  # of the joint's torque, as root mean square
-_SHORTEST = 10.0  # [s] of a motion in which anything can change
+_WORTH_TELLING = 0.05  # relative to the RMS joint torque; smaller changes are not reported
+_SHORTEST = 10.0  # [s] shortest motion that is tested for changes
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualTrend:
-    """How the torque that a model leaves grows from a bag's beginning to its end.
+    """Growth of the torque residual from the beginning to the end of a bag.
 
     Attributes
     ----------
-    bag : str
     friction, offset : (n,) ndarray
-        Torque against the motion, and in one direction [Nm]; 0 where nothing is clear.
+        Change of torque against the motion, and of constant torque [Nm]; 0 if insignificant.
     torque : (n,) ndarray
-        Size of each joint's torque [Nm].
+        RMS torque of each joint [Nm].
     """
 
     bag: str
@@ -214,13 +207,12 @@ class ResidualTrend:
 
 
 def residual_trend(bag: SampleColumns, assessed: BagAssessment) -> ResidualTrend:
-    """Look for what grows with time in the residuals of a bag.
+    """Estimate how friction and offset residuals of a bag change with time.
 
     Parameters
     ----------
-    bag : SampleColumns
     assessed : BagAssessment
-        Of an estimate on this bag.
+        Assessment of an estimate on this bag.
     """
     samples = bag.samples
     n = samples.n
@@ -248,12 +240,12 @@ def residual_trend(bag: SampleColumns, assessed: BagAssessment) -> ResidualTrend
 
 
 def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> list[str]:
-    """Return which joints' friction or offset changed enough to matter."""
+    """Return warnings for joints whose friction or offset changed significantly."""
     warnings = []
     for trend in trends:
         for values, what, why in (
-            (trend.friction, 'friction', 'gears that get warm: let them, before recording'),
-            (trend.offset, 'torque offset', 'a sensor that drifts: set it to zero again'),
+            (trend.friction, 'friction', 'gears that warm up; let them warm up before recording'),
+            (trend.offset, 'torque offset', 'a drifting sensor; reset its zero'),
         ):
             told = [
                 f'{name} by {value:+.2g} Nm'
@@ -262,7 +254,7 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
             ]
             if told:
                 warnings.append(
-                    f'{trend.bag}: the {what} changes from its beginning to its end '
+                    f'{trend.bag}: the {what} changes from start to end of the bag '
                     f'({", ".join(told)}), as with {why}'
                 )
     return warnings

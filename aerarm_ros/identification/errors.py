@@ -1,4 +1,4 @@
-"""Errors of identification."""
+"""Exceptions raised by the identification."""
 
 
 class IdentificationError(ValueError):
@@ -9,18 +9,17 @@ _CONTRADICTION = ('PrimalInfeasible', 'AlmostPrimalInfeasible')
 
 
 class SolverError(IdentificationError):
-    """Optimisation problem without a solution, or whose solution was not found.
+    """Optimization problem that has no solution or was not solved.
 
     Parameters
     ----------
     status : str
-        What the solver says of it.
+        Status reported by the solver.
 
     Attributes
     ----------
-    status : str
     contradiction : bool
-        Whether the constraints are known to exclude each other.
+        Whether the constraints are known to be contradictory.
     """
 
     def __init__(self, status: str) -> None:

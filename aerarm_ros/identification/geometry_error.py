@@ -1,4 +1,4 @@
-"""What errors of an arm's geometry cost in the torques that a model predicts."""
+"""Effect of geometry errors of an arm on predicted torques."""
 
 from __future__ import annotations
 
@@ -11,30 +11,29 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.motion.signals import Array
 
 MILLIMETRE = 1e-3  # [m]
-_MOST = 300  # samples that are computed
+_MOST = 300  # largest number of samples used
 
 
 def is_calibrated(robot: Robot) -> bool:
-    """Return whether the URDF was written by the calibrator."""
+    """Return whether the calibrator wrote the URDF."""
     return CALIBRATED in robot.urdf_text
 
 
 def torque_error_per_length(
     robot: Robot, q: Array, dq: Array, ddq: Array, length: float = MILLIMETRE
 ) -> float:
-    """Return the torque error that displaced joints cause, relative to the torque [%].
+    """Return the relative torque error [%] caused by displaced joints.
 
-    Each joint but the first is displaced by `length` along each axis of the link that it is on;
-    the errors of all are independent, so their squares add up. Masses stay as they are: an
-    identification takes up part of the error.
+    Each joint except the first is displaced by `length` along each axis of its parent link. The
+    errors are independent, so their squares add up. Masses stay unchanged, although an
+    identification would absorb part of the error.
 
     Parameters
     ----------
-    robot : Robot
     q, dq, ddq : (M, n) ndarray
-        [rad], [rad/s], [rad/s^2]
+        Joint motion [rad], [rad/s], [rad/s^2].
     length : float
-        [m]
+        Displacement [m].
     """
     step = max(1, len(q) // _MOST)
     motion = list(zip(q[::step], dq[::step], ddq[::step], strict=True))
@@ -53,7 +52,7 @@ def torque_error_per_length(
 
 
 def geometry_text(result: IdentificationResult) -> str:
-    """Return whether the geometry was calibrated, and the torque error otherwise, in words."""
+    """Return a text on whether the geometry is calibrated, and the torque error if not."""
     robot = result.robot
     if is_calibrated(robot):
         return 'The geometry of the URDF is calibrated.'
@@ -62,8 +61,8 @@ def geometry_text(result: IdentificationResult) -> str:
     cost = torque_error_per_length(identified, samples.q, samples.dq, samples.ddq)
     return (
         'The geometry of the URDF was not calibrated. An error of 1 mm per axis at each joint '
-        f'changes the torque of the links by {cost:.2g} %; the identification absorbs a part of '
-        'it. The calibrator measures the geometry.'
+        f'changes the torque of the links by {cost:.2g} %, of which the identification absorbs a '
+        'part. Run the calibrator to measure the geometry.'
     )
 
 

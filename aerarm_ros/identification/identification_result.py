@@ -1,4 +1,4 @@
-"""Everything an identification found, for files and report."""
+"""Results of an identification, for files and report."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,16 +24,17 @@ from aerarm_ros.identification.model_choice.model_choice import Comparison
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.residual_split import ResidualSplit
 from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
 
-_UNKNOWN = 0.01  # share from data below which a parameter is the prior's
+_UNKNOWN = 0.01  # information fraction from data below which only the prior determines a parameter
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """An estimate and its torque errors."""
+    """Estimate with its torque errors."""
 
     estimate: Estimate
     identification: list[BagAssessment]
@@ -42,38 +43,38 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class IdentificationResult:
-    """The outcome of `identify`.
+    """Result of `identify`.
 
     Attributes
     ----------
-    robot : Robot
-    cad : ArmParameters
     gravity : GravityDirection or None
-        What the data say of it; None if it wasn't asked.
+        Direction of gravity estimated from the data; None if not requested.
     delay : EffortDelay or None
-        How late efforts are; None if it wasn't asked.
+        Delay of efforts; None if not requested.
     conditioner : Conditioner
-        Cut-off, period, harmonics, and the delays that were taken off.
+        Cut-off, period, harmonics and corrected delays.
     filter_choice : FilterChoice
-        How the kinematics were cleaned; holds the identification bags.
+        Chosen filter of the kinematics, with the identification bags.
     validation : list of SampleColumns
+        Validation bags.
     thesis_base, used_base : BaseParameters
-        Of links, viscous and Coulomb friction alone, and of all fitted columns.
+        Base parameters of links, viscous and Coulomb friction, and of all fitted columns.
     fit : ModelFit
-        The regression behind the estimates.
+        Regression from which the estimates are solved.
     comparisons : list of Comparison
         Friction models tried.
     solutions : dict of str to Solution
-        By solver.
+        Solution of each solver.
     left_out : list of str
-        Columns that the data had no use for: at their bound 0.
+        Insignificant columns, whose coefficient was at its bound 0.
     demands : list of BagDemand
-        What each bag, of identification and then of validation, asks of the model.
+        Motion range and excitation of each identification bag, then of each validation bag.
     trends : list of ResidualTrend
-        What changed during each bag of identification.
+        Change of the residual during each identification bag.
+    splits : list of ResidualSplit
+        Causes of the residual of each validation bag, or of the identification bags without any.
     rollouts : list of RolloutError
-        Of each solver on each bag, if they were asked for.
-    warnings : list of str
+        Simulation error of each solver on each bag, if requested.
     """
 
     robot: Robot
@@ -91,22 +92,23 @@ class IdentificationResult:
     left_out: list[str]
     demands: list[BagDemand]
     trends: list[ResidualTrend]
+    splits: list[ResidualSplit]
     rollouts: list[RolloutError]
     warnings: list[str]
 
     @property
     def identification(self) -> list[SampleColumns]:
-        """The bags identified from."""
+        """Bags used for identification."""
         return self.filter_choice.bags
 
     @property
     def recommended(self) -> Solution:
-        """The solution to use: the physically consistent one."""
+        """Recommended solution, which is physically consistent."""
         return self.solutions[RECOMMENDED]
 
     @property
     def only_prior(self) -> tuple[str, ...]:
-        """Parameters of the recommended estimate that the data hardly determine."""
+        """Parameters of the recommended estimate that the data barely determine."""
         determined = self.recommended.estimate.determined
         if determined is None:
             return ()
@@ -115,7 +117,7 @@ class IdentificationResult:
 
     @property
     def only_in_sums(self) -> tuple[str, ...]:
-        """Parameters that have an effect, but none of their own: the data determine a sum."""
+        """Parameters that the data determine only in sums with others."""
         base = self.used_base
         mixed = base.combination != 0.0
         index = [*base.independent[mixed.any(axis=1)], *base.dependent[mixed.any(axis=0)]]
@@ -123,7 +125,7 @@ class IdentificationResult:
 
     @property
     def base_deviations(self) -> npt.NDArray[np.float64]:
-        """(r,) standard deviations of the base parameters by the data alone."""
+        """(r,) standard deviations of the base parameters from the data alone."""
         weights = self.fit.noise.information_weights
         factor = self.fit.regression.system(weights).R[:, self.used_base.independent]
         scale = np.linalg.norm(factor, axis=0)
@@ -132,20 +134,18 @@ class IdentificationResult:
 
     @property
     def samples(self) -> int:
-        """Recorded samples that the identification bags contributed."""
+        """Number of recorded samples in the identification bags."""
         return sum(bag.samples.recorded for bag in self.identification)
 
 
 @dataclass(frozen=True)
 class Check:
-    """One limit, with the measured value.
+    """Comparison of one measured value with its limit.
 
     Attributes
     ----------
     name : str
-        A key of `LIMITS`.
-    limit, value : float
-    passed : bool
+        Key of `LIMITS`.
     """
 
     name: str
@@ -156,27 +156,27 @@ class Check:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All requested limits."""
+    """Checks of all requested limits."""
 
     checks: tuple[Check, ...]
 
     @property
     def passed(self) -> bool:
-        """Whether every limit is kept."""
+        """Whether all values are within their limits."""
         return all(check.passed for check in self.checks)
 
     @property
     def text(self) -> str:
-        """One line a limit, for a terminal."""
+        """One line per limit, for a terminal."""
         return '\n'.join(
-            f'{"kept  " if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
+            f'{"passed" if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
             f'{check.limit:.4g}'
             for check in self.checks
         )
 
 
 def _bags(result: IdentificationResult) -> list[BagAssessment]:
-    """Return what was only predicted; what was identified from where there is nothing else."""
+    """Return the validation bags, or the identification bags if there are none."""
     return result.recommended.validation or result.recommended.identification
 
 
@@ -200,24 +200,26 @@ LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
     'tilt': lambda result: float(np.degrees(result.gravity.tilt)) if result.gravity else 0.0,
     'warnings': lambda result: float(len(result.warnings)),
 }
-(
-    'Quantities with limits: largest errors of the validation bags [%], standard deviation of\n'
-    "predicted torque caused by the parameters' [Nm], (5.2), 0 or 1, degrees, and a count."
-)
+"""Functions of the quantities with limits, by name: largest torque errors of the validation bags
+[%], standard deviation of the predicted torque due to parameter uncertainty [Nm], condition number
+(5.2), consistency (0 or 1), tilt [deg], and a count.
+"""
 
 
 def read_limits(path: Path) -> dict[str, float]:
-    """Return the limits in a YAML file.
+    """Read the limits of a YAML file.
 
     Raises
     ------
     IdentificationError
-        If it can't be read, or holds something else than keys of `LIMITS` with numbers.
+        If the file cannot be read, or contains anything but numbers for keys of `LIMITS`.
     """
     try:
         document = read_plain(path)
     except OSError as error:
-        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise IdentificationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except ConfigError as error:
         raise IdentificationError(f'{path}: {" ".join(str(error).split())}') from None
     known = f'limits are {", ".join(LIMITS)}'
@@ -229,18 +231,17 @@ def read_limits(path: Path) -> dict[str, float]:
     for key, value in document.items():
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not np.isfinite(value) or value < 0.0:
-            raise IdentificationError(f'{path}: {key} = {value} must be a number not below 0')
+            raise IdentificationError(f'{path}: {key} = {value} must be a non-negative number')
     return {key: float(value) for key, value in document.items()}
 
 
 def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
-    """Compare a result with limits.
+    """Compare an identification result with limits.
 
     Parameters
     ----------
-    result : IdentificationResult
     limits : dict
-        Keys of `LIMITS` to the largest value that is good enough.
+        Largest allowed value for each key of `LIMITS`.
     """
     checks = []
     for name, limit in limits.items():
@@ -250,16 +251,15 @@ def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
 
 
 def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, EnergyBalance]:
-    """Return the balance of each bag, by its name, where the filter has settled.
+    """Return the energy balance of each bag, by its name, for samples where the filter has settled.
 
-    Torque is the measured one, filtered; links and rotors are the identified ones, and friction is
-    what the recommended estimate predicts besides them.
+    Torque is the filtered measured torque. Links and rotors are the identified ones, and friction
+    is the recommended estimate's prediction.
 
     Parameters
     ----------
     config : ArmConfig
-        Motors with resistances, and the power stage. Empty is returned if it is another arm's.
-    result : IdentificationResult
+        Motors with resistances, and the power stage. The result is empty for another arm.
     """
     robot, solution = result.robot, result.recommended
     if config.joint_names != robot.joint_names:

@@ -1,4 +1,4 @@
-"""From recordings to estimates: the offline flow of the architecture in one function."""
+"""Offline identification from recordings to estimates in one function."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,6 +30,7 @@ from aerarm_ros.identification.model_choice.filter_choice import (
     GravityDirection,
     choose_filter,
     condition_once,
+    excerpt,
     find_effort_delay,
     find_gravity,
 )
@@ -48,6 +49,7 @@ from aerarm_ros.identification.regression.base_parameters import (
 )
 from aerarm_ros.identification.regression.model_fit import ModelFit, RegressionBank, fit_model
 from aerarm_ros.identification.regression.regression import SampleColumns, triangular_factor
+from aerarm_ros.identification.residual_split import ResidualSplit, split_residual
 from aerarm_ros.identification.rollout import (
     RolloutError,
     RolloutWindows,
@@ -59,21 +61,20 @@ from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_a
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
 
-_MOST = 10.0  # times that one bag counts more, or less, than all together
-_ROUNDS = 2  # a noisy bag spoils the first fit, by which the others are judged
+_MOST = 10.0  # largest factor between the weights of one bag and of all bags
+_ROUNDS = 2  # a noisy bag degrades the first fit, which determines the noise of all bags
 
 
 def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[SampleColumns]:
-    """Return the bags with weights, one over the noise of each joint in each bag.
+    """Return the bags with weights equal to one over the noise of each joint in each bag.
 
-    Relative to that of all bags together; a single bag keeps weights of one. Noise is what is left
-    of the torque in parts that the fit has not seen.
+    Weights are relative to the noise of all bags together; a single bag has weights of one. The
+    noise is the torque residual in held-out parts.
 
     Parameters
     ----------
     bags : sequence of SampleColumns
-        To identify from.
-    cad : ArmParameters
+        Identification bags.
     """
     weighted = list(bags)
     if len(bags) < 2:
@@ -93,26 +94,26 @@ def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[Sam
     return weighted
 
 
-# Gautier and Khalil (1992) ask for less than 100; beyond the limit noise decides.
+# Gautier and Khalil (1992) require less than 100; above the limit noise dominates.
 _POOR_CONDITION = 400.0
 _LARGEST_CONDITION = 1000.0
-_STATES = 50  # random ones, enough to show every effect that the arm's mechanics has
+_STATES = 50  # random states, enough to reveal every effect of the arm's mechanics
 
 
 def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]:
-    """Return warnings about a motion.
+    """Return warnings about the excitation by a motion.
 
     Parameters
     ----------
     base : BaseParameters
-        Of links, viscous and Coulomb friction along the motion.
+        Base parameters of links, viscous and Coulomb friction along the motion.
     regressor : Regressor
-        Of the arm, with the same columns.
+        Regressor of the arm with the same columns.
 
     Raises
     ------
     IdentificationError
-        If the motion excites next to nothing.
+        If the motion has almost no excitation.
     """
     if base.rank == 0:
         raise IdentificationError(
@@ -120,26 +121,26 @@ def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]
         )
     if base.condition_number > _LARGEST_CONDITION:
         raise IdentificationError(
-            f'condition number {base.condition_number:.3g}: the motion is too short or too small '
-            'to excite the parameters; record a longer one that moves every joint'
+            f'condition number {base.condition_number:.3g} means that the motion is too short or '
+            'too small to excite the parameters: record a longer motion that moves every joint'
         )
     warnings = []
     possible = _structural_rank(regressor)
     if base.rank < possible:
         warnings.append(
-            f'the motion identifies only {base.rank} of {possible} parameter combinations; CAD '
-            'decides the others: move every joint'
+            f'the motion identifies only {base.rank} of {possible} parameter combinations, the '
+            'others keep CAD values: move every joint'
         )
     if base.condition_number > _POOR_CONDITION:
         warnings.append(
-            f'condition number {base.condition_number:.0f}: the parameters are poorly excited; '
-            'record a longer or livelier motion'
+            f'condition number {base.condition_number:.0f} means that the motion excites the '
+            'parameters poorly: record a longer or faster motion'
         )
     return warnings
 
 
 def _structural_rank(regressor: Regressor) -> int:
-    """Return the rank that a motion which moves everything gives."""
+    """Return the rank for a motion that moves all joints."""
     random = np.random.default_rng(0)
     states = random.uniform(-2.0, 2.0, (3, _STATES, regressor.robot.n))
     factor = triangular_factor(regressor.stack(*states))
@@ -152,27 +153,26 @@ _FRICTION = (TermKind.VISCOUS, TermKind.COULOMB)
 def without_nil_terms(
     fit: ModelFit, estimate: Estimate, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> tuple[ModelFit, list[str]]:
-    """Fit again without the terms whose coefficient the estimate has at its bound 0.
+    """Repeat the fit without terms whose coefficient is at its bound 0.
 
-    Such as rotor inertia where a torque sensor sits behind the gear, which it does not feel. As
-    long as it is a column, solvers without bounds give it a value that no rotor has. Friction
-    (2.6), which every joint has, leaves only if the data ask for clearly less than 0.
+    An example is rotor inertia when a torque sensor is mounted behind the gear, where the sensor
+    does not measure it. With such a column, solvers without bounds return an impossible rotor
+    inertia. Friction (2.6), which every joint has, is removed only if the data clearly require a
+    negative value.
 
     Parameters
     ----------
-    fit : ModelFit
     estimate : Estimate
-        Of this fit, with standard deviations.
+        Estimate of this fit, with standard deviations.
     bags : sequence of SampleColumns
-        To identify from.
-    cad : ArmParameters
+        Identification bags.
 
     Returns
     -------
     ModelFit
-        The same if there is nothing to leave out.
+        The original fit if no term is removed.
     list of str
-        Columns left out.
+        Removed columns.
     """
     model, start = fit.model, 10 * fit.model.n
     friction = np.array([term.kind in _FRICTION for _, term in model.joint_columns], dtype=bool)
@@ -188,7 +188,7 @@ def without_nil_terms(
     return fit_model(bags, bank, smaller, cad, fit.noise), left_out
 
 
-_ROUNDS = 2  # without one term another one may turn out to be nil
+_ROUNDS = 2  # without one term another one may become insignificant
 
 
 @dataclass(frozen=True)
@@ -197,22 +197,21 @@ class IdentificationOptions:
 
     Attributes
     ----------
-    conditioning : ConditioningOptions
     friction : str
         'auto' or a key of `model_choice.FRICTION_MODELS`.
     solvers : tuple of str
-        Names in `solvers.SOLVERS`; those of `solvers.ALWAYS` run in any case.
+        Names in `solvers.SOLVERS`; the solvers in `solvers.ALWAYS` always run.
     progress : callable or None
-        Is told what takes its time.
+        Function that receives the name of each slow step.
     bounds : LinkBounds
-        Of total mass and centres of mass.
+        Bounds of total mass and centres of mass.
     coupled : sequence of (joint, driver)
-        Joints that another one's motion drives, besides those of the configuration.
+        Joints driven by another joint's motion, in addition to those of the configuration.
     tilt : bool
-        Whether gravity may point elsewhere than the robot has it, where the data say so.
+        Whether to estimate the direction of gravity.
     rollouts : bool
-        Whether to simulate every solver's arm over half seconds of the validation bags, or of those
-        of identification where there are none.
+        Whether to simulate every solver's arm over half seconds of the validation bags, or of the
+        identification bags if there are none.
     """
 
     conditioning: ConditioningOptions = field(default_factory=ConditioningOptions)
@@ -237,16 +236,14 @@ def identify(
 
     Parameters
     ----------
-    robot : Robot
     config : ArmConfig or None
-        Rotor inertia; None if nothing is known of the drives.
+        Configuration with rotor inertia; None if the drives are unknown.
     identification : sequence of Recording
-        Every choice is made, and every parameter fitted, on these.
+        Recordings for all choices and fits.
     validation : sequence of Recording
-        Only predicted.
-    options : IdentificationOptions
+        Recordings that are only predicted.
     stopwatch : Stopwatch
-        Gets the time of each stage.
+        Records the time of each stage.
 
     Raises
     ------
@@ -289,9 +286,11 @@ def identify(
         warnings += trend_warnings(trends, fit.model.joint_names)
         demands = [[bag_demand(fit, bags, bag) for bag in group] for group in (bags, held_out)]
         warnings += extrapolation_warnings(fit, *demands)
+    with stopwatch.stage('residual'):
+        judged = validation or identification
+        splits = _splits(motion, estimates[RECOMMENDED], config, judged)
     with stopwatch.stage('rollouts'):
-        rolled = validation or identification
-        rollouts = _rollouts(motion, fit, estimates, rolled) if options.rollouts else []
+        rollouts = _rollouts(motion, fit, estimates, judged) if options.rollouts else []
     return IdentificationResult(
         robot=robot,
         cad=cad,
@@ -308,6 +307,7 @@ def identify(
         left_out=left_out,
         demands=demands[0] + demands[1],
         trends=trends,
+        splits=splits,
         rollouts=rollouts,
         warnings=list(dict.fromkeys(warnings)),
     )
@@ -315,7 +315,7 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class _PreparedBags:
-    """Filtered bags, and what was found of gravity and delays; level: under gravity as stated."""
+    """Filtered bags with estimated gravity and delays; `level` uses the stated gravity."""
 
     robot: Robot
     choice: FilterChoice
@@ -331,7 +331,7 @@ def _prepared(
     cad: ArmParameters,
     options: IdentificationOptions,
 ) -> _PreparedBags:
-    """Choose the filter, then look for gravity's direction and for delays."""
+    """Choose the filter, then estimate the direction of gravity and delays."""
     robot, gravity, delay = level.robot, None, None
     choice = choose_filter(level, conditioner, identification)
     level_bags = choice.bags
@@ -352,13 +352,27 @@ def _prepared(
     return _PreparedBags(robot, choice, level_bags, gravity, delay)
 
 
+def _splits(
+    motion: _PreparedBags,
+    estimate: Estimate,
+    config: ArmConfig | None,
+    recordings: Sequence[Recording],
+) -> list[ResidualSplit]:
+    """Split the residual of each recording by its causes."""
+    choice, regressor = motion.choice, Regressor(motion.robot)
+    known = config is not None and config.joint_names == motion.robot.joint_names
+    ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
+    how = (regressor, choice.conditioner, choice.kinematics, estimate)
+    return [split_residual(*how, excerpt(r), ratios) for r in recordings]
+
+
 def _rollouts(
     motion: _PreparedBags,
     fit: ModelFit,
     estimates: Mapping[str, Estimate],
     recordings: Sequence[Recording],
 ) -> list[RolloutError]:
-    """Simulate each solver's arm along recordings."""
+    """Simulate each solver's arm along the recordings."""
     thetas = {name: estimate.theta for name, estimate in estimates.items()}
     errors = []
     for recording in recordings:
@@ -385,7 +399,7 @@ def _solved(
     options: IdentificationOptions,
     windows: RolloutWindows | None,
 ) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
-    """Solve, and solve again without insignificant terms; report these terms and their meaning."""
+    """Solve, and solve again without insignificant terms; return these terms and notes on them."""
     left_out: list[str] = []
     warnings: list[str] = []
     how = (options.solvers, options.progress, options.bounds, windows)
@@ -404,7 +418,7 @@ def _solved(
 def _result_warnings(
     solutions: dict[str, Solution], fit: ModelFit, bags: list[SampleColumns], cad: ArmParameters
 ) -> list[str]:
-    """Return what the estimates say about themselves and about their input."""
+    """Return warnings of the estimates about themselves and their input."""
     recommended = solutions[RECOMMENDED]
     return [
         *recommended.estimate.notes,
@@ -416,10 +430,10 @@ def _result_warnings(
 def _bases(
     fit: ModelFit, bags: Sequence[SampleColumns], level_bags: Sequence[SampleColumns]
 ) -> tuple[BaseParameters, BaseParameters]:
-    """Return the base parameters of the thesis's columns, and those of all that was fitted.
+    """Return the base parameters of the thesis's columns, and of all fitted columns.
 
-    Both of a base that stands as stated: under a slight tilt some more parameters have an effect,
-    but so little that they would make any motion look like a poor one.
+    Both assume the stated gravity. A slight tilt makes some more parameters identifiable, but so
+    weakly that any motion would appear poorly exciting.
     """
     model = JointModel.uniform(fit.model.joint_names, fit.model.link_names, THESIS_TERMS)
     regressions = [RegressionBank(level_bags, THESIS_TERMS).regression(model), fit.regression]

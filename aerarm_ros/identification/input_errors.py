@@ -1,8 +1,9 @@
-"""Common errors of recordings, found by trying what the data would be without each of them.
+"""Detection of common errors in recordings by testing the corrected data.
 
-A wrong sign, swapped names, a shifted zero or a wrong torque constant of one joint, and gravity
-along another axis, each leave a pattern: undone, a model near the drawing explains the torque much
-better. So each error is undone in turn, a simple model is fitted, and the costs are compared.
+Examples are a wrong sign, swapped names, a shifted zero or a wrong torque constant of one joint,
+and gravity along another axis. Correcting such an error makes a model near the nominal one explain
+the torque much better. So each error is corrected in turn, a simple model is fitted, and the costs
+are compared.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,24 +20,24 @@ from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 
-_ROWS = 300  # samples that are looked at
-_NOISE = 0.03  # share of a joint's torque that a simple model leaves at least
-_CORRELATION = 20.0  # neighbouring samples that say the same
+_ROWS = 300  # number of samples used
+_NOISE = 0.03  # smallest relative residual of a simple model
+_CORRELATION = 20.0  # number of neighbouring samples that are not independent
 _QUARTER = np.pi / 2.0
 _ZEROS = (_QUARTER, -_QUARTER, np.pi)
 _TERMS = 4  # viscous, Coulomb, rotor, offset of each joint
-_NOT_NEGATIVE = 3  # the first of them
-_SUSPICIOUS = 1.5  # cost for each independent sample; about 1 where the input is right
-_CLEARLY = 0.6  # share of the cost that is left without the error
-_GOOD = 15.0  # [%] of torque left without the error, at most
-_OTHER_CONSTANT = 0.25  # relative: gears that lose some of the load are no other constant
-_EXPLAINED = 0.5  # share of what friction leaves, for a factor against the drawing to count
+_NOT_NEGATIVE = 3  # the first three of them
+_SUSPICIOUS = 1.5  # cost per independent sample; about 1 for correct input
+_CLEARLY = 0.6  # largest relative cost after correction
+_GOOD = 15.0  # [%] largest torque residual after correction
+_OTHER_CONSTANT = 0.25  # relative deviation; smaller ones may result from gear losses
+_EXPLAINED = 0.5  # least explained fraction of the torque without friction, for a valid factor
 _LEAST_FACTOR, _MOST_FACTOR = 1e-6, 1e6
 
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Some samples of all bags: (M, n) positions, velocities, accelerations and torques."""
+    """Selected samples of all bags: (M, n) positions, velocities, accelerations and torques."""
 
     q: Array
     dq: Array
@@ -65,10 +66,10 @@ class _Motion:
 
 @dataclass(frozen=True)
 class _Fit:
-    """What a simple model near the drawing leaves.
+    """Residual of a simple model near the nominal one.
 
-    `cost` counts squared standard deviations of torque and of the links' parameters; `error` is the
-    share of torque that is left [%].
+    `cost` is the sum of squared torque residuals and parameter deviations in standard deviations;
+    `error` is the relative torque residual [%].
     """
 
     cost: float
@@ -77,14 +78,14 @@ class _Fit:
 
 @dataclass(frozen=True)
 class InputError:
-    """An error of the input that explains the data.
+    """Input error that explains the data better.
 
     Attributes
     ----------
     text : str
-        What is wrong, and what to do.
+        Description of the error and its remedy.
     before, after : float
-        Torque that a simple model leaves with the error and without it [%].
+        Torque residual of a simple model with and without the error [%].
     """
 
     text: str
@@ -93,25 +94,24 @@ class InputError:
 
     @property
     def warning(self) -> str:
-        """The whole sentence."""
+        """Complete text of the warning."""
         return (
-            f'{self.text} (a simple model leaves {self.after:.2g} % of the torque then, '
-            f'{self.before:.2g} % now)'
+            f'{self.text} (with this change a simple model leaves {self.after:.2g} % of the '
+            f'torque unexplained, now {self.before:.2g} %)'
         )
 
 
 def find_input_errors(
     robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> list[InputError]:
-    """Return the error of the input that explains the data clearly better, if there is one.
+    """Return the input error that explains the data clearly better, if any.
 
     Parameters
     ----------
     robot : Robot
-        With gravity as stated.
+        Robot with the stated gravity.
     bags : sequence of SampleColumns
-        The identification bags.
-    cad : ArmParameters
+        Identification bags.
     """
     motion = _thinned(bags)
     model = _SimpleModel(robot, cad)
@@ -132,8 +132,9 @@ def torque_factors(
 ) -> dict[str, float]:
     """Return the factor of each joint's torque relative to the nominal model and its friction.
 
-    Only of joints whose drawn torque clearly shows in the measured one: not of those that carry
-    next to nothing, whose torque is friction that no drawing has.
+    Joints are included only if the measured torque clearly contains their model torque. Joints with
+    little load are excluded, because their torque is mainly friction, which the nominal model
+    lacks.
     """
     motion = _thinned(bags)
     drawn = np.vstack([bag.links_torque(cad.inertial.ravel()) for bag in bags])
@@ -167,7 +168,7 @@ def _joint_columns(motion: _Motion, joint: int) -> Array:
 
 
 def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
-    """Return measured over expected torque in addition to friction, and the explained share."""
+    """Return the ratio of measured to expected torque without friction, and its explained part."""
     others = _joint_columns(motion, joint)
     torques = np.column_stack([expected, motion.tau[:, joint]])
     left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T
@@ -180,7 +181,7 @@ def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]
 
 
 class _SimpleModel:
-    """Links near the drawing, friction (2.6), rotors and offsets."""
+    """Model with links near nominal, friction (2.6), rotors and offsets."""
 
     def __init__(self, robot: Robot, cad: ArmParameters) -> None:
         self.joints = robot.joint_names
@@ -189,25 +190,25 @@ class _SimpleModel:
         self._spread = LINK_SPREAD * cad.inertial_scale().ravel()
 
     def rigid(self, motion: _Motion, gravity: Array | None = None) -> Array:
-        """Return the links' columns, (M, n, 10 n); `gravity` is another one in the base frame."""
+        """Return the links' columns, (M, n, 10 n); `gravity` replaces gravity in the base frame."""
         regressor = self._regressor
         if gravity is not None:
             regressor = Regressor(regressor.robot.with_gravity(gravity))
         return regressor.stack_rigid(motion.q, motion.dq, motion.ddq)
 
     def other_gravities(self) -> list[Array]:
-        """Return gravity along the other axes of the base frame."""
+        """Return gravity vectors along the other axes of the base frame."""
         stated = np.array(self._regressor.robot.gravity_in_base)
         size = float(np.linalg.norm(stated))
         axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
         return [size * axis for axis in axes if axis @ stated < 0.9 * size]
 
     def links(self, motion: _Motion, rigid: Array, rows: Sequence[int]) -> Array:
-        """Return the links' (10 n,) parameters by the rows of some joints."""
+        """Return the links' parameters (10 n,) fitted to the rows of given joints."""
         return self._solved(motion, rigid, rows)[0][: len(self._mean)]
 
     def fit(self, motion: _Motion, rigid: Array) -> _Fit:
-        """Return what is left of the torque and how far the links are from the drawing."""
+        """Return the torque residual and the deviation of the links from nominal."""
         theta, misfit, left = self._solved(motion, rigid, range(motion.n))
         distance = ((theta[: len(self._mean)] - self._mean) / self._spread) ** 2
         return _Fit(
@@ -218,7 +219,7 @@ class _SimpleModel:
     def _solved(
         self, motion: _Motion, rigid: Array, rows: Sequence[int]
     ) -> tuple[Array, float, float]:
-        """Return parameters, squared standard deviations of torque, and the norm that is left."""
+        """Return parameters, squared torque residuals in standard deviations, and residual norm."""
         links, n = len(self._mean), motion.n
         size = links + _TERMS * n
         gram, right = np.zeros((size, size)), np.zeros(size)
@@ -244,18 +245,18 @@ class _SimpleModel:
 
 
 def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
-    """Return the norm of torque that no links and no friction explain, whatever their sign."""
+    """Return the norm of torque that neither links nor friction of any sign explain."""
     torque = motion.tau[:, joint]
     columns = np.column_stack([rigid, _joint_columns(motion, joint)])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
-    # Normal equations: several times quicker than lstsq, and a noise level needs no more digits.
+    # Normal equations are several times faster than lstsq and accurate enough for a noise level.
     gram = columns.T @ columns + 1e-9 * np.eye(columns.shape[1])
     left = torque - columns @ np.linalg.solve(gram, columns.T @ torque)
     return max(float(np.linalg.norm(left)), _NOISE * float(np.linalg.norm(torque)), 1e-9)
 
 
 def _not_negative(gram: Array, right: Array, spread: Array, links: int) -> Array:
-    """Return the solution in which no friction and no rotor is negative, by leaving these out."""
+    """Return the solution with non-negative friction and rotor inertia, by removing columns."""
     size = len(right)
     scale = np.sqrt(np.diag(gram) + 1.0 / spread**2)
     scale[scale <= 0.0] = 1.0
@@ -275,7 +276,7 @@ def _not_negative(gram: Array, right: Array, spread: Array, links: int) -> Array
 def _trials(
     model: _SimpleModel, motion: _Motion, rigid: Array
 ) -> Iterator[tuple[_Motion, Array, str]]:
-    """Yield the data without each error, the links' columns, and the error in words."""
+    """Yield the data without each error, the links' columns, and a description of the error."""
     joints = model.joints
     for joint, name in enumerate(joints):
         others = [other for other in range(motion.n) if other != joint]
@@ -298,15 +299,15 @@ def _trials(
 
 def _sign_text(name: str) -> str:
     return (
-        f"{name}'s effort has the opposite sign: check the direction of its motor, or give "
+        f'the effort of {name} has the opposite sign: check the direction of its motor, or pass '
         f'--effort-gain {name}=-1'
     )
 
 
 def _constant_text(name: str, factor: float) -> str:
     return (
-        f"{name}'s effort is {factor:.2g} times the value that the other joints' torque suggests: "
-        'check its torque constant, gear ratio and unit, or pass --effort-gain '
+        f"the effort of {name} is {factor:.2g} times the value that the other joints' torque "
+        'suggests: check its torque constant, gear ratio and unit, or pass --effort-gain '
         f'{name}={1.0 / factor:.3g}'
     )
 
@@ -314,20 +315,20 @@ def _constant_text(name: str, factor: float) -> str:
 def _gravity_text(gravity: Array) -> str:
     along = ' '.join(f'{value:.3g}' for value in gravity + 0.0)
     return (
-        f'gravity points another way than stated: check how the base is mounted, or give '
+        'gravity has another direction than stated: check how the base is mounted, or pass '
         f'--gravity {along}'
     )
 
 
 def _swap_text(one: str, other: str) -> str:
     return (
-        f'{one} and {other} have swapped names: check the order of the joints, or give '
+        f'the names of {one} and {other} are swapped: check the order of the joints, or pass '
         f'--rename {one}={other} {other}={one}'
     )
 
 
 def _zero_text(name: str, angle: float) -> str:
     return (
-        f"{name}'s zero is off by {np.degrees(angle):+.0f} degrees: check the zero of its encoder, "
-        'and whether the URDF is that of this arm'
+        f'the zero of {name} is off by {np.degrees(angle):+.0f} degrees: check the zero of its '
+        'encoder, and whether the URDF belongs to that arm'
     )

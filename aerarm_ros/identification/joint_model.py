@@ -1,4 +1,4 @@
-"""Which terms each joint of an arm has, and the names of the regressor's columns."""
+"""Terms of each joint's torque, and names of the regressor's columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class TermKind(Enum):
-    """Kind of a term; the value is its symbol in column names."""
+    """Kind of a joint term; the value is its symbol in column names."""
 
     VISCOUS = 'fv'
     COULOMB = 'fs'
@@ -45,7 +45,7 @@ _MEANINGS = {
     TermKind.ROTOR: 'rotor inertia at the joint',
     TermKind.OFFSET: 'offset',
     TermKind.LOAD: 'friction per torque on the links',
-    TermKind.CREEP: 'friction that grows slowly with speed',
+    TermKind.CREEP: 'saturating viscous friction',
     TermKind.STRIBECK: 'friction at low speed only (Stribeck)',
     TermKind.FORWARD: 'Coulomb friction in positive direction only',
     TermKind.BACKWARD: 'Coulomb friction in negative direction only',
@@ -54,27 +54,27 @@ _MEANINGS = {
 }
 
 COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
-"""Torque by another joint's motion: of either sign."""
+"""Terms of torque caused by another joint's motion, of either sign."""
 
 
 @dataclass(frozen=True)
 class JointTerm:
-    """A regressor column of one joint: thesis (2.6), extended.
+    """Regressor column of one joint, thesis (2.6) extended.
 
     Attributes
     ----------
-    kind : TermKind
     width : float
-        Velocity [rad/s] over which dry friction changes sign, `s = tanh(dq / width)`; 0 is the
-        step `sgn(dq)` of (2.6). Of Stribeck friction, `sgn(dq) exp(-(dq / width)^2)`, the
-        velocity by which it has fallen to a third.
+        Velocity [rad/s] over which dry friction changes sign, `s = tanh(dq / width)`; 0 is the step
+        `sgn(dq)` of (2.6). For Stribeck friction, `sgn(dq) exp(-(dq / width)^2)`, it is the
+        velocity at which the friction has fallen to about a third.
     driver : int or None
-        Index of the joint whose motion causes the torque, where that is another one.
+        Index of another joint whose motion causes the torque, None for the joint itself.
 
     Notes
     -----
-    Asymmetric Coulomb friction is that of both directions plus a part that acts in one of them,
-    `max(s, 0)` or `min(s, 0)`. So every coefficient is not negative, and every term dissipates.
+    Asymmetric Coulomb friction consists of a symmetric part and a part that acts in one direction,
+    `max(s, 0)` or `min(s, 0)`. Thus every coefficient is non-negative, and every term dissipates
+    energy.
     """
 
     kind: TermKind
@@ -83,43 +83,43 @@ class JointTerm:
 
     @property
     def symbol(self) -> str:
-        """Start of the column's name, such as 'fs'."""
+        """Symbol at the start of the column's name, such as 'fs'."""
         return self.kind.value
 
     @property
     def unit(self) -> str:
-        """Unit of the coefficient."""
+        """Unit of the term's coefficient."""
         return _UNITS[self.kind]
 
     @property
     def meaning(self) -> str:
-        """Meaning of the coefficient, in words."""
+        """Description of the coefficient."""
         return _MEANINGS[self.kind]
 
     @property
     def nonnegative(self) -> bool:
-        """Whether the coefficient of a real joint cannot be negative."""
+        """Whether the coefficient of a real joint is always non-negative."""
         return self.kind not in (TermKind.OFFSET, *COUPLED)
 
     @property
     def smooth(self) -> bool:
-        """Whether the torque has no more high frequencies than the motion itself."""
+        """Whether the torque has no higher frequencies than the motion."""
         return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
     def basis(self, dq: Array, ddq: Array, load: Array | None) -> Array:
-        """Return the torque per coefficient.
+        """Return the torque per coefficient of the term.
 
         Parameters
         ----------
         dq, ddq : (...) ndarray
-            Of the driver, the joint itself where there is none [rad/s], [rad/s^2].
+            Velocity and acceleration of the driver, or of the joint itself [rad/s], [rad/s^2].
         load : (...) ndarray or None
             Magnitude of the torque on the links [Nm]; only `LOAD` terms need it.
 
         Raises
         ------
         ValueError
-            If a load is needed and not given.
+            If a load term is evaluated without a load.
         """
         if self.kind in (TermKind.VISCOUS, TermKind.COUPLED_VISCOUS):
             return dq
@@ -132,7 +132,7 @@ class JointTerm:
         sign = np.tanh(dq / self.width) if self.width > 0.0 else np.sign(dq)
         if self.kind is TermKind.LOAD:
             if load is None:
-                raise ValueError('friction that depends on the load needs the load')
+                raise ValueError('load-dependent friction needs the load')
             return np.asarray(load * sign)
         if self.kind is TermKind.FORWARD:
             return np.asarray(np.maximum(sign, 0.0))
@@ -142,10 +142,10 @@ class JointTerm:
 
 
 THESIS_TERMS = (JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB))
-"""The friction of thesis (2.6)."""
+"""Friction terms of thesis (2.6)."""
 
 ROTOR = JointTerm(TermKind.ROTOR)
-"""Rotor inertia, which the thesis leaves out and geared joints need."""
+"""Rotor inertia term, which the thesis omits and geared joints need."""
 
 
 # Order of the blocks of columns, thesis (3.5) first.
@@ -154,14 +154,14 @@ _ORDER = tuple(TermKind)
 
 @dataclass(frozen=True)
 class JointModel:
-    """The joints' part of the torque model.
+    """Terms of all joints in the torque model.
 
     Attributes
     ----------
     joint_names, link_names : tuple of str
-        The n joints and the links they move.
+        Names of the n joints and of the links that they move.
     terms : tuple of tuples of JointTerm
-        For each joint.
+        Terms of each joint.
     """
 
     joint_names: tuple[str, ...]
@@ -182,7 +182,7 @@ class JointModel:
 
     @property
     def joint_columns(self) -> tuple[tuple[int, JointTerm], ...]:
-        """Joint index and term of each column behind the links' 10 n, in the order of (3.5)."""
+        """Joint index and term of each column after the links' 10 n columns, as in (3.5)."""
         return tuple(
             (joint, term)
             for kind in _ORDER
@@ -195,7 +195,7 @@ class JointModel:
     def columns(self) -> tuple[str, ...]:
         """Name of every column: 'm_link1', ..., 'fv_joint1', ..., as in `Regressor.columns`.
 
-        A coupled one's ends with its driver: 'cv_joint1_joint2'.
+        A coupled column ends with the driver's name: 'cv_joint1_joint2'.
         """
         links = [f'{name}_{link}' for link in self.link_names for name in PARAMETER_NAMES]
         joints = []
@@ -210,11 +210,11 @@ class JointModel:
         Parameters
         ----------
         theta : (p,) ndarray
-            In the order of `columns`.
+            Parameters in the order of `columns`.
         links : (M, n) ndarray
             Torque on the links [Nm].
         dq, ddq : (M, n) ndarray
-            [rad/s], [rad/s^2]
+            Joint velocities and accelerations [rad/s], [rad/s^2].
         """
         torque, load = links.copy(), np.abs(links)
         for (joint, term), value in zip(self.joint_columns, theta[10 * self.n :], strict=True):

@@ -38,11 +38,11 @@ class Payload:
     Attributes
     ----------
     link : str
-        The link that carries it; all coordinates are in the frame of that link's joint.
+        Link that carries the payload; all coordinates are in the frame of that link's joint.
     inertial : (10,) ndarray
-        In the order of thesis (3.3); physically consistent.
+        Physically consistent parameters in the order of thesis (3.3).
     covariance : (10, 10) ndarray
-        From the noise of the motion with the payload and from the arm's own uncertainty.
+        Covariance from the noise of the motion with payload and from the arm's own uncertainty.
     """
 
     link: str
@@ -51,51 +51,51 @@ class Payload:
 
     @property
     def mass(self) -> float:
-        """[kg]."""
+        """Mass of the payload [kg]."""
         return float(self.inertial[0])
 
     @property
     def centre(self) -> Array:
-        """(3,) centre of mass [m]."""
+        """Centre of mass (3,) of the payload [m]."""
         return np.asarray(self.inertial[1:4] / self.inertial[0])
 
     @property
     def barycentric_inertia(self) -> Array:
-        """(3, 3) inertia about the centre of mass [kg m^2]."""
+        """Inertia (3, 3) of the payload about its centre of mass [kg m^2]."""
         return barycentric_inertia(self.inertial)
 
     @property
     def std(self) -> Array:
-        """(10,) standard deviations of `inertial`."""
+        """Standard deviations (10,) of `inertial`."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def centre_std(self) -> Array:
-        """(3,) standard deviations of `centre`, to first order [m]."""
+        """Standard deviations (3,) of `centre`, to first order [m]."""
         slope = np.hstack([-self.centre[:, None], np.eye(3)]) / self.mass
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
 
     def with_scale_deviation(self, share: float) -> 'Payload':
-        """Return the payload with the deviation that a scale error of all torques causes.
+        """Return the payload with the uncertainty due to a common scale error of all torques.
 
         Parameters
         ----------
         share : float
-            Relative standard deviation of the torque constants that they have in common.
+            Relative standard deviation of the common factor of the torque constants.
         """
         scale = share**2 * np.outer(self.inertial, self.inertial)
         return replace(self, covariance=self.covariance + scale)
 
 
-_ROUNDS = 3  # the payload decides the load that friction depends on, and the other way round
-_SIZE = 0.1  # [m]: of what an arm carries, to a factor of a few
-_WIDE = 10.0  # standard deviations of the prior in natural sizes: data decide all they can
-_SIGNIFICANT = 3.0  # standard deviations that a payload must weigh
+_ROUNDS = 3  # the payload determines the load on which friction depends, and vice versa
+_SIZE = 0.1  # [m] typical size of a payload, within a factor of a few
+_WIDE = 10.0  # prior standard deviation in natural sizes; wide, so that the data dominate
+_SIGNIFICANT = 3.0  # standard deviations by which the payload's mass must exceed zero
 
 
 @dataclass(frozen=True, eq=False)
 class _Arm:
-    """The arm without the payload; its covariance is None if it isn't known."""
+    """Arm without payload; its covariance is None if unknown."""
 
     robot: Robot
     model: JointModel
@@ -105,10 +105,10 @@ class _Arm:
 
 @dataclass(frozen=True, eq=False)
 class _Residual:
-    """What the arm's model leaves of the torque, reduced, for the payload's ten columns.
+    """Reduced torque residual of the arm's model for the payload's ten columns.
 
-    `system` is weighted for the fit. `information` is weighted to unit variance an independent
-    sample; `arm` are its columns of all the arm's parameters, `own` those of the payload.
+    `system` is weighted for the fit. `information` is weighted to unit variance per independent
+    sample; `arm` contains its columns for all parameters of the arm, `own` those of the payload.
     """
 
     system: TriangularSystem
@@ -121,15 +121,15 @@ class _Residual:
 def identify_payload(
     result: IdentificationResult, recordings: Sequence[Recording], gain_deviation: float = 0.0
 ) -> Payload:
-    """Identify the payload of the last link, from a motion with and one without it.
+    """Identify the payload of the last link, from one motion with and one without the payload.
 
-    Torque that the arm's own model leaves unexplained is linear in the payload's inertial
-    parameters: their columns are those of the last link.
+    The torque residual of the arm's model is linear in the payload's inertial parameters; their
+    columns equal those of the last link.
 
     Parameters
     ----------
     result : IdentificationResult
-        Of the arm without the payload.
+        Result for the arm without payload.
     recordings : sequence of Recording
         Motion with the payload.
     gain_deviation : float
@@ -138,7 +138,7 @@ def identify_payload(
     Raises
     ------
     IdentificationError
-        If a recording is too short, or shows no payload.
+        If a recording is too short, or no payload is detected.
     """
     regressor = Regressor(result.robot)
     kinematics = result.filter_choice.kinematics
@@ -160,23 +160,21 @@ def weigh_payload(
 ) -> Payload:
     """Identify the payload of the last link with a given arm model, for example from a file.
 
-    Standard deviations are those of the motion; the model counts as exact.
+    Standard deviations result from the motion only; the model counts as exact.
 
     Parameters
     ----------
-    robot : Robot
     estimate : Estimate
-        Of the arm without the payload.
+        Estimate of the arm without payload.
     recordings : sequence of Recording
         Motion with the payload.
-    options : ConditioningOptions
     gain_deviation : float
         Relative standard deviation of the torque constants, see `Payload.with_scale_deviation`.
 
     Raises
     ------
     IdentificationError
-        If a recording is too short, or shows no payload.
+        If a recording is too short, or no payload is detected.
     """
     arm, bags, noises = _known(robot, estimate, recordings, options)
     return _weigh(arm, bags, noises, gain_deviation)
@@ -188,7 +186,7 @@ def _known(
     recordings: Sequence[Recording],
     options: ConditioningOptions,
 ) -> tuple[_Arm, Sequence[SampleColumns], Sequence[Noise | None]]:
-    """Return an arm that counts as exact, the bags, and the noise of each round."""
+    """Return an arm model assumed exact, the bags, and the noise of each round."""
     conditioner = Conditioner(recordings, options)
     bags = choose_filter(Regressor(robot), conditioner, recordings).bags
     tau = np.concatenate([bag.samples.tau for bag in bags])
@@ -203,7 +201,7 @@ def _weigh(
     noises: Sequence[Noise | None],
     gain_deviation: float = 0.0,
 ) -> Payload:
-    """Fit once for each noise; None is that which the fit before has left."""
+    """Fit once per noise; None means the residual noise of the previous fit."""
     carried = np.zeros(10)
     for noise in noises:
         noise = noise or _noise(arm, bags, carried)
@@ -215,7 +213,7 @@ def _weigh(
         raise IdentificationError(_nothing(payload.mass, float(payload.std[0])))
     if gain_deviation == 0.0:
         return payload
-    # Torque constants differ from their nominal values together, and half as much each by itself.
+    # Torque constants deviate together, and individually by half as much.
     own = posterior_covariance(residual.information, prior)
     slopes = [own @ (rows[:, :10].T @ rows[:, :10]) @ carried for rows in residual.joints]
     each = (0.5 * gain_deviation) ** 2 * sum(np.outer(slope, slope) for slope in slopes)
@@ -228,7 +226,7 @@ def _last_link(model: JointModel) -> slice:
 
 
 def _noise(arm: _Arm, bags: Sequence[SampleColumns], carried: Array) -> Noise:
-    """Return the noise that the arm with the payload leaves."""
+    """Return the residual noise of the arm with payload."""
     theta = np.array(arm.theta)
     theta[_last_link(arm.model)] += carried
     residuals = [bag.samples.tau - bag.predict(arm.model, theta).filtered for bag in bags]
@@ -262,13 +260,13 @@ def _residual(arm: _Arm, bags: Sequence[SampleColumns], carried: Array, noise: N
 
 
 def _unconstrained(system: TriangularSystem) -> Array:
-    """Return the (10,) least-squares payload, next to nothing assumed."""
+    """Return the (10,) least-squares payload with an almost flat prior."""
     scale = np.array([1.0, *[_SIZE] * 3, *[_SIZE**2] * 6])
     return solve_regularised(system, Prior(np.zeros(10), _WIDE * scale))
 
 
 def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
-    """Return a wide prior about a ball of the mass that was found, and what a body obeys."""
+    """Return a wide prior about a ball of the estimated mass, and the physical limits."""
     mass = float(rough[0])
     if mass <= 0.0:
         raise IdentificationError(_nothing(mass, None))
@@ -280,11 +278,11 @@ def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
 
 
 def _covariance(arm: _Arm, residual: _Residual, prior: Prior) -> Array:
-    """Return the (10, 10) covariance: of the payload's own motion, and of the arm's model."""
+    """Return the (10, 10) covariance due to the motion and to the arm's model."""
     own = posterior_covariance(residual.information, prior)
     if arm.covariance is None:
         return own
-    # An error of the arm's parameters is torque that the fit takes for the payload's.
+    # An error of the arm's parameters causes torque that the fit attributes to the payload.
     slope = own @ residual.own.T @ residual.arm
     return np.asarray(own + slope @ arm.covariance @ slope.T)
 
@@ -292,19 +290,19 @@ def _covariance(arm: _Arm, residual: _Residual, prior: Prior) -> Array:
 def _nothing(mass: float, std: float | None) -> str:
     spread = '' if std is None else f' with a standard deviation of {std:.2g} kg'
     return (
-        f'no payload found: its mass would be {mass:.3g} kg{spread}; check that --payload '
-        'is the recording with the payload and --bag the one without'
+        f'no payload found, its mass would be {mass:.3g} kg{spread}: check that --payload is the '
+        'recording with the payload and --bag the one without'
     )
 
 
 @dataclass(frozen=True, eq=False)
 class GainCalibration:
-    """Torque constants by a known mass.
+    """Torque constants measured with a known mass.
 
     Attributes
     ----------
     factors, std : (n,) ndarray
-        What each effort gain has to be multiplied by, and its standard deviation.
+        Correction factor of each effort gain, with its standard deviation.
     payload : Payload
         The known mass with its centre and inertia.
     """
@@ -325,26 +323,27 @@ def calibrate_gains(
     mass: float,
     deviation: float,
 ) -> GainCalibration:
-    """Find the torque constants from motion with a known mass, whose centre need not be known.
+    """Estimate the torque constants from motion with a known mass; its centre may be unknown.
 
-    The arm was identified with the same constants, so that what it leaves of a joint's torque is
-    the payload's, times the same factor: `tau_j - Phi_j theta = c_j Y_j pi` with a known `pi_1`.
-    Constants that the payload's torque tells little of stay near the common factor. Gautier,
-    Briot: Global identification of joint drive gains and dynamic parameters of robots (2014).
+    The arm was identified with the same constants, so the torque residual of a joint equals the
+    payload's torque times the same factor: `tau_j - Phi_j theta = c_j Y_j pi` with a known `pi_1`.
+    If the payload's torque determines a constant poorly, the constant stays near the common factor.
+    Gautier, Briot: Global identification of joint drive gains and dynamic parameters of robots
+    (2014).
 
     Parameters
     ----------
     robot, estimate, recordings, options
-        As for `weigh_payload`.
+        Same as in `weigh_payload`.
     mass : float
-        [kg]
+        Mass of the payload [kg].
     deviation : float
-        Relative standard deviation of the constants before.
+        Prior relative standard deviation of the constants.
 
     Raises
     ------
     IdentificationError
-        If the mass is not positive, a recording is too short or shows no payload.
+        If the mass is not positive, a recording is too short, or no payload is detected.
     """
     if not (np.isfinite(mass) and mass > 0.0):
         raise IdentificationError(f'known mass {mass} must be a positive number of kg')

@@ -1,4 +1,4 @@
-"""What a result says about its input: signs, units, gravity, bounds."""
+"""Plausibility checks of a result's input: signs, units, gravity, bounds."""
 
 from collections.abc import Mapping
 
@@ -15,22 +15,22 @@ from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import MASS_FACTOR, Estimate
 from aerarm_ros.motion.signals import Array
 
-# [%] of torque error: predicting no torque at all leaves 100, which efforts in a much smaller
-# unit approach from below.
+# Torque error [%]. Predicting zero torque gives 100; efforts in a much smaller unit approach 100
+# from below.
 _USELESS = 90.0
-# The semidefinite program costs a few per cent of the least error, not several times it.
+# The semidefinite program increases the least error by a few per cent, not by a factor.
 _FAR_ABOVE = 3.0
 _LARGE = 10.0  # [%]
-_OTHER_UNIT = 5.0  # factor between their sizes
-_AT_BOUND = 0.01  # share of a mass
+_OTHER_UNIT = 5.0  # factor between their magnitudes
+_AT_BOUND = 0.01  # relative distance of a mass from its bound
 _CLEARLY_NEGATIVE = 3.0  # standard deviations
 
-_FAR_OFF = 20.0  # [%] of a joint's own torque
-_FOLLOWS = 0.5  # share of a residual that two columns of another joint's motion explain
+_FAR_OFF = 20.0  # [%] relative to a joint's own torque
+_FOLLOWS = 0.5  # fraction of a residual that two columns of another joint's motion explain
 
 _CHECK = (
-    'check sign and unit of the effort (--effort-gain JOINT=Nm/A for amperes, =-1 for the other '
-    "sign), gravity (--gravity), the topic, and the names of the bag's joints (--rename)"
+    'check sign and unit of the effort (--effort-gain JOINT=Nm/A, or =-1), gravity (--gravity), '
+    'the topic, and the joint names (--rename)'
 )
 
 
@@ -45,11 +45,9 @@ def error_warnings(
     Parameters
     ----------
     solutions : mapping
-        By solver; those of `solvers.ALWAYS` are there.
+        Solutions by solver, including those of `solvers.ALWAYS`.
     bags : list of SampleColumns
-        The identification bags.
-    cad : ArmParameters
-    joints : tuple of str
+        Identification bags.
     """
     drawn, ols, sdp = (
         float(np.mean([bag.filtered for bag in solutions[name].identification]))
@@ -60,20 +58,20 @@ def error_warnings(
         suspects = _suspects(bags, cad, joints)
         hint = f' ({"; ".join(suspects)})' if suspects else ''
         warnings.append(
-            f'the CAD model with identified friction misses the measured torque by {drawn:.0f} %'
-            f'{hint}: {_CHECK}'
+            'the CAD model with identified friction differs from the measured torque by '
+            f'{drawn:.0f} %{hint}: {_CHECK}'
         )
     if sdp > max(_LARGE, _FAR_ABOVE * ols):
         warnings.append(
-            f'a physically consistent arm leaves {sdp:.1f} % of the torque unexplained, least '
-            f'squares without that condition {ols:.1f} %: no real arm of this URDF moves like '
-            f'this; {_CHECK}'
+            f'a physically consistent model leaves {sdp:.1f} % of the torque unexplained, '
+            f'unconstrained least squares {ols:.1f} %, so no real arm of this URDF moves like '
+            f'this: {_CHECK}'
         )
     return warnings
 
 
 def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
-    """Return which joints' torque is hardly explained."""
+    """Return warnings about joints whose torque the model barely explains."""
     warnings = []
     errors, predicted = (
         _joint_errors(part, len(joints))
@@ -81,13 +79,13 @@ def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
     )
     if far_off := _shares(joints, errors, errors > _FAR_OFF):
         warnings.append(
-            f'the model explains little of the torque of some joints ({far_off} is residual): do '
+            f'the model explains little of the torque of some joints (residual {far_off}): do '
             'not rely on their friction and on parameters that only these joints identify'
         )
     if far_off := _shares(joints, predicted, (predicted > _FAR_OFF) & (errors <= _FAR_OFF)):
         warnings.append(
-            f'the model predicts little of the torque of some joints in validation ({far_off} is '
-            'residual): compare the ranges of both motions in the report'
+            'the model predicts little of the torque of some joints in validation (residual '
+            f'{far_off}): compare the ranges of both motions in the report'
         )
     return warnings
 
@@ -95,14 +93,12 @@ def joint_warnings(recommended: Solution, joints: tuple[str, ...]) -> list[str]:
 def coupling_warnings(
     recommended: Solution, bags: list[SampleColumns], joints: tuple[str, ...]
 ) -> list[str]:
-    """Return which joints' residual follows another joint's motion.
+    """Return warnings about joints whose residual follows another joint's motion.
 
     Parameters
     ----------
-    recommended : Solution
     bags : list of SampleColumns
-        The identification bags.
-    joints : tuple of str
+        Identification bags.
     """
     warnings = []
     errors = _joint_errors(recommended.identification, len(joints))
@@ -110,15 +106,15 @@ def coupling_warnings(
         if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
             pair = f'{joints[joint]}={joints[driver]}'
             warnings.append(
-                f"the residual of {joints[joint]} follows {joints[driver]}'s velocity or "
-                f'acceleration ({100.0 * share:.0f} % of it): if the drive of one passes the '
-                f'other, give --coupled {pair}'
+                f'the residual of {joints[joint]} follows the velocity or acceleration of '
+                f'{joints[driver]} ({100.0 * share:.0f} % of it): if one drive passes the other '
+                f'joint, pass --coupled {pair}'
             )
     return warnings
 
 
 def _joint_errors(bags: list[BagAssessment], n: int) -> Array:
-    """Return the largest torque error of each joint on some bags, 0 where there is none [%]."""
+    """Return the largest torque error of each joint over bags, 0 without any [%]."""
     return np.asarray(np.fmax.reduce([np.zeros(n), *(bag.per_joint_filtered for bag in bags)]))
 
 
@@ -130,7 +126,7 @@ def _shares(joints: tuple[str, ...], errors: Array, told: npt.NDArray[np.bool_])
 def _followed(
     recommended: Solution, bags: list[SampleColumns]
 ) -> dict[int, tuple[int | None, float]]:
-    """Return for each joint the one whose motion explains most of its residual, and how much."""
+    """Return, per joint, the joint whose motion explains its residual best, and the fraction."""
     n = bags[0].samples.n
     couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
     found: dict[int, tuple[int | None, float]] = {}
@@ -160,16 +156,16 @@ def _followed(
 
 
 def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[str]:
-    """Return which parameters of the recommended estimate are held by their bounds.
+    """Return warnings about parameters of the recommended estimate at their bounds.
 
     Parameters
     ----------
     estimate : Estimate
-        By the semidefinite program.
+        Estimate of the semidefinite program.
     fit : ModelFit
-        Its `theta` is the solution without constraints.
+        Fit with the unconstrained solution in `theta`.
     cad_mass : (n,) ndarray
-        [kg]
+        Nominal masses [kg].
     """
     warnings = []
     ratio = estimate.inertial[:, 0] / cad_mass
@@ -178,8 +174,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
         if at.any():
             links = [name for name, held in zip(fit.model.link_names, at, strict=True) if held]
             warnings.append(
-                f'mass of {", ".join(links)} is at its bound, {word} that of the URDF: check the '
-                'masses in the URDF and the unit of the effort'
+                f'mass of {", ".join(links)} is at its bound, {word} the mass in the URDF: check '
+                'the masses in the URDF and the unit of the effort'
             )
     start = 10 * fit.model.n
     loads = [term.kind is TermKind.LOAD for _, term in fit.model.joint_columns]
@@ -187,8 +183,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     if too_much.any():
         at_bound = np.array(fit.model.columns[start:])[too_much]
         warnings.append(
-            f'{", ".join(at_bound)} at the bound 1, which means a gear that loses all torque: '
-            'another load-dependent torque acts at these joints'
+            f'{", ".join(at_bound)} at the bound 1, as if the gear lost all torque: look for '
+            'another load-dependent torque at these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
     asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
@@ -208,25 +204,25 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             check = 'check the sign of the effort of these joints'
         elif kinds == {TermKind.ROTOR}:
             check = (
-                'right where torque sensors sit behind the gears; else velocities may lag, or the '
-                'model of these joints is not exact'
+                'expected if torque sensors sit behind the gears; else the velocities may lag, '
+                'or the model of these joints is inexact'
             )
         else:
             check = (
-                'the model of these joints is not exact, or their measured velocities lag '
-                'behind; check the errors joint by joint'
+                'the model of these joints is inexact, or their measured velocities lag; check '
+                'the errors per joint'
             )
         names = ', '.join(name for name, _ in held)
-        warnings.append(f'{names} left out, as the data ask for less than 0: {check}')
+        warnings.append(f'{names} omitted, because the data ask for a negative value: {check}')
     return warnings
 
 
 def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, ...]) -> list[str]:
-    """Return joints whose torque runs against the drawing's or has another size."""
+    """Return joints whose torque differs from the model torque in sign or magnitude."""
     found = []
     for name, factor in torque_factors(bags, cad, joints).items():
         if factor < 0.0:
-            found.append(f"{name}'s effort has the opposite sign")
+            found.append(f'the effort of {name} has the opposite sign')
         elif not 1.0 / _OTHER_UNIT < factor < _OTHER_UNIT:
-            found.append(f"{name}'s effort is {factor:.2g} times as large")
+            found.append(f'the effort of {name} is {factor:.2g} times as large')
     return found

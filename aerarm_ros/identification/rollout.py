@@ -1,4 +1,4 @@
-"""An arm with some parameters, moved by recorded torque."""
+"""Simulation of an arm with given parameters under recorded torque."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,26 +19,26 @@ from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKin
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import Array
 
-_LENGTH = 0.5  # [s]: longer ones say more of small errors, until gravity has carried the arm away
-_MOST = 40  # of a bag, evenly spread
-# Torque that moves an arm is filtered less than torque that is fitted: dry friction turns round
-# within milliseconds.
+_LENGTH = 0.5  # [s]: longer windows reveal smaller errors, until gravity makes the arm diverge
+_MOST = 40  # windows per bag, evenly spread
+# Torque for simulation is filtered less than torque for fits, because dry friction reverses within
+# milliseconds.
 _CUTOFF = 20.0  # [Hz]
 _SAMPLES_PER_CUTOFF = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class RolloutWindows:
-    """W windows of K + 1 samples of an arm's motion.
+    """Set of W windows of K + 1 samples of an arm's motion.
 
     Attributes
     ----------
     robot : Robot
-        Its kinematics, under its gravity.
+        Robot with kinematics and gravity.
     dt : float
-        [s]
+        Sampling time [s].
     q, dq, tau : (W, K + 1, n) ndarray
-        [rad], [rad/s], [Nm]
+        Positions [rad], velocities [rad/s], torques [Nm].
     """
 
     robot: Robot
@@ -49,9 +49,9 @@ class RolloutWindows:
 
     @classmethod
     def of(cls, robot: Robot, bags: Sequence[Samples]) -> 'RolloutWindows':
-        """Return windows of some motions, all of the first one's sampling time.
+        """Return windows of motions, all with the sampling time of the first motion.
 
-        Only those in which every joint's torque is known all along; there may be none.
+        Windows with an unknown joint torque are excluded, so there may be none.
         """
         dt = float(bags[0].time[1] - bags[0].time[0])
         steps = max(2, round(_LENGTH / dt))
@@ -79,18 +79,18 @@ class RolloutWindows:
 
 
 def _at(index: Array, values: Array) -> Array:
-    """Return (M, n) values between samples, linearly."""
+    """Return (M, n) values between samples by linear interpolation."""
     places = np.arange(len(values))
     return np.column_stack([np.interp(index, places, column) for column in values.T])
 
 
 def rollout_samples(conditioner: Conditioner, recording: Recording) -> Samples:
-    """Return a recording as rollouts take it: positions as the reference, torque up to 20 Hz.
+    """Return samples for rollouts: positions as reference, torque up to 20 Hz.
 
     Raises
     ------
     IdentificationError
-        If the motion in it is too short.
+        If the motion in the recording is too short.
     """
     highest = 1.0 / (_SAMPLES_PER_CUTOFF * sampling_time(recording))
     cutoff = max(conditioner.cutoff, min(_CUTOFF, highest))
@@ -98,19 +98,14 @@ def rollout_samples(conditioner: Conditioner, recording: Recording) -> Samples:
     return conditioner.at(cutoff).condition(recording, kinematics, predicted=True)
 
 
-# A step of dry friction would make velocities chatter about zero: it is spread over this.
+# Dry friction is smoothed over this velocity, because a step would make velocities chatter.
 _WIDTH = 0.02  # [rad/s]
-_SLOPE = 1e-4  # [rad/s] by which friction is differentiated
+_SLOPE = 1e-4  # [rad/s] step of the numerical derivative of friction
 _INERTIA = (TermKind.ROTOR, TermKind.COUPLED_INERTIA)
 
 
 class JointTorques:
-    """Friction, rotors, offsets and couplings of n joints, with k coefficients.
-
-    Parameters
-    ----------
-    model : JointModel
-    """
+    """Torque of friction, rotors, offsets and couplings of n joints, with k coefficients."""
 
     def __init__(self, model: JointModel) -> None:
         self._n = model.n
@@ -120,12 +115,12 @@ class JointTorques:
         ]
 
     def columns(self, dq: Array, ddq: Array, load: Array) -> Array:
-        """Return the (W, n, k) torque per coefficient [Nm].
+        """Return the joint torque per coefficient, (W, n, k) [Nm].
 
         Parameters
         ----------
         dq, ddq, load : (W, n) ndarray
-            [rad/s], [rad/s^2], and magnitude of the torque on the links [Nm].
+            Velocities [rad/s], accelerations [rad/s^2], and absolute torques on the links [Nm].
         """
         columns = np.zeros((*dq.shape, len(self._terms)))
         for k, (joint, moving, term) in enumerate(self._terms):
@@ -133,12 +128,12 @@ class JointTorques:
         return columns
 
     def without_inertia(self, columns: Array) -> Array:
-        """Return columns of which those by acceleration are zero: they are part of the mass."""
+        """Return columns with zeros for acceleration terms, which belong to the mass matrix."""
         kept = [float(term.kind not in _INERTIA) for _, _, term in self._terms]
         return np.asarray(columns * np.array(kept))
 
     def inertia(self, values: Array) -> Array:
-        """Return the (n, n) matrix by which accelerations cost torque [kg m^2]."""
+        """Return the (n, n) inertia matrix of the joints' acceleration terms [kg m^2]."""
         matrix = np.zeros((self._n, self._n))
         for value, (joint, moving, term) in zip(values, self._terms, strict=True):
             if term.kind in _INERTIA:
@@ -146,7 +141,7 @@ class JointTorques:
         return matrix
 
     def damping(self, values: Array, dq: Array, load: Array) -> Array:
-        """Return the (W, n, n) derivative of the torque by velocities [Nms/rad]."""
+        """Return the (W, n, n) derivative of torque with respect to velocity [Nms/rad]."""
         matrix = np.zeros((*dq.shape, self._n))
         still = np.zeros(len(dq))
         for value, (joint, moving, term) in zip(values, self._terms, strict=True):
@@ -160,25 +155,20 @@ class JointTorques:
 
 
 def _spread(term: JointTerm) -> JointTerm:
-    """Return a term without a step."""
+    """Return the term with a smoothed step."""
     dry = (TermKind.COULOMB, TermKind.LOAD, TermKind.CREEP, TermKind.FORWARD, TermKind.BACKWARD)
     return replace(term, width=max(term.width, _WIDTH)) if term.kind in dry else term
 
 
-_STEP = 5e-3  # [s] at most
-_FARTHEST = 1e3  # [rad], [rad/s]: a model that runs away is stopped there
+_STEP = 5e-3  # [s] largest step
+_FARTHEST = 1e3  # [rad], [rad/s] bound at which a diverging simulation stops
 
 
 class Rollout:
-    """Simulates windows of a motion, all side by side.
+    """Simulate windows of a motion in parallel.
 
-    Steps are implicit in the joints' own damping, so that friction never pushes, and take the links
-    as they are half a step ahead.
-
-    Parameters
-    ----------
-    model : JointModel
-    windows : RolloutWindows
+    Steps are implicit in the joints' damping, so that friction never accelerates a joint. The
+    links' dynamics are evaluated half a step ahead.
     """
 
     def __init__(self, model: JointModel, windows: RolloutWindows) -> None:
@@ -188,19 +178,19 @@ class Rollout:
         self._dt = windows.dt / self._substeps
 
     def positions(self, theta: Array) -> Array:
-        """Return the (W, K, n) positions at the samples after the first [rad].
+        """Return the simulated positions (W, K, n) at all samples except the first [rad].
 
-        NaN where an arm has run away, as one may whose parameters are those of no body.
+        NaN where the simulation diverges, which may happen for physically impossible parameters.
 
         Parameters
         ----------
         theta : (p,) ndarray
-            In the order of the model's columns.
+            Parameters in the order of the model's columns.
         """
         return self._run(theta, sensitive=False)[0]
 
     def sensitivities(self, theta: Array) -> tuple[Array, Array]:
-        """Return positions, and their (W, K, n, k) derivatives by the joints' k coefficients."""
+        """Return positions and their (W, K, n, k) derivatives with respect to k coefficients."""
         return self._run(theta, sensitive=True)
 
     def _run(self, theta: Array, sensitive: bool) -> tuple[Array, Array]:
@@ -216,7 +206,7 @@ class Rollout:
             for part in range(self._substeps):
                 share = (part + 0.5) / self._substeps
                 tau = (1.0 - share) * windows.tau[:, sample] + share * windows.tau[:, sample + 1]
-                # Half a step ahead, as the step before went on.
+                # State half a step ahead, extrapolated from the previous step.
                 ahead = q + 0.5 * self._dt * dq, dq + 0.5 * self._dt * ddq
                 mass, bias = _links(arm, data, *ahead)
                 load = np.abs((mass @ ddq[..., None])[..., 0] + bias)
@@ -240,7 +230,7 @@ class Rollout:
 
 
 def _links(model: Any, data: Any, q: Array, dq: Array) -> tuple[Array, Array]:
-    """Return mass matrices (W, n, n) and torques without acceleration (W, n) of the links."""
+    """Return mass matrices (W, n, n) and torques at zero acceleration (W, n) of the links."""
     mass = np.array([pin.crba(model, data, own) for own in q])
     bias = np.array([pin.nonLinearEffects(model, data, *own) for own in zip(q, dq, strict=True)])
     upper = np.triu(mass)
@@ -248,7 +238,7 @@ def _links(model: Any, data: Any, q: Array, dq: Array) -> tuple[Array, Array]:
 
 
 def _derivatives(model: Any, data: Any, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-    """Return the (W, n, n) derivatives of the links' torque by position and velocity."""
+    """Return (W, n, n) derivatives of the links' torque with respect to position and velocity."""
     by_q, by_dq = np.empty((2, len(q), q.shape[1], q.shape[1]))
     for k, state in enumerate(zip(q, dq, ddq, strict=True)):
         pin.computeRNEADerivatives(model, data, *state)
@@ -257,7 +247,7 @@ def _derivatives(model: Any, data: Any, q: Array, dq: Array, ddq: Array) -> tupl
 
 
 def _solved(system: Array, right: Array) -> Array:
-    """Return the solutions; infinite where a matrix is singular."""
+    """Return solutions of linear systems; infinite for a singular matrix."""
     try:
         return np.asarray(np.linalg.solve(system, right))
     except np.linalg.LinAlgError:
@@ -266,19 +256,18 @@ def _solved(system: Array, right: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RolloutError:
-    """Of one set of parameters on one bag.
+    """Simulation error of one set of parameters on one bag.
 
     Attributes
     ----------
-    bag, solver : str
     seconds : float
         Length of a window [s].
     windows : int
+        Number of windows.
     per_joint : (n,) ndarray
-        Root mean square of the position's error along the windows [rad]; infinite where the
-        simulated arm runs away.
+        RMS position error over the windows [rad]; infinite if the simulation diverges.
     total : float
-        The same of all joints, as a share of how far they move within the windows [%].
+        RMS position error of all joints relative to their motion within the windows [%].
     """
 
     bag: str
@@ -296,16 +285,13 @@ def rollout_error(
 
     Parameters
     ----------
-    robot : Robot
-    model : JointModel
-    bag : Samples
     estimates : mapping
-        Solver to parameters (p,).
+        Parameters (p,) by solver.
 
     Returns
     -------
     list of RolloutError
-        Empty if no window of the bag has all torques.
+        Errors per solver; empty if no window has valid torques of all joints.
     """
     windows = RolloutWindows.of(robot, [bag])
     if not windows.count:

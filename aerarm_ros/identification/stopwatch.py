@@ -1,4 +1,4 @@
-"""How long each stage of a computation takes."""
+"""Stopwatch for the stages of a computation."""
 
 import time
 from collections.abc import Iterator
@@ -6,12 +6,12 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up wall-clock times by name.
+    """Wall-clock times summed by stage name.
 
     Attributes
     ----------
     seconds : dict of str to float
-        [s], in the order in which the stages first began.
+        Total time [s] of each stage, in the order of their first start.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Stopwatch:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what runs inside."""
+        """Measure the time of the enclosed code."""
         begin = time.perf_counter()
         try:
             yield

@@ -1,4 +1,4 @@
-"""An estimate against the true parameters of a simulated arm."""
+"""Comparison of an estimate with the true parameters of a simulated arm."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,18 +22,18 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Parameters of a simulated arm.
+    """True parameters of a simulated arm.
 
     Attributes
     ----------
     parameters : mapping
-        Column name ('m_link1', 'fv_joint1', ...) to value.
+        Values by column name ('m_link1', 'fv_joint1', ...).
     load_friction : (n,) ndarray
         Dry friction per torque on the links.
     measured_per_true_torque : (n,) ndarray
-        Factor by which measured torques are too large, because they are computed from currents
-        with a torque constant that isn't quite the motor's. Identification finds parameters
-        of the measured torque; no data can tell the two apart.
+        Ratio of measured to true torque. Measured torques are computed from currents with a torque
+        constant that deviates from the motor's. Identification yields parameters of the measured
+        torque; data cannot reveal this factor.
     """
 
     parameters: Mapping[str, float]
@@ -41,11 +41,11 @@ class Truth:
     measured_per_true_torque: Array
 
     def value(self, column: str) -> float | None:
-        """Return the true value of a column, None if the truth doesn't have one."""
+        """Return the true value of a column, None if unknown."""
         return self.parameters.get(column)
 
     def vector(self, model: JointModel) -> Array:
-        """Return theta in the order of `model.columns`; unknown terms are 0."""
+        """Return the true theta in the order of `model.columns`; unknown terms are 0."""
         theta = np.array([self.parameters.get(name, 0.0) for name in model.columns])
         for index, (joint, term) in enumerate(model.joint_columns, start=10 * model.n):
             if term.kind is TermKind.LOAD:
@@ -53,28 +53,28 @@ class Truth:
         return theta
 
     def names(self, model: JointModel) -> npt.NDArray[np.bool_]:
-        """Return the (p,) mask of `model.columns` that the truth has a value of."""
+        """Return the (p,) mask of `model.columns` with a known true value."""
         loads = [term.kind is TermKind.LOAD for _, term in model.joint_columns]
         known = [name in self.parameters for name in model.columns]
         named: npt.NDArray[np.bool_] = np.array(known) | ([False] * (10 * model.n) + loads)
         return named
 
     def base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
-        """Return the (r,) true base parameters, NaN where the truth lacks one that matters."""
+        """Return the (r,) true base parameters, NaN where a relevant true value is unknown."""
         return self._where_named(base.values(self.vector(fit.model)), fit, base)
 
     def measured_base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
-        """Return the (r,) base parameters that noise-free measured torque would give.
+        """Return the (r,) base parameters that noise-free measured torque would yield.
 
-        A base parameter that several joints feel has no factor of its own: what each joint's
-        torque is off by is projected onto the model, weighted as in the fit.
+        A base parameter that affects several joints has no single factor. So the torque error of
+        each joint is projected onto the model, weighted as in the fit.
 
         Parameters
         ----------
         fit : ModelFit
-            Motion and weights of the joints.
+            Fit with motion and weights of the joints.
         base : BaseParameters
-            Of the fit's columns.
+            Base parameters of the fit's columns.
         """
         theta = self.vector(fit.model)
         factors = [
@@ -95,17 +95,16 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class InertialTorqueError:
-    """Error of the torque that links and rotors need along a motion, against the true one.
+    """Error of link and rotor torque along a motion, compared with the true torque.
 
     Attributes
     ----------
-    solver, bag : str
     total : float
-        Over all joints stacked [%], true torque as measured currents show it.
+        Error over all joints stacked [%], relative to the true torque as measured currents show it.
     per_joint : (n,) ndarray
-        The same for each joint [%].
+        Error of each joint [%].
     total_absolute : float
-        [%], against the true torque itself.
+        Error over all joints stacked [%], relative to the true torque.
     """
 
     solver: str
@@ -116,21 +115,24 @@ class InertialTorqueError:
 
 
 def load_truth(path: Path, model: JointModel) -> Truth:
-    """Read a file of true parameters, as the simulated boards write it.
+    """Read a file of true parameters written by the simulated boards.
 
     Raises
     ------
     IdentificationError
-        If it can't be read or lacks a parameter of the arm.
+        If the file cannot be read or lacks a parameter of the arm.
     """
     try:
         return _truth(read_plain(path), model)
     except OSError as error:
-        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise IdentificationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         reason = ' '.join(str(error).split())
         raise IdentificationError(
-            f'{path}: not a file of true parameters of this arm ({reason})'
+            f'{path} is not a file of true parameters of this arm ({reason}): pass the '
+            'truth_file of the simulation'
         ) from None
 
 
@@ -143,7 +145,7 @@ def _truth(document: Any, model: JointModel) -> Truth:
     def column(key: str, default: float) -> Array:
         values = np.array(document.get(key, [default] * model.n), dtype=float)
         if values.shape != (model.n,):
-            raise ValueError(f'{key} has {values.size} values for {model.n} joints')
+            raise ValueError(f'{key} has {values.size} values, but the arm has {model.n} joints')
         return values
 
     return Truth(parameters, column('load_friction', 0.0), column('measured_per_true_torque', 1.0))
@@ -152,7 +154,7 @@ def _truth(document: Any, model: JointModel) -> Truth:
 def inertial_torque_errors(
     truth: Truth, estimates: Sequence[Estimate], bags: Sequence[SampleColumns]
 ) -> list[InertialTorqueError]:
-    """Compare the torque of links and rotors along the motion of each bag."""
+    """Compare link and rotor torque with the true one along the motion of each bag."""
     results = []
     for bag in bags:
         for estimate in estimates:

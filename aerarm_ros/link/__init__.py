@@ -1,4 +1,4 @@
-"""The connection between drone and ground, without ROS: encrypted datagrams, messages, windows.
+"""Connection between drone and ground, without ROS: encrypted datagrams, messages, windows.
 
-In come bytes of topics and services, with the time; out go datagrams of a bounded rate.
+Bytes of topics and services become datagrams with a limited rate.
 """

@@ -1,11 +1,12 @@
-"""A standing connection over datagrams: messages without loss, newest values, a bounded rate.
+"""A connection over datagrams: messages without loss, newest values, a limited rate.
 
-Each message is repeated until the other side confirms it, apart from all others: a lost datagram
-delays one message of one channel, not the connection. Urgent messages go into each datagram until
-they are confirmed. A command has a lifetime: a motion that was requested before a cut must not
-begin after it. Values are sent once, the newest first come, as far as the rate allows.
+Each message is repeated until the other end acknowledges it, independently of all others. So a
+lost datagram delays one message of one channel, not the connection. Each datagram repeats urgent
+messages until they are acknowledged. A command has a lifetime, because a motion requested before a
+loss of connection must not begin after it. Values are sent once, the newest first, as far as the
+rate allows.
 
-No sockets and no clock: the owner hands over datagrams and times.
+The connection has no sockets and no clock: its owner passes datagrams and times.
 """
 
 from __future__ import annotations
@@ -23,33 +24,33 @@ from aerarm_ros.link.sealed import NO_SESSION, OVERHEAD, Session
 DATAGRAM_MAX = 1200
 """Bytes of a datagram: below any usual MTU, with room for a tunnel's headers."""
 HEADERS = 42
-"""Bytes of the headers of Ethernet, IPv4 and UDP, which count towards the rate."""
+"""Bytes of the headers of Ethernet, IPv4 and UDP, which count in the rate."""
 SILENCE = 1.0
-"""Without a datagram for this long [s] the connection counts as cut."""
+"""[s] without a datagram, after which the connection counts as lost."""
 
 URGENT, PROMPT, BULK = range(3)
-"""Priorities of messages: in each datagram until confirmed, soon, when there is room."""
+"""Priorities of messages: in each datagram until acknowledged, soon, or if there is room."""
 
 _TIME, _CONFIRMED, _PART, _VALUE = range(4)
 _ENTRY = struct.Struct('<BH')  # kind, length
 _TIMES = struct.Struct('<qqqq')  # sent, monotonic; sent, system; last received: sent, received
-_CONFIRM = struct.Struct('<IQ')  # all below this number, and which of the 64 that follow
+_CONFIRM = struct.Struct('<IQ')  # all below this number, and which of the following 64
 _PART_HEAD = struct.Struct('<IHIBBB')  # number, channel, message, part, parts, flags
 _CHANNEL = struct.Struct('<H')
-_SPAN = 64  # parts under way
+_SPAN = 64  # parts in transit
 _RESERVED = 16  # of those, for urgent ones
 _PART_MAX = DATAGRAM_MAX - OVERHEAD - 2 * _ENTRY.size - _TIMES.size - _CONFIRM.size - 24
 _PACKED, _EXPIRES, _VOID, _LAST = 1, 2, 4, 8
-_LATE_MAX = 0.5  # [s] a command that was under way for longer than usual by this is old
+_LATE_MAX = 0.5  # [s]; a command that was in transit for so much longer than usual is rejected
 _URGENT_EVERY, _AGAIN_MIN = 0.018, 0.1  # [s]
-_CLOCK_SPAN = 10.0  # [s] over which the quickest exchange estimates the clocks' offset
+_CLOCK_SPAN = 10.0  # [s] over which the fastest exchange gives the clocks' offset
 _BACKLOG = 2000  # messages
 _TURNS = 4
 _FILL = 0.1  # [s] of the rate that may be saved up
 
 
 class Received(NamedTuple):
-    """What came: a message, or the value of a channel."""
+    """A received message, or the value of a channel."""
 
     channel: int
     payload: bytes
@@ -58,18 +59,18 @@ class Received(NamedTuple):
 
 @dataclass(eq=False)
 class Message:
-    """A message on its way.
+    """A message in transit.
 
     Attributes
     ----------
     channel
-        Its channel, 0 to 65535; messages of a channel arrive in their order.
+        Its channel, 0 to 65535; messages of a channel arrive in order.
     priority
         `URGENT`, `PROMPT` or `BULK`.
     expires
-        When it is worthless [s, monotonic].
+        End of its lifetime [s, monotonic].
     is_confirmed, is_expired
-        What became of it.
+        Whether it was acknowledged, or its lifetime ended first.
     """
 
     channel: int
@@ -111,33 +112,33 @@ class Traffic:
 
 
 class Connection:
-    """One end.
+    """One end of the connection.
 
     Parameters
     ----------
     key
         Shared key.
     role, other_role
-        Of this end and the other one.
+        Roles of this end and of the other end.
     rate
-        Bytes per second to send on average, headers included.
+        Mean rate of sending, headers included [byte/s].
 
     Attributes
     ----------
     last_received
-        Time of the last genuine datagram [s], -inf before the first.
+        Time of the last authentic datagram [s], -inf before the first.
     round_trip
-        Smoothed [s], NaN before the first exchange.
+        Smoothed round-trip time [s], NaN before the first exchange.
     clock_offset
         The other host's system clock minus this one's [s], NaN before the first exchange.
     traffic
-        Counts.
+        Numbers of bytes and datagrams.
     peers
-        How often the other end was found or started again.
+        Number of times that the other end was found or restarted.
     greets
-        Genuine datagrams of an end that does not know this one yet.
+        Number of authentic datagrams of an end that does not know this one yet.
     dropped
-        Messages that did not fit into the backlog.
+        Number of messages that did not fit into the backlog.
     delay
         By which the newest datagram was slower than the quickest of the last minute [s].
     """
@@ -190,12 +191,12 @@ class Connection:
 
     @property
     def waiting(self) -> int:
-        """Number of messages that are not confirmed yet."""
+        """Number of messages that are not acknowledged yet."""
         return len(self._messages)
 
     @property
     def has_urgent(self) -> bool:
-        """Whether an urgent message is not confirmed yet."""
+        """Whether an urgent message is not acknowledged yet."""
         return any(message.priority == URGENT for message in self._messages)
 
     @property
@@ -204,11 +205,11 @@ class Connection:
         return self._peer != NO_SESSION
 
     def is_up(self, now: float) -> bool:
-        """Tell whether a datagram came within `SILENCE`."""
+        """Return whether a datagram arrived within `SILENCE`."""
         return now - self.last_received < SILENCE
 
     def datagram(self, now: float, now_ns: int, system_ns: int) -> bytes:
-        """Return what to send at the time `now` [s]; `now_ns` is the same clock [ns]."""
+        """Return the datagram to send at `now` [s]; `now_ns` is that clock in [ns]."""
         if now > self._filled:
             filled = self._tokens + (now - self._filled) * self._rate
             self._tokens, self._filled = min(filled, _FILL * self._rate), now
@@ -217,7 +218,7 @@ class Connection:
         times = _TIMES.pack(now_ns, system_ns, their_ns, now_ns - came_ns if their_ns else 0)
         body = [_entry(_TIME, times)]
         to, self._greet = self._greet or self._peer, None
-        # A session that only greets is not the peer yet: it gets nothing but the greeting.
+        # A session that has only sent a greeting receives only a greeting.
         if to == self._peer and self.is_joined:
             body.append(_entry(_CONFIRMED, _CONFIRM.pack(*self._received_numbers)))
             room = DATAGRAM_MAX - OVERHEAD - sum(map(len, body))
@@ -255,7 +256,7 @@ class Connection:
                 room -= part.size
                 yield _PART, self._numbered(part, now)
         if not may_send:
-            return  # a radio out of range must not be left with a queue of old values
+            return  # A radio out of range must not queue old values.
         for channel, value in list(self._values.items()):
             size = _ENTRY.size + _CHANNEL.size + len(value)
             if size <= room:
@@ -290,13 +291,13 @@ class Connection:
     # Receiving
 
     def receive(self, datagram: bytes, now: float, now_ns: int, system_ns: int) -> list[Received]:
-        """Take a datagram and return what came with it, in order."""
+        """Process a datagram and return its contents in order."""
         opened = self._session.open(datagram, self._other_role)
         if opened is None:
             return []
         session, to, body = opened
         if to != self._session.own:
-            self._greet = session  # it started again, or we did
+            self._greet = session  # one of the two ends restarted
             self.greets += 1
             return []
         if session != self._peer:
@@ -320,15 +321,15 @@ class Connection:
                     (channel,) = _CHANNEL.unpack_from(content)
                     came.append(Received(channel, content[_CHANNEL.size :], True))
         except (struct.error, zlib.error):
-            pass  # of another version; it is genuine all the same
+            pass  # content of another version in an authentic datagram
         return came
 
     def _on_times(self, times: tuple[int, ...], now: float, now_ns: int, system_ns: int) -> bool:
-        """Take what tells clocks and delays; return whether the datagram was late."""
+        """Process the times of clocks and delays; return whether the datagram was late."""
         sent_ns, their_system_ns, our_ns, held_ns = times
         self._their_times = (sent_ns, now_ns)
         if our_ns:
-            # They received ours, held it, and answered.
+            # The other end received our datagram, held it, and answered.
             round_trip = 1e-9 * (now_ns - our_ns - held_ns)
             smooth = self.round_trip
             self.round_trip = round_trip if smooth != smooth else 0.9 * smooth + 0.1 * round_trip
@@ -365,7 +366,7 @@ class Connection:
         number, channel, sequence, index, count, flags = _PART_HEAD.unpack_from(content)
         data = content[_PART_HEAD.size :]
         if is_late and flags & _EXPIRES:
-            return []  # not confirmed: it is sent again, unless its lifetime is over
+            return []  # not acknowledged: sent again, unless its lifetime is over
         base, mask = self._received_numbers
         ahead = number - base
         if ahead < 0 or ahead >= _SPAN or mask >> ahead & 1:
@@ -404,7 +405,7 @@ class Connection:
     # Messages
 
     def _begin_again(self) -> None:
-        """Start numbering at zero: the other end started."""
+        """Restart the numbers at zero, because the other end restarted."""
         self._next = self._confirmed_below = 0
         self._received_numbers = (0, 0)
         self._incoming.clear()
@@ -419,7 +420,7 @@ class Connection:
             self._cut(message)
 
     def _cut(self, message: Message) -> None:
-        """Cut a message into parts."""
+        """Split a message into parts."""
         packed = zlib.compress(message.payload, 6) if len(message.payload) > 200 else b''
         is_packed = bool(packed) and len(packed) < len(message.payload)
         content = packed if is_packed else message.payload

@@ -1,10 +1,10 @@
 """Datagrams that are encrypted and authenticated with a shared key.
 
 ChaCha20-Poly1305 (RFC 8439) of the library `cryptography` seals each datagram. The key of a
-session is derived from the shared key and a random number that its process draws at the start, so
-that no counter is ever used twice with one key. A datagram names the session it is sent to: what
-was recorded earlier is rejected after a restart. There is no forward secrecy: who obtains the
-shared key can read what was recorded.
+session is derived from the shared key and a random number of its process. So no counter is used
+twice with one key. A datagram contains the session of its receiver, so recorded datagrams are
+rejected after a restart. There is no forward secrecy: anyone with the shared key can read recorded
+datagrams.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ KEY_SIZE = 32
 """Bytes of the shared key."""
 SESSION_SIZE = 8
 NO_SESSION = bytes(SESSION_SIZE)
-"""Where a sender does not know the other side's session yet."""
+"""Receiver's session in a datagram before the other end's session is known."""
 OVERHEAD = SESSION_SIZE + 8 + SESSION_SIZE + 16
 """Bytes that sealing adds to a body."""
 
 _HEADER = struct.Struct(f'<{SESSION_SIZE}sQ')
 _WINDOW = 128  # datagrams that may overtake each other
-_KNOWN_MAX = 8  # sessions whose keys are kept
+_KNOWN_MAX = 8  # sessions whose keys are stored
 
 
 class KeyFileError(ValueError):
-    """A key file that cannot be used; the message says what to do."""
+    """The key file cannot be used; the message states the recovery hint."""
 
 
 def make_key(path: Path) -> None:
@@ -42,13 +42,13 @@ def make_key(path: Path) -> None:
     Raises
     ------
     KeyFileError
-        If the file exists: a new key would lock out the other side.
+        If the file exists, because a new key would exclude the other end.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError:
-        raise KeyFileError(f'key file {path} exists: copy it to the other host') from None
+        raise KeyFileError(f'key file {path} already exists: copy it to the other host') from None
     with os.fdopen(descriptor, 'w') as stream:
         stream.write(secrets.token_hex(KEY_SIZE) + '\n')
 
@@ -59,42 +59,44 @@ def read_key(path: Path) -> bytes:
     Raises
     ------
     KeyFileError
-        If the file is missing, open to others, or holds no key.
+        If the file is missing, readable by others, or contains no key.
     """
     try:
         text = path.read_text(encoding='ascii', errors='replace').strip()
         mode = path.stat().st_mode
     except OSError as error:
         raise KeyFileError(
-            f'key file {path}: {error.strerror}: start ground_link on the '
-            'drone, which makes one, and copy it to the ground'
+            f'key file {path} cannot be read ({error.strerror}): start ground_link on the drone, '
+            'which creates a key file, and copy it to the ground host'
         ) from None
     if mode & 0o077:
-        raise KeyFileError(f'key file {path} can be read by others: run chmod 600 {path}')
+        raise KeyFileError(f'key file {path} is readable by other users: run chmod 600 {path}')
     try:
         key = bytes.fromhex(text)
     except ValueError:
         key = b''
     if len(key) != KEY_SIZE:
-        raise KeyFileError(f'key file {path} holds no key of {2 * KEY_SIZE} hexadecimal digits')
+        raise KeyFileError(
+            f'key file {path} must contain {2 * KEY_SIZE} hexadecimal digits: copy it again'
+        )
     return key
 
 
 class Session:
-    """Seals this side's datagrams and opens the other side's.
+    """Seal this end's datagrams and open the other end's.
 
     Parameters
     ----------
     key
         Shared key.
     role
-        Of this side; the other side must have another one. A datagram that is reflected to its
-        sender is rejected by that.
+        Role of this end, which must differ from the other end's. So a datagram that is reflected
+        to its sender is rejected.
 
     Attributes
     ----------
     own : bytes
-        Number of this side's session.
+        Number of this end's session.
     """
 
     def __init__(self, key: bytes, role: str) -> None:
@@ -106,15 +108,16 @@ class Session:
         self._others: dict[bytes, _Other] = {}
 
     def seal(self, to: bytes, body: bytes) -> bytes:
-        """Return a datagram to a session of the other side, `NO_SESSION` if it is not known."""
+        """Return a datagram to a session of the other end, or to `NO_SESSION` if unknown."""
         self._counter += 1
         header = _HEADER.pack(self.own, self._counter)
         return header + self._cipher.encrypt(_nonce(self._counter), to + body, header)
 
     def open(self, datagram: bytes, other_role: str) -> tuple[bytes, bytes, bytes] | None:
-        """Return sender's session, addressed session and body; None if it is not genuine.
+        """Return sender's session, addressed session and body; None if it is not authentic.
 
-        None too for a datagram that came before, or is far behind others of its session.
+        The result is also None for a repeated datagram, or one that is far behind others of its
+        session.
         """
         if len(datagram) < OVERHEAD:
             return None
@@ -135,12 +138,12 @@ class Session:
 
 
 class _Other:
-    """A session of the other side: its cipher, and which counters came."""
+    """A session of the other end: its cipher, and the received counters."""
 
     def __init__(self, cipher: ChaCha20Poly1305) -> None:
         self.cipher = cipher
         self._newest = 0
-        self._seen = 0  # bit k: counter newest - k came
+        self._seen = 0  # bit k: counter newest - k was received
 
     def is_new(self, counter: int) -> bool:
         ahead = counter - self._newest

@@ -1,8 +1,9 @@
-"""Streams of joint states, decimated: the newest sample of each window with minimum and maximum.
+"""Decimated joint states: the newest sample of each window with minimum and maximum.
 
-A plot of 50 samples per second shows a peak of 1 ms only if each window carries its extremes. The
-newest sample is sent in single precision, the distances to the extremes in half precision, rounded
-away from the newest sample. That is 8 bytes and 8 more per number, a tenth of the message.
+A plot of 50 samples per second shows a peak of 1 ms only if each window contains its extremes. The
+newest sample is sent in single precision. The distances to the extremes are sent in half
+precision, rounded away from the newest sample. A window takes 8 bytes, plus 8 per number, a tenth
+of the message.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ class Window(NamedTuple):
     Attributes
     ----------
     stamp_ns
-        Of the newest sample [ns].
+        Stamp of the newest sample [ns].
     samples
-        How many there were.
+        Number of samples.
     newest, minimum, maximum : (n,) ndarray
-        NaN where all samples are.
+        NaN where all samples are NaN.
     """
 
     stamp_ns: int
@@ -38,7 +39,7 @@ class Window(NamedTuple):
 
 
 def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
-    """Return the window of samples, (n,) each; the newest is the last and has the stamp."""
+    """Return the window of samples, (n,) each; the stamp belongs to the last one."""
     rows = np.stack(samples)
     return Window(
         stamp_ns,
@@ -60,9 +61,9 @@ def pack_window(window: Window) -> bytes:
 
 
 def unpack_window(content: bytes) -> Window:
-    """Return the window of bytes; raises ValueError if they are none."""
+    """Return the window of bytes; raises ValueError if they are invalid."""
     if len(content) < _HEAD.size:
-        raise ValueError('a window is cut off')
+        raise ValueError('a window of messages is truncated')
     stamp_ns, count, n = _HEAD.unpack_from(content)
     if len(content) != _HEAD.size + 8 * n:
         raise ValueError(f'a window of {n} numbers has {len(content)} bytes')
@@ -73,7 +74,7 @@ def unpack_window(content: bytes) -> Window:
 
 
 def _rounded_up(distance: NDArray[np.float64]) -> NDArray[np.float16]:
-    """Return distances, 0 or more, in half precision and not below what they were."""
+    """Round distances, 0 or more, up to half precision."""
     half = np.maximum(distance, 0.0).astype('<f2')
     low = half < distance
     half[low] = np.nextafter(half[low], np.float16(np.inf))

@@ -1,6 +1,6 @@
-"""What the arm does: the equations of motion and all that is linear in their parameters.
+"""Dynamic model of the arm: equations of motion and their linear parameters.
 
-In come positions, velocities and accelerations of the joints; out go frames, torques, inertia,
-gravity, the regressor of the thesis, and the same of arm and carrier as one body. Pinocchio
-computes; rotors, gears and friction are ours.
+From joint positions, velocities and accelerations the package computes frames, torques, inertia,
+gravity and the thesis's regressor, also for arm and vehicle combined. Pinocchio performs the
+rigid-body computations; this package adds rotors, gears and friction.
 """

@@ -1,11 +1,11 @@
-"""The ten inertial parameters of a link, and whether a body could have them.
+"""Inertial parameters of a link, and their physical consistency.
 
-The order of a ten-vector `pi` is that of thesis (3.3) and of Pinocchio's
-`toDynamicParameters`: mass [kg], first moment `m c` [kg m], and the inertia tensor about
-the origin of the link frame [kg m^2]. `Ixy` is the tensor's own off-diagonal entry, as in
-URDF files (so `Ixy = -m cx cy` for a point mass).
+The order of a ten-vector `pi` is that of thesis (3.3) and of Pinocchio's `toDynamicParameters`:
+mass [kg], first moment `m c` [kg m], and the inertia tensor about the origin of the link frame [kg
+m^2]. `Ixy` is the tensor's off-diagonal entry, as in URDF files (so `Ixy = -m cx cy` for a point
+mass).
 
-Every function works on arrays of ten-vectors: the parameters are on the last axis.
+Every function accepts arrays of ten-vectors, with the parameters on the last axis.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ Vector = npt.NDArray[np.floating[Any]]
 
 
 def cross(a: Vector, b: Vector) -> Array:
-    """Return a x b of two vectors (3,): `np.cross` takes some thirty times as long for two."""
+    """Return a x b of two vectors (3,), about thirty times faster than `np.cross`."""
     ax, ay, az = a.tolist()
     bx, by, bz = b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
@@ -27,9 +27,9 @@ def cross(a: Vector, b: Vector) -> Array:
 
 PARAMETER_NAMES = ('m', 'mcx', 'mcy', 'mcz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
 
-_ROUNDING = 1e-9  # of a pseudo-inertia: what writing parameters in decimals costs
+_ROUNDING = 1e-9  # relative to a pseudo-inertia: rounding error of decimal parameters
 
-# Where Ixx, Ixy, Iyy, Ixz, Iyz, Izz stand in the tensor.
+# Positions of Ixx, Ixy, Iyy, Ixz, Iyz, Izz in the tensor.
 _ROWS = np.array([0, 0, 1, 0, 1, 2])
 _COLUMNS = np.array([0, 1, 1, 2, 2, 2])
 
@@ -45,7 +45,7 @@ def inertia_about_origin(pi: npt.ArrayLike) -> Array:
     Returns
     -------
     (..., 3, 3) ndarray
-        [kg m^2]
+        Inertia tensors [kg m^2].
     """
     pi = _parameters(pi)
     tensor = np.empty((*pi.shape[:-1], 3, 3))
@@ -57,42 +57,42 @@ def inertia_about_origin(pi: npt.ArrayLike) -> Array:
 def barycentric_inertia(pi: npt.ArrayLike) -> Array:
     """Return the inertia tensors about the centres of mass, in the link frames' axes.
 
-    Thesis (3.2), with the factor 1/m the printed (3.4) lacks: `Ibar - S(mc)^T S(mc) / m`.
+    Thesis (3.2), with the factor 1/m that the printed (3.4) lacks: `Ibar - S(mc)^T S(mc) / m`.
 
     Parameters
     ----------
     pi : (..., 10) array_like
-        Inertial parameters of non-zero masses.
+        Inertial parameters with non-zero masses.
 
     Returns
     -------
     (..., 3, 3) ndarray
-        [kg m^2]
+        Inertia tensors [kg m^2].
 
     Raises
     ------
     ValueError
-        If a mass is zero: such a body has no centre of mass.
+        If a mass is zero, because the centre of mass is then undefined.
     """
     pi = _parameters(pi)
     mass = pi[..., 0, None, None]
     if np.any(mass == 0.0):
-        raise ValueError('a body of zero mass has no centre of mass: check the masses')
+        raise ValueError('a body of zero mass has no centre of mass: check the masses of the links')
     moment = pi[..., 1:4]
     return inertia_about_origin(pi) - _steiner(moment) / mass
 
 
 def parameters_of_body(mass: float, centre: npt.ArrayLike, inertia: npt.ArrayLike) -> Array:
-    """Return the inertial parameters (10,) of a body: `barycentric_inertia` undone.
+    """Return the inertial parameters (10,) of a body: the inverse of `barycentric_inertia`.
 
     Parameters
     ----------
     mass : float
-        [kg]
+        Mass of the body [kg].
     centre : (3,) array_like
         Centre of mass from the frame's origin [m].
     inertia : (3, 3) array_like
-        About the centre of mass, in the frame's axes [kg m^2].
+        Inertia tensor about the centre of mass, in the frame's axes [kg m^2].
     """
     lever = np.asarray(centre, dtype=float)
     tensor = np.asarray(inertia, dtype=float) + mass * _steiner(lever)
@@ -105,16 +105,16 @@ def joined(*bodies: tuple[float, npt.ArrayLike, npt.ArrayLike]) -> tuple[float, 
     Parameters
     ----------
     bodies : tuple of float, (3,) array_like, (3, 3) array_like
-        Mass [kg], centre of mass [m] and inertia about it [kg m^2] of each, in one frame.
+        Mass [kg], centre of mass [m] and inertia about it [kg m^2] of each body, in a common frame.
 
     Returns
     -------
     mass : float
-        [kg]
+        Total mass [kg].
     centre : (3,) ndarray
-        [m]
+        Common centre of mass [m].
     inertia : (3, 3) ndarray
-        About that, in the frame's axes [kg m^2].
+        Inertia tensor about the common centre, in the frame's axes [kg m^2].
     """
     pi = sum((parameters_of_body(*body) for body in bodies), np.zeros(10))
     return float(pi[0]), pi[1:4] / pi[0], barycentric_inertia(pi)
@@ -123,9 +123,9 @@ def joined(*bodies: tuple[float, npt.ArrayLike, npt.ArrayLike]) -> tuple[float, 
 def pseudo_inertia(pi: npt.ArrayLike) -> Array:
     """Return the pseudo-inertia matrices of Wensing, Kim and Slotine (RA-L 2018).
 
-    `P = [[tr(Ibar)/2 1 - Ibar, m c], [(m c)^T, m]]`, linear in the parameters. It is the
-    second moment of the mass distribution in homogeneous coordinates, hence positive
-    semidefinite exactly for those parameters that some distribution of mass has.
+    `P = [[tr(Ibar)/2 1 - Ibar, m c], [(m c)^T, m]]`, linear in the parameters. P is the second
+    moment of the mass distribution in homogeneous coordinates. It is positive semidefinite exactly
+    if some mass distribution has these parameters.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def pseudo_inertia(pi: npt.ArrayLike) -> Array:
     Returns
     -------
     (..., 4, 4) ndarray
-        [kg m^2] in the upper left block, [kg m] beside it, [kg] in the corner.
+        Matrices with [kg m^2] in the upper left block, [kg m] next to it, and [kg] in the corner.
     """
     pi = _parameters(pi)
     tensor = inertia_about_origin(pi)
@@ -148,7 +148,7 @@ def pseudo_inertia(pi: npt.ArrayLike) -> Array:
 
 
 def from_pseudo_inertia(matrix: npt.ArrayLike) -> Array:
-    """Return the inertial parameters of pseudo-inertia matrices: `pseudo_inertia` undone.
+    """Return the inertial parameters of pseudo-inertia matrices: the inverse of `pseudo_inertia`.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def from_pseudo_inertia(matrix: npt.ArrayLike) -> Array:
     """
     matrix = np.asarray(matrix, dtype=float)
     if matrix.shape[-2:] != (4, 4):
-        raise ValueError(f'a pseudo-inertia matrix is 4x4, not of shape {matrix.shape}')
+        raise ValueError(f'a pseudo-inertia matrix must be 4x4, but its shape is {matrix.shape}')
     second_moment = matrix[..., :3, :3]
     # tr(P3) = 3/2 tr(Ibar) - tr(Ibar) = tr(Ibar)/2
     half_trace = np.trace(second_moment, axis1=-2, axis2=-1)
@@ -175,57 +175,60 @@ def from_pseudo_inertia(matrix: npt.ArrayLike) -> Array:
 
 
 def point_mass(mass: float, centre: npt.ArrayLike) -> Array:
-    """Return the inertial parameters (10,) of a mass [kg] at one point (3,) [m]."""
+    """Return the inertial parameters (10,) of a mass [kg] at a point (3,) [m]."""
     point = np.append(np.asarray(centre, dtype=float), 1.0)
     return from_pseudo_inertia(mass * np.outer(point, point))
 
 
 def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
-    """Return the smallest eigenvalue of all the pseudo-inertia matrices of `pi`.
+    """Return the smallest eigenvalue over all pseudo-inertia matrices of `pi`.
 
     Parameters
     ----------
     pi : (..., 10) array_like
-        Inertial parameters of one body or of many.
+        Inertial parameters of one or several bodies.
     """
     return float(np.min(np.linalg.eigvalsh(pseudo_inertia(pi))))
 
 
 def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
-    """Tell whether some distribution of positive mass has each of these parameters.
+    """Return whether every set of parameters belongs to some positive mass distribution.
 
-    Stronger than thesis (3.9)-(3.15), which asks only for a positive barycentric inertia:
-    the principal moments of a body also obey the triangle inequality.
+    This is stronger than thesis (3.9)-(3.15), which requires only a positive barycentric inertia:
+    the principal moments of a body also satisfy the triangle inequality.
 
     Parameters
     ----------
     pi : (..., 10) array_like
-        Inertial parameters of one body or of many.
+        Inertial parameters of one or several bodies.
     tolerance : float
-        How far below zero an eigenvalue may lie and still count as rounding.
+        Largest negative eigenvalue, in magnitude, that counts as rounding error.
     """
     return minimum_eigenvalue(pi) >= -tolerance
 
 
 def checked_body(name: str, pi: npt.ArrayLike, advice: str = '') -> Array:
-    """Return a body's inertial parameters, (10,); zeros are no body, and all right.
+    """Return a body's inertial parameters, (10,); zeros for no body are allowed.
 
     Raises
     ------
     ValueError
-        If no body has them; it begins with `name` and ends with `advice`.
+        If the parameters are impossible; the message begins with `name` and ends with `advice`.
     """
     values = np.array(pi, dtype=float)
     numbers = values.shape == (10,) and bool(np.isfinite(values).all())
     if not numbers or not is_physically_consistent(values, _ROUNDING):
-        raise ValueError(f'{name} {values.tolist()}: no body has these inertial parameters{advice}')
+        raise ValueError(
+            f'{name} {values.tolist()} is invalid, because no body has these inertial '
+            f'parameters{advice}'
+        )
     return values
 
 
 def _parameters(pi: npt.ArrayLike) -> Array:
     pi = np.asarray(pi, dtype=float)
     if pi.ndim == 0 or pi.shape[-1] != 10:
-        raise ValueError(f'ten inertial parameters a body are needed, not shape {pi.shape}')
+        raise ValueError(f'each body needs ten inertial parameters, but the shape is {pi.shape}')
     return pi
 
 

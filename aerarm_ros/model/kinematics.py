@@ -1,4 +1,4 @@
-"""Direct and differential kinematics: by DH table 2.1, and by the URDF."""
+"""Direct and differential kinematics, from DH table 2.1 and from the URDF."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
 ARM_LENGTH = 0.65
-"""d_3 of table 2.1: from joint 2 to joint 4 [m]."""
+"""Length d_3 of table 2.1, from joint 2 to joint 4 [m]."""
 
 DH_BASE_HEIGHT = 0.167
 """Origin of the DH base frame above the URDF's base_link [m], thesis A.4."""
@@ -26,20 +26,20 @@ DH_TABLE = (
 
 
 def dh_transform(a: float, d: float, alpha: float, theta: float) -> Array:
-    """Return A_i^{i-1} of thesis (2.1): frame i in frame i-1.
+    """Return A_i^{i-1} of thesis (2.1), the pose of frame i in frame i-1.
 
     Parameters
     ----------
     a, d : float
-        [m]
+        DH lengths [m].
     alpha, theta : float
-        [rad]
+        DH angles [rad].
 
     Returns
     -------
     (4, 4) ndarray
-        Homogeneous transformation: turn theta about z, move d along z, a along x, turn alpha
-        about x.
+        Homogeneous transformation: rotation theta about z, translation d along z, translation a
+        along x, rotation alpha about x.
     """
     ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
     return np.array(
@@ -55,7 +55,7 @@ def dh_transform(a: float, d: float, alpha: float, theta: float) -> Array:
 def dh_forward(q: npt.ArrayLike) -> Array:
     """Return T_4^0(q), the `wrist` frame in the DH base frame, thesis (2.1) and table 2.1.
 
-    The DH base is parallel to the URDF's base_link and lies `DH_BASE_HEIGHT` above it.
+    The DH base is parallel to the URDF's base_link, at `DH_BASE_HEIGHT` above it.
 
     Parameters
     ----------
@@ -75,18 +75,17 @@ def dh_forward(q: npt.ArrayLike) -> Array:
 class Kinematics:
     """Pose and Jacobian of a frame of an arm of n joints, from its URDF.
 
-    An instance holds working memory: use one a thread.
+    An instance has working memory, so use one per thread.
 
     Parameters
     ----------
-    robot : Robot
     frame : str
-        Name of a link of the URDF, with the robot's prefix or without.
+        Name of a link of the URDF, with or without the robot's prefix.
 
     Raises
     ------
     ValueError
-        If there is no such link.
+        If the link is unknown.
     """
 
     def __init__(self, robot: Robot, frame: str = 'tool0') -> None:
@@ -97,7 +96,7 @@ class Kinematics:
         self._data = self._model.createData()
 
     def transform(self, q: Array) -> Array:
-        """Return the pose of the frame in the base frame, (4, 4), for q (n,) [rad]."""
+        """Return the pose (4, 4) of the frame in the base frame, for q (n,) [rad]."""
         return np.asarray(self._placement(q).homogeneous)
 
     def position(self, q: Array) -> Array:
@@ -107,17 +106,18 @@ class Kinematics:
     def jacobian(self, q: Array) -> Array:
         """Return the geometric Jacobian J(q): `[v; w] = J(q) dq`.
 
-        Velocity v of the frame's origin and angular velocity w, both along the base's axes.
+        The twist consists of the velocity v of the frame's origin and the angular velocity w, both
+        along the base's axes.
 
         Parameters
         ----------
         q : (n,) ndarray
-            [rad]
+            Joint positions [rad].
 
         Returns
         -------
         (6, n) ndarray
-            Rows 0-2 linear [m], rows 3-5 angular.
+            Linear rows 0-2 [m], angular rows 3-5.
         """
         reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         return np.asarray(pin.computeFrameJacobian(self._model, self._data, q, self._id, reference))
@@ -127,14 +127,14 @@ class Kinematics:
         return self.jacobian(q)[:3]
 
     def acceleration_bias(self, q: Array, dq: Array) -> Array:
-        """Return `dJ/dt dq`, (6,): the frame's acceleration where no joint accelerates.
+        """Return `dJ/dt dq`, (6,): the frame's acceleration at zero joint acceleration.
 
-        Of its origin [m/s^2], then angular [rad/s^2], along the base's axes.
+        Linear acceleration of the origin [m/s^2], then angular [rad/s^2], along the base's axes.
 
         Parameters
         ----------
         q, dq : (n,) ndarray
-            [rad], [rad/s]
+            Joint positions [rad] and velocities [rad/s].
         """
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros_like(dq))
         reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

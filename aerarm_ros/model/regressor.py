@@ -1,4 +1,4 @@
-"""The dynamic model as a matrix times the dynamic parameters."""
+"""Regressor of the dynamic model, which is linear in the dynamic parameters."""
 
 import numpy as np
 import numpy.typing as npt
@@ -12,23 +12,23 @@ from aerarm_ros.motion.signals import Array
 class Regressor:
     """Regressor Phi of an arm: `tau = Phi(q, dq, ddq) theta`, thesis (3.1), (3.6).
 
-    The columns are the ten inertial parameters of each link (3.3), then viscous friction
-    `fv`, then Coulomb friction `fs` of each joint (3.5), then, if asked for, the rotors'
-    inertia `Ja` at the joints [kg m^2], which the thesis leaves out. For this arm: 48, or 52.
+    The columns are the ten inertial parameters of each link (3.3), then viscous friction `fv` and
+    Coulomb friction `fs` of each joint (3.5). The columns of rotor inertia `Ja` at the joints [kg
+    m^2], which the thesis omits, are optional. This arm has 48 or 52 columns.
 
-    An instance holds working memory: use one a thread.
+    An instance has working memory, so use one per thread.
 
     Parameters
     ----------
     robot : Robot
-        Of n joints. Only its kinematics and gravity matter here.
+        Robot with n joints; only its kinematics and gravity are used.
     rotor_inertia : bool
         Whether to append the columns `Ja`.
 
     Attributes
     ----------
     columns : tuple of str
-        Name of each column, such as 'm_link1', 'fv_joint1', 'Ja_joint4'.
+        Name of each column, for example 'm_link1', 'fv_joint1', 'Ja_joint4'.
     """
 
     def __init__(self, robot: Robot, rotor_inertia: bool = False) -> None:
@@ -39,12 +39,12 @@ class Regressor:
         self.columns = self._column_names()
 
     def rigid(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the links' part of one sample, thesis (3.1).
+        """Return the links' regressor of one sample, thesis (3.1).
 
         Parameters
         ----------
         q, dq, ddq : (n,) ndarray
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s], accelerations [rad/s^2].
 
         Returns
         -------
@@ -55,12 +55,12 @@ class Regressor:
         return np.asarray(result)
 
     def stack_rigid(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the links' part of many samples.
+        """Return the links' regressor of many samples.
 
         Parameters
         ----------
         q, dq, ddq : (M, n) array_like
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s], accelerations [rad/s^2].
 
         Returns
         -------
@@ -77,18 +77,18 @@ class Regressor:
         return stacked
 
     def stack(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the whole regressor of many samples, thesis (3.6), (3.8).
+        """Return the complete regressor of many samples, thesis (3.6), (3.8).
 
         Parameters
         ----------
         q, dq, ddq : (M, n) array_like
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s], accelerations [rad/s^2].
 
         Returns
         -------
         (M n, p) ndarray
-            Rows sample by sample, so that `tau.reshape(-1)` of (M, n) torques fits them;
-            columns as in `columns`.
+            Rows sample by sample, matching `tau.reshape(-1)` of (M, n) torques; columns as in
+            `columns`.
 
         Raises
         ------
@@ -112,16 +112,16 @@ class Regressor:
         coulomb: npt.ArrayLike,
         rotor_inertia: npt.ArrayLike | None = None,
     ) -> Array:
-        """Return the vector theta that belongs to `columns`, thesis (3.5).
+        """Return the parameter vector theta for `columns`, thesis (3.5).
 
         Parameters
         ----------
         inertial : (n, 10) array_like
             Inertial parameters, thesis (3.3).
         viscous, coulomb : (n,) array_like
-            [Nms/rad], [Nm]
+            Viscous [Nms/rad] and Coulomb [Nm] friction.
         rotor_inertia : (n,) array_like, optional
-            [kg m^2] at the joints; needed exactly if the regressor has columns for it.
+            Inertia at the joints [kg m^2]; required if and only if the regressor has its columns.
 
         Returns
         -------
@@ -130,7 +130,7 @@ class Regressor:
         Raises
         ------
         ValueError
-            If a shape is wrong, or `rotor_inertia` is missing or has no columns.
+            If a shape is wrong, or `rotor_inertia` does not match the columns.
         """
         if (rotor_inertia is not None) != self.rotor_inertia:
             state = 'has' if self.rotor_inertia else 'has no'
@@ -140,7 +140,7 @@ class Regressor:
         n = self.robot.n
         if parts[0].shape != (n, 10) or any(part.shape != (n,) for part in parts[1:]):
             shapes = [part.shape for part in parts]
-            raise ValueError(f'parameters of shapes {shapes} for an arm of {n} joints')
+            raise ValueError(f'parameters have the shapes {shapes}, but the arm has {n} joints')
         return np.concatenate([part.ravel() for part in parts])
 
     def _fill_rigid(self, out: Array, q: Array, dq: Array, ddq: Array) -> None:
@@ -153,8 +153,8 @@ class Regressor:
         shape = samples[0].shape
         if len(shape) != 2 or shape[1] != self.robot.n or any(s.shape != shape for s in samples):
             raise ValueError(
-                f'q, dq and ddq have shapes {[s.shape for s in samples]}, not all '
-                f'(samples, {self.robot.n})'
+                f'q, dq and ddq have the shapes {[s.shape for s in samples]}, but need (samples, '
+                f'{self.robot.n})'
             )
         return samples
 
@@ -168,21 +168,21 @@ class MomentumRegressor:
     """Joint torques of a body on the last link, as `tau = d/dt(Y_p pi) + Y_f pi`.
 
     With the link's Jacobian `J`, its twist `v` and its momentum `h = I v = A(v) pi`, all in the
-    frame of its joint, the momentum that the joints feel is `J^T h`, and::
+    frame of its joint, the generalized momentum of the joints is `J^T h`, and::
 
         tau = d/dt(J^T h) - (dJ/dt + v x J)^T h + J^T A(s) pi
 
-    where `s` is the specific force of the base. Neither the joints' acceleration nor the base's
-    angular one is in it, so that a filter of both sides needs no derivative of anything measured
-    (Slotine, Li: On the adaptive control of robot manipulators, 1987).
+    where `s` is the specific force of the base. Accelerations of the joints and angular
+    acceleration of the base do not appear. So a filter of both sides needs no derivative of a
+    measured signal (Slotine, Li: On the adaptive control of robot manipulators, 1987).
 
-    Made for a 1 kHz loop: arguments are not checked. An instance holds working memory: use one a
-    thread.
+    Intended for a 1 kHz loop: arguments are not checked. An instance has working memory, so use one
+    per thread.
 
     Parameters
     ----------
     robot : Robot
-        Only its kinematics matter.
+        Robot of which only the kinematics are used.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -197,14 +197,15 @@ class MomentumRegressor:
     def evaluate(
         self, q: Array, dq: Array, specific_force: Array, angular_velocity: Array
     ) -> tuple[Array, Array]:
-        """Return Y_p and Y_f of one state.
+        """Return the regressors Y_p of momentum and Y_f of torque for one state.
 
         Parameters
         ----------
         q, dq : (n,) ndarray
-            [rad], [rad/s]
+            Joint positions [rad] and velocities [rad/s].
         specific_force, angular_velocity : (3,) ndarray
-            Of the base, in its axes [m/s^2], [rad/s]; at rest `-gravity` and zero.
+            Specific force [m/s^2] and angular velocity [rad/s] of the base, in its axes; at rest
+            `-gravity` and zero.
 
         Returns
         -------
@@ -219,7 +220,7 @@ class MomentumRegressor:
         to_link = place.rotation.T
         x, y, z = angular_velocity
         at_x, at_y, at_z = place.translation
-        # The base's twist, without a velocity of its origin: that is felt in no frame.
+        # Twist of the base without linear velocity, which has no effect in any frame.
         twist = self._twist
         twist[:3] = to_link @ (y * at_z - z * at_y, z * at_x - x * at_z, x * at_y - y * at_x)
         twist[3:] = to_link @ angular_velocity
@@ -232,13 +233,13 @@ class MomentumRegressor:
 
 
 def _momentum_tensor() -> Array:
-    """Return A as a (6, 6, 10) tensor: momentum by twist and parameter."""
+    """Return A as a (6, 6, 10) tensor, which maps twist and parameters to momentum."""
     tensor = np.zeros((6, 6, 10))
     tensors = inertia_about_origin(np.eye(10))
     cross = _cross_matrices()
     for axis in range(3):
         tensor[axis, axis, 0] = 1.0
-        # A turning first moment: omega x mc; a moving one: mc x v.
+        # Contribution of the first moment: omega x mc for rotation, mc x v for translation.
         tensor[3 + axis, :3, 1:4] = cross[axis]
         tensor[axis, 3:, 1:4] = -cross[axis]
         tensor[3 + axis, 3:, 4:] = tensors[4:, :, axis].T
@@ -246,7 +247,7 @@ def _momentum_tensor() -> Array:
 
 
 def _cross_tensor() -> Array:
-    """Return the cross product of twists as a (6, 6, 6) tensor: `v x` by the twist v."""
+    """Return the cross product of twists as a (6, 6, 6) tensor, `v x` for the twist v."""
     tensor = np.zeros((6, 6, 6))
     for axis, matrix in enumerate(_cross_matrices()):
         tensor[axis, :3, 3:] = matrix
@@ -255,5 +256,5 @@ def _cross_tensor() -> Array:
 
 
 def _cross_matrices() -> Array:
-    """Return S(a) of `S(a) b = a x b` for the three axes a, (3, 3, 3)."""
+    """Return S(a), with `S(a) b = a x b`, for the three axes a, (3, 3, 3)."""
     return np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])

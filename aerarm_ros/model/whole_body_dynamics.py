@@ -1,4 +1,4 @@
-"""Arm and what carries it as one body: the dynamics of an arm on a free joint."""
+"""Combined dynamics of arm and vehicle: an arm on a free joint."""
 
 from typing import Any
 
@@ -13,42 +13,42 @@ from aerarm_ros.motion.signals import Array
 
 
 class WholeBodyDynamics:
-    """Rigid dynamics of n joints on a base that is free.
+    """Rigid dynamics of n joints on a free base.
 
     ::
 
         [ M_bb  M_bj ] [ s   ]   [ c_b ]   [ w   ]
         [ M_jb  M_jj ] [ ddq ] + [ c_j ] = [ tau ]
 
-    Everything of the base is at the origin of the arm's base frame and in its axes, linear before
-    angular: its acceleration `s`, the wrench `w` of the carrier's rotors. The acceleration is the
-    specific force (acceleration minus gravity): by the principle of equivalence nothing else of
-    gravity and attitude is felt, so neither enters, and `c` holds Coriolis and centrifugal forces
-    alone. In a field of gravity `h` of the usual notation is `c - M (g, 0)`.
+    Quantities of the base refer to the origin and axes of the arm's base frame, linear before
+    angular: its acceleration `s`, and the wrench `w` of the vehicle's rotors. The acceleration is
+    the specific force (acceleration minus gravity). By the principle of equivalence neither gravity
+    nor attitude has any other effect, so neither appears, and `c` contains only Coriolis and
+    centrifugal forces. In a field of gravity, `h` of the usual notation is `c - M (g, 0)`.
 
     Gyroscopic effects of motors and propellers are neglected. Arguments are not checked. An
-    instance holds working memory: use one a thread.
+    instance has working memory, so use one per thread.
 
     Parameters
     ----------
     robot : Robot
-        The arm.
+        Robot model of the arm.
     rotor_inertia : float or (n,) array_like
         Inertia of the motors' rotors at the joints [kg m^2], on the diagonal of M_jj.
     carrier : (10,) array_like, optional
-        Inertial parameters (3.3) of what carries the arm, in the arm's base frame; none if not
-        given, and then M_bb is the arm's own.
+        Inertial parameters (3.3) of the vehicle, in the arm's base frame; by default none, so that
+        M_bb is the arm's.
 
     Attributes
     ----------
     mass : float
-        Of the whole [kg].
+        Total mass [kg].
 
     Raises
     ------
     ValueError
-        If a rotor inertia is negative or not finite, or their number isn't n, or no body has
-        the carrier's parameters.
+        If a rotor inertia is negative or not finite, their number is not n, or the vehicle's
+        parameters are physically impossible.
     """
 
     def __init__(
@@ -73,12 +73,12 @@ class WholeBodyDynamics:
         self._ddq = np.zeros(6 + self.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Add a body to the last link, see `Dynamics.carry`."""
+        """Add a payload to the last link, see `Dynamics.carry`."""
         self._last_link.carry(payload)
         self.mass = float(pin.computeTotalMass(self._model))
 
     def inertia_matrix(self, q: Array) -> Array:
-        """Return M(q), (6 + n, 6 + n), symmetric, rotors included."""
+        """Return the inertia matrix M(q), (6 + n, 6 + n), symmetric, including rotors."""
         self._q[7:] = q
         return np.asarray(pin.crba(self._model, self._data, self._q))
 
@@ -92,26 +92,26 @@ class WholeBodyDynamics:
     ) -> Array:
         """Return the inverse dynamics of a motion: wrench on the base and joint torques.
 
-        With `acceleration` and `ddq` zero it is c; with `ddq` alone `M_bj ddq + c_b` and
-        `M_jj ddq + c_j`.
+        With zero `acceleration` and `ddq` the result is c; with `ddq` alone it is `M_bj ddq + c_b`
+        and `M_jj ddq + c_j`.
 
         Parameters
         ----------
         q, dq, ddq : (n,) ndarray
-            [rad], [rad/s], [rad/s^2]
+            Joint positions [rad], velocities [rad/s], accelerations [rad/s^2].
         angular_velocity : (3,) ndarray
-            Of the base [rad/s].
+            Angular velocity of the base [rad/s].
         acceleration : (6,) ndarray or float
             Specific force [m/s^2] and angular acceleration [rad/s^2] of the base.
 
         Returns
         -------
         (6 + n,) ndarray
-            Force [N], moment [Nm], torques [Nm].
+            Force [N] and moment [Nm] on the base, and joint torques [Nm].
         """
         velocity, second = self._dq, self._ddq
         self._q[7:] = q
-        # The base's linear velocity is left at zero: only accelerations are felt.
+        # The base's linear velocity has no effect and stays zero.
         velocity[3:6] = angular_velocity
         velocity[6:] = dq
         second[:6] = acceleration
@@ -121,20 +121,20 @@ class WholeBodyDynamics:
     def reaction_with_slopes(
         self, q: Array, dq: Array, ddq: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Return `M_bj ddq + c_b` of a base at rest, and how it changes with the motion.
+        """Return `M_bj ddq + c_b` for a base at rest, with its derivatives by the motion.
 
         Parameters
         ----------
         q, dq, ddq : (n,) ndarray
-            [rad], [rad/s], [rad/s^2]
+            Joint positions [rad], velocities [rad/s], accelerations [rad/s^2].
 
         Returns
         -------
         wrench : (6,) ndarray
             Force [N] and moment [Nm].
         by_q, by_dq, by_ddq : (6, n) ndarray
-            Its derivatives by positions, velocities and accelerations of the joints. They are
-            working memory: the next call overwrites them.
+            Derivatives by positions, velocities and accelerations of the joints. These arrays are
+            working memory, which the next call overwrites.
         """
         self._q[7:] = q
         self._dq[:6] = self._ddq[:6] = 0.0
@@ -144,10 +144,10 @@ class WholeBodyDynamics:
         return np.array(self._data.tau[:6]), by_q, by_dq, by_ddq
 
     def response(self, q: Array) -> tuple[Array, Array]:
-        """Return how the base answers: `M_bb^-1` (6, 6) and M_bj (6, n).
+        """Return `M_bb^-1` (6, 6) and M_bj (6, n), which determine the base's acceleration.
 
-        The base under the wrench w accelerates by `s = M_bb^-1 (w - c_b - M_bj ddq)`. The
-        inverse is that of one rigid body, in closed form.
+        Under the wrench w the base accelerates by `s = M_bb^-1 (w - c_b - M_bj ddq)`. The inverse
+        is that of one rigid body, in closed form.
         """
         coupling = self.inertia_matrix(q)[:6, 6:]
         return np.asarray(self._data.Ycrb[1].inverse()), coupling
@@ -165,32 +165,32 @@ class WholeBodyDynamics:
         return np.array(pin.computeMinverse(self._model, self._data, self._q)[6:, 6:])
 
     def feedback_gain(self, q: Array) -> float:
-        """Return the gain of the loop that a measured acceleration of the base closes.
+        """Return the gain of the loop closed by feedback of the base's measured acceleration.
 
-        Torques that answer an acceleration `s` are `M_jb s`. They move the joints by
-        `D^-1 M_jb s`, with D the reduced inertia, and those the base by
-        `G s = M_bb^-1 M_bj D^-1 M_jb s`, against `s`. The largest eigenvalue of G (they are real
-        and not negative) is returned.
+        Torques `M_jb s` in response to an acceleration `s` accelerate the joints by `D^-1 M_jb s`,
+        where D is the reduced inertia. These in turn accelerate the base by `G s = M_bb^-1 M_bj
+        D^-1 M_jb s`, against `s`. The gain is the largest eigenvalue of G, whose eigenvalues are
+        real and non-negative.
         """
         matrix = self.inertia_matrix(q)
         coupling = matrix[:6, 6:]
         answer = self._data.Ycrb[1].inverse() @ coupling
-        # The eigenvalues of a product do not depend on the order of its factors.
+        # The eigenvalues of a product do not depend on the order of its two factors.
         reduced = matrix[6:, 6:] - coupling.T @ answer
         gain = np.linalg.solve(reduced, coupling.T @ answer)
         return float(np.max(np.linalg.eigvals(gain).real))
 
     def composite_inertia(self, q: Array) -> tuple[float, Array, Array]:
-        """Return mass, centre of mass and inertia of the whole, in base axes.
+        """Return mass, centre of mass and inertia of arm and vehicle, in base axes.
 
         Returns
         -------
         mass : float
-            [kg]
+            Total mass [kg].
         com : (3,) ndarray
-            From the base frame's origin [m].
+            Centre of mass from the base frame's origin [m].
         inertia : (3, 3) ndarray
-            About the centre of mass [kg m^2].
+            Inertia tensor about the centre of mass [kg m^2].
         """
         self.inertia_matrix(q)
         body = self._data.Ycrb[1]
@@ -199,12 +199,12 @@ class WholeBodyDynamics:
     def centroidal_momentum(self, q: Array, dq: Array, twist: Array) -> Array:
         """Return linear and angular momentum about the centre of mass, (6,) [Ns], [Nms].
 
-        Along the base's axes; the rotors' own spin isn't in it.
+        The result is along the base's axes, without the spin of the rotors.
 
         Parameters
         ----------
         q, dq : (n,) ndarray
-            [rad], [rad/s]
+            Joint positions [rad] and velocities [rad/s].
         twist : (6,) ndarray
             Velocity of the base's origin [m/s] and angular velocity [rad/s], in base axes.
         """

@@ -1,4 +1,4 @@
-"""A stop along a path, as fast as the limits allow."""
+"""Stop along a path, as fast as the limits allow."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import numpy as np
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference
 
-# Shares of the time that the limits need from the speed at the beginning: the braking rises
-# within the first and fades within the second. A stop on a line takes 1.33 times the least
-# distance with these, and 1.2 times the least time.
+# Fractions of the shortest braking time from the initial speed: the braking rises within the first
+# fraction and fades within the second. A stop on a line then takes 1.33 times the least distance
+# and 1.2 times the least time.
 RISE, FADE = 0.3, 0.8  # decision 85
-# Shorter stops [s] are not distinguished: a joint that hardly moves stops within a few cycles.
+# Shorter stops [s] are not distinguished; a joint that hardly moves stops in a few cycles.
 SHORTEST = 0.01
-_STEPS = 40  # in the time that the limits need
-# Of the limits, what a stop uses at its knots: a little is left for what happens between them.
+_STEPS = 40  # steps in the shortest braking time
+# Fraction of the limits used at the knots, with a margin for the motion between knots.
 _SHARE = 0.98
 
 Row = tuple[float, float, float, float]
-"""Coefficients (along, across, still) and limit of one quantity that a stop has to limit.
-
-Where the path is passed at the rate r [-], with the rate's derivative r' [1/s], the quantity is
-`along * r' + across * r^2 + still`, and its size stays within the limit."""
+"""Coefficients (along, across, still) and limit of one quantity during a stop. At the path rate r
+[-] with its derivative r' [1/s] the quantity is `along * r' + across * r^2 + still`. Its magnitude
+stays within the limit.
+"""
 Rows = Callable[[JointReference], Iterable[Row]]
 
 
@@ -38,13 +38,13 @@ class PathTime(NamedTuple):
 
 
 class PathStop(NamedTuple):
-    """A stop along a path: times (K,) [s] from its beginning, and the path times then."""
+    """Stop along a path: times (K,) [s] from its start, and the corresponding path times."""
 
     times: list[float]
     path_times: list[PathTime]
 
     def clock(self) -> PolynomialPath:
-        """Return the path time as a path of one coordinate."""
+        """Return the path time as a one-dimensional path."""
         value, rate, change = np.array(self.path_times).T[..., np.newaxis]
         return PolynomialPath.quintic(self.times, value, rate, change)
 
@@ -55,7 +55,7 @@ class PathStop(NamedTuple):
 
 
 def acceleration_rows(acceleration_max: Array) -> Rows:
-    """Return what keeps each joint's acceleration within `acceleration_max` (n,) [rad/s^2]."""
+    """Return rows that limit each joint's acceleration to `acceleration_max` (n,) [rad/s^2]."""
     limits = acceleration_max.tolist()
 
     def rows(point: JointReference) -> Iterable[Row]:
@@ -68,20 +68,20 @@ def acceleration_rows(acceleration_max: Array) -> Rows:
 def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Rows) -> PathStop:
     """Return the stop along a path that brakes as hard as `rows` allow.
 
-    The path is followed as it is, more and more slowly. The rate's derivative is continuous, so
-    that the joints' acceleration is, and the rate never rises: no joint is faster than on the path.
-    A path that is within its limits at its own rate is so at any lower one, so the hardest braking
-    at each point is always possible, and none stops sooner (the lower bound of the rate's
-    derivative in the phase plane: Bobrow, Dubowsky and Gibson, 1985).
+    The path geometry is kept while the rate decreases. The rate's derivative is continuous, so the
+    joint accelerations are continuous. The rate never rises, so no joint is faster than on the
+    path. A path within its limits at its own rate satisfies them at any lower rate. The hardest
+    braking is therefore possible at each point and gives the earliest stop (lower bound of the
+    rate's derivative in the phase plane: Bobrow, Dubowsky and Gibson, 1985).
 
     Parameters
     ----------
     motion : callable
-        Returns the reference (n,) at a path time [s].
+        Function that returns the reference (n,) at a path time [s].
     begin : float
-        Path time [s] at which the stop begins.
+        Path time [s] at the start of the stop.
     rows : callable
-        Returns what is to be limited at a point of the path.
+        Function that returns the limits at a point of the path.
     """
     point = rows(motion(begin))
     first = [(along, across, still, limit) for along, across, still, limit in point]
@@ -94,7 +94,7 @@ def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Ro
     while at.rate > 0.0:
         value, rate, change = at
         last = -2.0 * rate / change if change < 0.0 else np.inf
-        if last <= 3.0 * step:  # the braking ends at zero speed
+        if last <= 3.0 * step:  # braking ends at zero speed
             last = max(last, 0.2 * step)
             time, at = time + last, PathTime(value + rate * last / 3.0, 0.0, 0.0)
         else:
@@ -112,7 +112,7 @@ def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Ro
 
 
 def _lowest(rows: Iterable[Row], rate: float) -> float:
-    """Return the lowest derivative of the rate that `rows` allow at a rate."""
+    """Return the lowest derivative of the rate that `rows` allow at a given rate."""
     lowest = -10.0 / SHORTEST
     for along, across, still, limit in rows:
         size = abs(along)
@@ -124,17 +124,17 @@ def _lowest(rows: Iterable[Row], rate: float) -> float:
 
 
 class JointBrake(NamedTuple):
-    """Brakings of n joints from (M, n) or (n,) states: jerk-limited, each as short as it can be.
+    """Jerk-limited braking of n joints from (M, n) or (n,) states in the shortest time.
 
-    The acceleration changes linearly to its strongest, stays, and fades linearly to zero. Signs
-    are those of the motion: an acceleration against it is positive in `strongest`.
+    The acceleration changes linearly to its strongest value, stays constant, and fades linearly to
+    zero. Signs refer to the direction of motion; a deceleration is positive in `strongest`.
 
     Attributes
     ----------
     sign : ndarray
         Direction of the motion, -1, 0 or 1.
     speed, rising : ndarray
-        Speed [rad/s] at the beginning, and its derivative then [rad/s^2].
+        Initial speed [rad/s] and its derivative [rad/s^2].
     strongest : ndarray
         Largest deceleration [rad/s^2].
     rise, hold, fade : ndarray
@@ -151,14 +151,14 @@ class JointBrake(NamedTuple):
 
     @classmethod
     def of(cls, dq: Array, ddq: Array, acceleration_max: Array) -> JointBrake:
-        """Return the brakings from velocities [rad/s] and accelerations [rad/s^2]."""
+        """Return the braking from velocities [rad/s] and accelerations [rad/s^2]."""
         sign = np.where(dq == 0.0, np.sign(ddq), np.sign(dq))
         speed, rising = np.abs(dq), sign * ddq
         needed = np.maximum(speed / acceleration_max, SHORTEST)
-        # A joint that still gets faster has more to change, and no more time for it.
+        # An accelerating joint needs a larger change in the same time.
         rise = RISE * needed / (1.0 + np.maximum(rising, 0.0) / acceleration_max)
         fade = FADE * needed
-        # What ends without a part of constant deceleration, if that is weaker.
+        # Without a section of constant deceleration, if that is weaker.
         strongest = np.minimum(acceleration_max, (2.0 * speed + rising * rise) / (rise + fade))
         left = speed + 0.5 * (rising - strongest) * rise - 0.5 * strongest * fade
         hold = np.where(strongest < acceleration_max, 0.0, left / acceleration_max)
@@ -166,13 +166,13 @@ class JointBrake(NamedTuple):
 
     @property
     def duration(self) -> Array:
-        """Time until each joint rests [s]."""
+        """Time until each joint is at rest [s]."""
         duration: Array = self.rise + self.hold + self.fade
         return duration
 
     @property
     def fastest(self) -> Array:
-        """Largest speed of each joint [rad/s]: it rises while an acceleration fades."""
+        """Largest speed of each joint [rad/s], which rises while an acceleration fades."""
         rising = np.maximum(self.rising, 0.0)
         change = np.maximum(rising + self.strongest, 1e-9)
         fastest: Array = self.speed + 0.5 * self.rise * rising**2 / change
@@ -180,12 +180,12 @@ class JointBrake(NamedTuple):
 
     @property
     def travel(self) -> Array:
-        """Signed travel of each joint until it rests [rad]."""
+        """Signed travel of each joint until rest [rad]."""
         return self.after(self.duration).q
 
     def after(self, time: Array) -> JointReference:
-        """Return travel, velocity and acceleration `time` [s] after the beginning."""
-        # Each part in its own time; a part that has not begun adds nothing.
+        """Return travel, velocity and acceleration `time` [s] after the start."""
+        # Each section in its local time; a section that has not started contributes nothing.
         t1 = np.minimum(time, self.rise)
         t2 = np.minimum(np.maximum(time - self.rise, 0.0), self.hold)
         t3 = np.minimum(np.maximum(time - self.rise - self.hold, 0.0), self.fade)
@@ -204,11 +204,11 @@ class JointBrake(NamedTuple):
 
 
 def brake(start: JointReference, acceleration_max: Array) -> PolynomialPath:
-    """Return the motion by which each joint brakes from `start`; it ends at rest."""
+    """Return the motion by which each joint brakes from `start` to rest."""
     braking = JointBrake.of(start.dq, start.ddq, acceleration_max)
     ends = np.cumsum([braking.rise, braking.hold, braking.fade], axis=0).ravel()
     times = np.unique(np.round(np.append(ends, 0.0), 6))[:, np.newaxis]
     travel, dq, ddq = braking.after(times)
-    # The joints rest at the end exactly, not but for rounding.
+    # The joints are exactly at rest at the end, without rounding errors.
     dq[-1] = ddq[-1] = 0.0
     return PolynomialPath.quintic(times[:, 0], start.q + travel, dq, ddq)

@@ -1,6 +1,6 @@
 """Piecewise polynomial joint motion.
 
-So go run-in and run-out of an excitation, smooth stops, and ways between two postures.
+Used for run-in and run-out of an excitation, smooth stops, and paths between postures.
 """
 
 from bisect import bisect_right
@@ -20,7 +20,7 @@ PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
 
 
 class SmoothStep(NamedTuple):
-    """Step value, its slope, its integral from 0, and its second derivative."""
+    """Value of a step, its slope, its integral from 0, and its second derivative."""
 
     value: Array
     slope: Array
@@ -31,10 +31,10 @@ class SmoothStep(NamedTuple):
 def smooth_step(x: ArrayLike) -> SmoothStep:
     """Return the step 10 x^3 - 15 x^4 + 6 x^5 with zero slope and curvature at both ends.
 
-    Outside [0, 1] the value holds at 0 or 1 and the integral goes on at 0 or 1/2: callers add
-    the constant-speed part themselves. `x` is a scalar or any array, without unit.
+    Outside [0, 1] the value stays at 0 or 1 and the integral at 0 or 1/2; callers add the part at
+    constant speed. `x` is a dimensionless scalar or array.
     """
-    # Called in the 1 kHz loop, where np.clip would take longer than all the rest.
+    # Not np.clip, which would dominate the time of this 1 kHz call.
     u: Array = np.minimum(np.maximum(x, 0.0), 1.0)
     return SmoothStep(
         u**3 * (10.0 - 15.0 * u + 6.0 * u**2),
@@ -47,13 +47,13 @@ def smooth_step(x: ArrayLike) -> SmoothStep:
 def rest_to_rest_duration(
     distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, minimum: float
 ) -> float:
-    """Return the shortest duration [s] of a rest-to-rest quintic within the given peaks.
+    """Return the shortest duration [s] of a rest-to-rest quintic within given peaks.
 
     Parameters
     ----------
     distance : (n,) signed joint travel [rad].
-    velocity, acceleration : (n,) allowed peaks [rad/s], [rad/s^2], positive.
-    minimum : shortest duration wanted [s].
+    velocity, acceleration : (n,) positive limits of the peaks [rad/s], [rad/s^2].
+    minimum : lower bound of the duration [s].
     """
     travel = np.abs(np.asarray(distance, dtype=float))
     by_velocity = PEAK_SLOPE * travel / np.asarray(velocity, dtype=float)
@@ -61,9 +61,9 @@ def rest_to_rest_duration(
     return float(max(minimum, by_velocity.max(), by_acceleration.max()))
 
 
-# Our own rather than scipy.interpolate.BPoly: paths are played in cycles of 1 ms, and a stream
-# of single points makes one in every cycle. SciPy takes 64 us to make one and 13 us to evaluate
-# it with both derivatives, this takes 15 us and 4 us.
+# Implemented here rather than with scipy.interpolate.BPoly, because paths are evaluated in 1 ms
+# cycles, and a stream of single points creates one path per cycle. SciPy takes 64 us to create a
+# path and 13 us to evaluate it with both derivatives; this class takes 15 us and 4 us.
 
 
 # Values, slopes and curvatures at both ends of x = 0 .. 1 -> coefficients of 1, x, .. x^5.
@@ -77,10 +77,10 @@ _QUINTIC_HERMITE = np.linalg.inv(
         [0, 0, 2, 6, 12, 20],
     ]
 )
-# Values and slopes at both ends -> the same, of degree 3.
+# Values and slopes at both ends -> coefficients of degree 3.
 _CUBIC_HERMITE = np.zeros((6, 4))
 _CUBIC_HERMITE[:4] = np.linalg.inv([[1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 1, 1], [0, 1, 2, 3]])
-# Order of a derivative in x -> factors of the coefficients that are left.
+# Order of a derivative in x -> factors of the remaining coefficients.
 _FACTORS = {
     order: np.array([perm(power, order) for power in range(order, 6)], dtype=float)
     for order in (1, 2, 3)
@@ -89,14 +89,14 @@ _FACTORS = {
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPath:
-    """Polynomials of degree five at most, one after the other; the ends hold.
+    """Piecewise polynomial of degree five at most, constant outside its duration.
 
     Attributes
     ----------
     times : (S + 1,) tuple of float
-        Boundaries of the S segments [s], rising from 0.
+        Boundaries of the S segments [s], increasing from 0.
     coefficients : (S, 6, n) ndarray
-        Of the powers of x = (t - t_s) / (t_s+1 - t_s) [rad].
+        Coefficients of the powers of x = (t - t_s) / (t_s+1 - t_s) [rad].
     """
 
     times: tuple[float, ...]
@@ -124,10 +124,10 @@ class PolynomialPath:
 
     @classmethod
     def trapezoid(cls, start: Array, end: Array, duration: float) -> 'PolynomialPath':
-        """Return the way from rest at `start` (n,) to rest at `end` (n,) [rad] at even speed.
+        """Return a trapezoidal velocity profile between rest at `start` and `end`, (n,) [rad].
 
-        The first and the last third of the time take up and let go of it, with an acceleration
-        that jumps.
+        Acceleration in the first and deceleration in the last third of the time are constant, so
+        the acceleration jumps.
         """
         shares = np.array([[0.0], [0.25], [0.75], [1.0]])
         speed = 1.5 / duration * (end - start)
@@ -137,13 +137,13 @@ class PolynomialPath:
 
     @property
     def duration(self) -> float:
-        """Length [s]."""
+        """Duration of the path [s]."""
         return self.times[-1]
 
     def evaluate(self, time: ArrayLike) -> JointReference:
         """Return the reference at `time` [s], a scalar or (M,).
 
-        Before and from the end on, the ends with zero velocity and acceleration.
+        Before the start and after the end, the end postures with zero velocity and acceleration.
         """
         if isinstance(time, float):
             return self._evaluate_one(time)
@@ -151,17 +151,17 @@ class PolynomialPath:
         return self._evaluate_many(times) if times.ndim else self._evaluate_one(float(times))
 
     def sample(self, per_segment: int = 20) -> JointReference:
-        """Return references (S * per_segment, n) spread over all segments, ends included."""
+        """Return references (S * per_segment, n) spread over all segments, including the ends."""
         h = np.diff(self.times)[:, np.newaxis]
         x = np.linspace(0.0, 1.0, per_segment)[np.newaxis, :]
         values = np.einsum('dksp,skn->dspn', _powers(x + 0.0 * h, h), self.coefficients)
         return JointReference(*values.reshape(3, h.size * per_segment, -1))
 
     def extremes(self) -> JointReference:
-        """Return references (M, n) where a joint's position, velocity or acceleration is extreme.
+        """Return references (M, n) at extremes of a joint's position, velocity or acceleration.
 
-        Extremes at the ends of segments, which `sample` has, are left out. It takes some 20 times
-        as long as `sample`.
+        Extremes at the ends of segments, which `sample` contains, are excluded. The computation
+        takes about 20 times as long as `sample`.
         """
         h = np.diff(self.times)
         found = [self._extremes(np.linspace(0.0, 1.0, 20), order) for order in (1, 2, 3)]
@@ -170,7 +170,7 @@ class PolynomialPath:
         return JointReference(*np.einsum('dkm,mkn->dmn', powers, self.coefficients[segments]))
 
     def _extremes(self, x: Array, order: int) -> tuple[NDArray[np.intp], Array]:
-        """Return where derivatives of an order are zero between samples: segments, places."""
+        """Return zeros of a derivative between samples, as segments and local positions."""
         derived = self.coefficients[:, order:] * _FACTORS[order][:, np.newaxis]
         values = np.einsum('px,sxn->spn', x[:, np.newaxis] ** np.arange(6 - order), derived)
         segment, before, joint = np.nonzero(values[:, :-1] * values[:, 1:] < 0.0)
@@ -178,7 +178,7 @@ class PolynomialPath:
         low, high = x[before], x[before + 1]
         place = low + (high - low) * first / (first - second)
         polynomial = derived[segment, :, joint]
-        for _ in range(3):  # Newton's steps; what a sample is off by becomes rounding
+        for _ in range(3):  # Newton steps, which reduce the error of a sample to rounding
             powers = place[:, np.newaxis] ** np.arange(6 - order)
             value = (powers * polynomial).sum(axis=1)
             slope = (powers[:, :-1] * polynomial[:, 1:] * np.arange(1, 6 - order)).sum(axis=1)
@@ -216,7 +216,7 @@ def _durations(times: ArrayLike) -> tuple[tuple[float, ...], Array]:
 def _powers(x: Any, h: Any) -> Array:
     """Return the powers of x and their first two time derivatives, (3, 6, ...).
 
-    `x` and `h` [s] are numbers or arrays; NumPy's functions would take longer than all the rest.
+    `x` and `h` [s] are numbers or arrays; NumPy functions would dominate the time.
     """
     zero = 0.0 * x
     one = zero + 1.0

@@ -11,7 +11,7 @@ Array = npt.NDArray[np.float64]
 
 
 def limited(vector: Array, length: float) -> Array:
-    """Return a vector (k,), shortened to `length` if it is longer, its direction as it was."""
+    """Return a vector (k,), shortened to `length` if longer, with its direction unchanged."""
     norm = sqrt(vector @ vector)
     return vector if norm <= length else (length / norm) * vector
 
@@ -24,7 +24,7 @@ class ArmState(NamedTuple):
     q, dq : (n,) ndarray
         Position [rad] and velocity [rad/s].
     tau : (n,) ndarray
-        Torque of the drives at the joints [Nm], from the motor currents.
+        Drive torque at the joints [Nm], from the motor currents.
     """
 
     q: Array
@@ -33,10 +33,10 @@ class ArmState(NamedTuple):
 
 
 class JointCommand(NamedTuple):
-    """Command for n joints; which fields are given chooses the boards' loop.
+    """Command for n joints; the given fields determine the boards' control loop.
 
-    Effort alone is torque control, velocity alone the boards' velocity loop, both that loop with
-    the effort as feed-forward, and all three the boards' full law (4.4) with it.
+    Effort alone means torque control. Velocity alone means the boards' velocity loop, with effort
+    as optional feed-forward. All three fields mean the boards' full law (4.4) with feed-forward.
 
     Attributes
     ----------
@@ -49,14 +49,14 @@ class JointCommand(NamedTuple):
     tau: Array | None = None
 
 
-# Here and in its neighbours a named tuple: one is made in every cycle of 1 ms, in 0.2 us.
+# Named tuples in this module, because one is created in every 1 ms cycle, in 0.2 us.
 class JointReference(NamedTuple):
     """Desired motion of n joints, at one instant (n,) or at many (M, n).
 
     Attributes
     ----------
     q, dq, ddq : (n,) or (M, n) ndarray
-        q_d [rad], its velocity [rad/s] and acceleration [rad/s^2].
+        Desired position q_d [rad], velocity [rad/s] and acceleration [rad/s^2].
     """
 
     q: Array
@@ -65,27 +65,27 @@ class JointReference(NamedTuple):
 
     @classmethod
     def at_rest(cls, q: ArrayLike) -> 'JointReference':
-        """Return the reference that stays at `q` (n,) [rad]."""
+        """Return a reference at rest at `q` (n,) [rad]."""
         position = np.array(q, dtype=float)
         return cls(position, np.zeros_like(position), np.zeros_like(position))
 
     def paced(self, rate: Array | float, rate_change: Array | float) -> 'JointReference':
-        """Return this point of a path where the path is passed at another rate.
+        """Return this point of a path for a different rate along the path.
 
         Parameters
         ----------
         rate, rate_change : float or (M, 1) ndarray
-            Rate of the time along the path [-] and that rate's derivative [1/s].
+            Rate of the path time [-] and its derivative [1/s].
         """
         return JointReference(self.q, rate * self.dq, rate**2 * self.ddq + rate_change * self.dq)
 
 
 class JointMotion(Protocol):
-    """A motion of all joints over [0, duration]."""
+    """Motion of all joints over [0, duration]."""
 
     @property
     def duration(self) -> float:
-        """Length of the motion [s]."""
+        """Duration of the motion [s]."""
         ...
 
     def evaluate(self, time: ArrayLike) -> JointReference:
@@ -99,7 +99,7 @@ class TaskReference(NamedTuple):
     Attributes
     ----------
     p, dp, ddp : (3,) ndarray
-        p_d [m], its velocity [m/s] and acceleration [m/s^2].
+        Desired position p_d [m], velocity [m/s] and acceleration [m/s^2].
     """
 
     p: Array

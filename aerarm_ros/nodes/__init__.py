@@ -1,18 +1,21 @@
-"""The executables and nothing else, one a file: parameters -> pure object -> topics.
+"""The executables, one per file.
 
 - the boards and the arm: `hardware_bridge`, `fake_hardware` (emulated boards), `arm` (requests)
-- controllers: `gravity_compensation`, `computed_torque`, `impedance_control`, `kinematic_control`,
-  `world_control`
-- the drone: `px4_imu` (what it does to the arm), `base_reaction` (what the arm does to it),
-  `px4_feedforward`, `mavros_feedforward` (what its autopilot is told of that), `flight_control`
-- motions that cost little: `motion_planner`
-- identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`
-- for people: `view`, `tool_path`
-- the whole in one command: `demo`, `experiment`
+- the controllers: `nodes.controllers`
+- the drone: `px4_imu` (the drone's motion), `base_reaction` (the arm's reaction on the drone),
+  `mavlink_feedforward`, `px4_feedforward`, `mavros_feedforward` (feedforward to the autopilot),
+  `flight_control`
+- two hosts: `ground_link`
+- contact and payload: `contact_estimator`, `payload_estimator`
+- optimal motions: `motion_planner`
+- identification: `excitation_designer`, `excitation`, `recorder`, `identifier`, `motor_bench`,
+  `calibrator`
+- user interfaces: `view`, `tool_path`
+- a whole experiment in one command: `demo`, `experiment`
 
-What they are made of is in `aerarm_ros.ros`; no other module imports an executable.
+The executables are built from `aerarm_ros.ros`; no other module imports an executable.
 """
 
 from aerarm_ros.realtime.scheduling import use_one_thread
 
-use_one_thread()  # an executable imports NumPy after this
+use_one_thread()  # before an executable imports NumPy

@@ -36,30 +36,33 @@ NAME = 'arm'
 MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
 _FAKE = 'fake_hardware'
 _MEANING = {
-    'enable': 'switch the motors on: they align first, THE ARM MOVES, then the bridge holds it',
-    'hold': 'hold a damped arm in place; hold a tracking arm once its controller stops',
-    'disable': 'switch the motors off: the arm sinks',
-    'clear_fault': 'clear a fault whose cause is gone',
-    'home': (
-        'turn slowly to the index pulses of the encoders, from the home configuration: THE ARM '
-        'MOVES'
+    'enable': (
+        'switch the motors on: they align first (THE ARM MOVES), then the bridge holds the arm'
     ),
-    'e_stop': 'damp the arm at once, latched until clear_fault',
+    'hold': 'hold a damped arm in place, or hold a tracking arm once its controller stops',
+    'disable': 'switch the motors off, so that the arm sinks',
+    'clear_fault': 'clear a fault after its cause is removed',
+    'home': (
+        'turn the joints slowly to the index pulses of the encoders, from the home '
+        'configuration: THE ARM MOVES'
+    ),
+    'e_stop': 'damp the arm at once, until clear_fault',
     'put_back': f'{_FAKE} with motors off: reset the arm to its initial configuration',
 }
-# Which bridges are asked, if none is named.
+# Bridges that receive a request without a bridge's name.
 _WHO = {
-    'e_stop': 'every bridge of this namespace, of any name; all bridges if it has none',
+    'e_stop': 'all bridges of this namespace, or all bridges if it has none',
     'disable': 'every bridge of this namespace, of any name',
     'put_back': _FAKE,
 }
-# What runs another executable: its name, the parameter that is given, and what it is.
+# Commands that run another executable: its name, the parameter to set, and the parameter's
+# meaning.
 _PROGRAMS = {
     'play': (
         'excitation',
         'trajectory',
         'FILE',
-        'play a trajectory file, as soon as the arm is ready',
+        'play a trajectory file once the arm is ready',
     ),
     'record': (
         'recorder',
@@ -71,24 +74,26 @@ _PROGRAMS = {
 }
 _FETCH = 'fetch a bag that the drone recorded for the ground; resume after a cut'
 _HERE = 64  # status of a search that found no drone behind ground_link
-_HOME = 'if an encoder zero is unknown, home the arm first: it must be in its home configuration'
-_CALIBRATE = 'move through calibration configurations, rest in each and record: THE ARM MOVES'
-_INIT = 'write a first configuration of an arm from its URDF'
-_COMMISSION = (
-    'guide through the first power-on, joint by joint: THE ARM MOVES, after a confirmation'
+_HOME = (
+    'home the arm first if an encoder zero is unknown; the arm must be in its home configuration'
 )
+_CALIBRATE = (
+    'move the arm through calibration configurations and record at rest in each: THE ARM MOVES'
+)
+_INIT = 'write a first configuration of an arm from its URDF'
+_COMMISSION = 'guide through the first power-on, joint by joint: THE ARM MOVES after a confirmation'
 _TIMEOUT = 20.0  # [s]
-# Twice what a new node needs at worst until it is told of a bridge.
+# Twice the longest time in which a new node discovers a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
 
 
 class Arm:
-    """One request, on the command line.
+    """Command-line client that sends one request.
 
     Attributes
     ----------
     status
-        Exit status after `run`: 0 when what was asked was done.
+        Exit status after `run`; 0 if the request succeeded.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -117,7 +122,10 @@ def _say_wait(what: str) -> None:
 
 
 def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    """Return a call of the bridge's service, made ready: discovery takes its time."""
+    """Return a function that calls the bridge's service.
+
+    The service client is created now, because discovery takes time.
+    """
     bridges = options.bridge or ([_FAKE] if options.command == 'put_back' else [])
     actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
     everywhere = getattr(options, 'all', False)
@@ -125,7 +133,7 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
     def ask() -> None:
         if options.wait_before:
-            # An arm that is where it shall end up need not come from there.
+            # An arm that is already in the final mode need not reach the first one.
             modes = [options.wait_before, *(options.wait or ())]
             client.wait_for_mode(modes, options.timeout)
         action = options.command
@@ -134,7 +142,7 @@ def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
             action = 'home' if client.mode == 'unhomed' else action
         if options.command in STOPS:
             for answer in client.stop(options.command, options.timeout):
-                print_answer(answer)  # the stop goes on, whoever hears of it
+                print_answer(answer)  # The stop continues even if the answer is lost.
         else:
             print(client.call(action, options.timeout), flush=True)
         if options.wait:
@@ -210,7 +218,7 @@ class _HereError(Exception):
 
 
 def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    # Only now: no other command needs the arm's model, which takes a second to load.
+    # Late import, because this command's model of the arm takes a second to load.
     from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
 
     return CommissioningRun(node, options).run
@@ -223,7 +231,7 @@ def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return what reads the command line."""
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog=NAME,
         description='Send one request to the bridge or another node and print the result.',
@@ -238,7 +246,7 @@ def make_parser() -> argparse.ArgumentParser:
     def add(name: str, meaning: str, make_request: MakeRequest) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=meaning, description=meaning)
         command.set_defaults(make_request=make_request)
-        # Who needs a stop is told sooner that there is no bridge.
+        # A stop request must report a missing bridge sooner.
         timeout = _STOP_TIMEOUT if name == 'e_stop' else _TIMEOUT
         command.add_argument(
             '--timeout',
@@ -272,8 +280,8 @@ def make_parser() -> argparse.ArgumentParser:
         choices=('base', 'world'),
         default='base',
         help=(
-            "frame of the position: base of the arm, or world of the drone's odometry, which needs "
-            'world_control (default: base)'
+            "frame of the position: 'base' of the arm, or 'world' of the drone's odometry, which "
+            'needs world_control (default: base)'
         ),
     )
     command.add_argument(
@@ -346,7 +354,7 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         'rest time in each configuration [s] (default: 1)'
     ))  # fmt: skip
     add('--span', type=positive_number, default=0.8, help=(
-        'share of the joint ranges to use (default: 0.8)'
+        'fraction of the joint ranges to use (default: 0.8)'
     ))  # fmt: skip
     add('--sensors', nargs='+', default=[], metavar='TOPIC', help=(
         'marker and pose topics to record (default: all except the outputs of this suite)'
@@ -382,7 +390,7 @@ def _add_init(command: argparse.ArgumentParser) -> None:
         nargs='+',
         default=[],
         metavar='JOINT',
-        help='joints that do not move, for example fingers',
+        help='joints to lock, for example fingers',
     )
     add(
         '--gravity',
@@ -405,7 +413,7 @@ def _add_init(command: argparse.ArgumentParser) -> None:
 
 
 def _init(options: argparse.Namespace) -> int:
-    # Only now: no other command needs the libraries, which take a second to load.
+    # Late import, because this command's libraries take a second to load.
     from aerarm_ros.ros.programs.init_run import InitRun
 
     try:
@@ -436,7 +444,7 @@ def _add_waits(command: argparse.ArgumentParser, default: str) -> None:
 
 
 def finite_number(text: str) -> float:
-    """Return a number of the command line; ValueError if it is none, infinite or NaN."""
+    """Convert text of the command line to a finite number; raises ValueError."""
     value = float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -444,7 +452,7 @@ def finite_number(text: str) -> float:
 
 
 def positive_number(text: str) -> float:
-    """Return a number of the command line; ValueError unless it is above zero and finite."""
+    """Convert text of the command line to a finite number above zero; raises ValueError."""
     value = finite_number(text)
     if value <= 0.0:
         raise ValueError(text)
@@ -452,9 +460,9 @@ def positive_number(text: str) -> float:
 
 
 def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
-    """Run another executable instead of this one; Ctrl-C is its own."""
+    """Replace this process by another executable, which then receives Ctrl-C."""
     executable, parameter, *_ = _PROGRAMS[options.command]
-    given = f'{parameter}:={json.dumps(options.what)}'  # whatever it looks like, it is text
+    given = f'{parameter}:={json.dumps(options.what)}'  # always a text
     begin = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     command = [sys.executable, '-m', 'aerarm_ros.executables', executable]
     sys.stdout.flush()
@@ -462,7 +470,7 @@ def _become(options: argparse.Namespace, arguments: Sequence[str]) -> NoReturn:
 
 
 def _completion() -> str:
-    """Return what makes bash or zsh ask each executable for completions."""
+    """Return the script with which bash or zsh completes the arguments of all executables."""
     from argcomplete.shell_integration import shellcode
 
     names = sorted(path.stem for path in Path(__file__).parent.glob('[a-z]*.py'))

@@ -1,11 +1,11 @@
-"""Tells the drone what the arm does to it: wrench at the mount, mass, centre, inertia, energy.
+"""Publish the arm's reaction on the drone: wrench, mass properties, feedforward and energy.
 
-Everything is in base_link's axes, moments about its origin. `base_wrench` is the wrench of
-the arm on the drone; `base_wrench_static` is its part due to gravity. What a drone may feed
-forward: mass properties, `base_wrench_weight`, `base_wrench_motion` and, with a drone_file, the
-`feedforward_acceleration` against that motion, and, while odometry and rotor_command come, the
-`contact_wrench` of what else acts on drone and arm. `energy` tells what it takes from the battery,
-and for what.
+All values are in base_link's axes, and moments are about its origin. `base_wrench` is the wrench
+of the arm on the drone, `base_wrench_static` its part due to gravity. For feedforward, the node
+publishes mass properties, `base_wrench_weight` and `base_wrench_motion`. With a drone_file it also
+publishes `feedforward_acceleration`. While odometry and rotor_command arrive, `contact_wrench` is
+the estimated wrench of all other contacts on drone and arm. `energy` is the energy that the arm
+draws from the battery, by cause.
 """
 
 import sys
@@ -39,7 +39,9 @@ from aerarm_ros.ros.states.state_stream import base_header
 NAME = 'base_reaction'
 
 PARAMETERS = state_node_parameters(
-    Parameter('rate', 100.0, 'publishing rate of the whole wrench', 'Hz', 1.0, 1000.0),
+    Parameter(
+        'rate', 100.0, 'publishing rate of base_wrench and base_wrench_static', 'Hz', 1.0, 1000.0
+    ),
     Parameter(
         'cutoff',
         20.0,
@@ -55,7 +57,7 @@ PARAMETERS = state_node_parameters(
 
 
 class BaseReactionNode(StateNode):
-    """Publishes the arm's reaction on the drone at its own rate, from joint states."""
+    """Publish the arm's reaction on the drone at the node's own rate, from joint states."""
 
     answers_every_state = False
 
@@ -63,14 +65,15 @@ class BaseReactionNode(StateNode):
         super().__init__(NAME, PARAMETERS)
 
     def build(self) -> None:
-        """Make the model and the acceleration's estimate."""
+        """Create the arm's model and the estimator of its acceleration."""
         if self.values.base_motion == FREE:
-            # A wrench that contains the drone's own acceleration would come back by its rotors.
+            # A wrench that contained the drone's own acceleration would feed back through its
+            # rotors.
             self.base = self.arm.hovering_base(self.values)
         self._reaction = BaseReaction(self.arm.robot)
         self.arm.load(self._reaction.dynamics, self.values)
         self._acceleration = AccelerationEstimate(self.arm.config.n, self.values.cutoff)
-        # A little less than a period: states come with jitter.
+        # A little less than a period, because states arrive with jitter.
         self._period = 1.0 / self.values.rate - 0.5e-3
         self._last = self._due = -np.inf
 
@@ -86,12 +89,12 @@ class BaseReactionNode(StateNode):
         self._patience = SilencePatience(self.node, states)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Publish the reaction if it is due."""
+        """Publish the reaction if one period has passed."""
         now = stamp_ns * 1e-9
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
             self._acceleration.reset()
-            self._due = -np.inf  # the clock may have been set back
+            self._due = -np.inf  # The clock may have been set back.
         ddq = self._acceleration.update(state.dq, dt)
         self._energy.add(now, state)
         self._loads.add(stamp_ns, JointReference(state.q, state.dq, ddq))
@@ -106,9 +109,9 @@ class BaseReactionNode(StateNode):
         self.count_answer()
 
     def silence(self, silent_for: float) -> float:
-        """Fade the published arm motion and contact.
+        """Fade the published arm motion and contact to zero.
 
-        Not by a pause of an emulated arm's host, which is none of the arm's time.
+        A pause of the computer that emulates the arm does not count: the arm's clock pauses too.
         """
         timeout = super().silence(silent_for)
         if silent_for <= self._patience.limit(timeout):
@@ -117,18 +120,18 @@ class BaseReactionNode(StateNode):
         return min((pause for pause in pauses if pause), default=timeout)
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change the lead, or the bandwidth."""
+        """Change the preview time or the bandwidth."""
         if name == BANDWIDTH:
             self._contact.set_bandwidth(value)
         else:
             self._loads.forecast.lead = value
 
     def warning(self) -> str:
-        """Name what the base's motion or the contact lacks."""
+        """Return a warning if the estimate of the base's motion or of contact lacks an input."""
         return super().warning() or self._contact.problem()
 
     def describe(self) -> dict[str, object]:
-        """Report the source of the published motion, and the energy."""
+        """Return the source of the published motion and the energy, for diagnostics."""
         motion = self._loads.forecast.problem or 'planned'
         others = {**self._contact.describe(), **self._energy.describe()}
         return {**super().describe(), 'motion forecast': motion, **others}

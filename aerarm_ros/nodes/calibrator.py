@@ -1,7 +1,7 @@
-"""Calibrates an arm's geometry, its mount and the drone's IMU from recorded measurements.
+"""Calibrate an arm's geometry, its mount and the drone's IMU from recorded measurements.
 
-Reads tables and bags of any serial arm, needs no running ROS, and writes calibrated.urdf,
-calibration.yaml, arm.yaml, summary.json and report.html, or drone.yaml.
+The calibrator reads tables and bags of any serial arm and needs no running ROS. The calibrator
+writes calibrated.urdf, calibration.yaml, arm.yaml, summary.json and report.html, or drone.yaml.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _NAME = 'calibrator'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the calibrator; return 0, or 2 if there is something to check."""
+    """Run the calibrator; return 0, or 2 if the user must check an input."""
     parser = calibrator_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
     if not options.bag:
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    # Imported here, so that --help is quick and an interrupt is answered from the start.
+    # Imported here, so that --help is quick and Ctrl-C works from the start.
     import numpy as np
 
     from aerarm_msgs_py.storage.read_limits import BagError

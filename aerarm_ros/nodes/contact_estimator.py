@@ -1,9 +1,10 @@
 """Estimate external joint torque and contact of an arm on any base, without a sensor.
 
-The node compares the measured torque with the identified model, friction included. It publishes
-`external_torque`, `contact` (yes or no), `contact_confidence` and `contact_force`. Thresholds come
-from a recording of free motion: `residuals_file`, which `contact_estimator --free BAG --out DIR`
-writes. With --bag DIR it searches recordings instead (--bag DIR --help lists the options).
+The node compares the measured torque with the identified model, friction included. The node
+publishes `external_torque`, `contact` (yes or no), `contact_confidence` and `contact_force`.
+Thresholds come from a recording of free motion: `residuals_file`, which `contact_estimator --free
+BAG --out DIR` writes. With --bag DIR it searches recordings instead (--bag DIR --help lists the
+options).
 """
 
 from __future__ import annotations
@@ -47,23 +48,23 @@ PARAMETERS = state_node_parameters(
 
 
 class ContactEstimatorNode(StateNode):
-    """Joint states in; external torque, contact and contact force out."""
+    """Node that publishes external torque, contact and contact force for received joint states."""
 
     answers_every_state = False
-    # Each has the torque of its cycle: half a second may be caught up with.
+    # Each state has the torque of its cycle; the queue bridges a pause of half a second.
     states_waiting = 500
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def build(self) -> None:
-        """Make the observer, the detector and the locator."""
+        """Create the torque observer, the contact detector and the contact locator."""
         values, names = self.values, self.arm.robot.joint_names
         if not values.residuals_file:
             raise ValueError(
                 'residuals_file is not set: learn thresholds from a recording without contact '
-                '(contact_estimator --free BAG --model estimate.yaml --out DIR) and give '
-                'DIR/residuals.yaml'
+                '(contact_estimator --free BAG --model estimate.yaml --out DIR) and set '
+                'residuals_file to DIR/residuals.yaml'
             )
         self.base = self.arm.measured_base(values)
         known, dynamics = self._known_arm()
@@ -79,14 +80,14 @@ class ContactEstimatorNode(StateNode):
         self._report: ContactReport | None = None
 
     def connect(self) -> None:
-        """Advertise the results."""
+        """Advertise the topics of the results."""
         self._torque = self.advertise(topics.EXTERNAL_TORQUE)
         self._contact = self.advertise(topics.CONTACT)
         self._confidence = self.advertise(topics.CONTACT_CONFIDENCE)
         self._force = self.advertise(topics.CONTACT_FORCE)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Take a state; publish at `rate`, and at once if contact begins or ends."""
+        """Process a state; publish at `rate`, and at once if contact begins or ends."""
         now = stamp_ns * 1e-9
         if self.base.problem(now):
             return
@@ -101,7 +102,7 @@ class ContactEstimatorNode(StateNode):
         self.count_answer()
 
     def warning(self) -> str:
-        """Return what keeps contact from being detected."""
+        """Return why contact cannot be detected, or an empty text."""
         return super().warning() or self._detector.problem
 
     def describe(self) -> dict[str, object]:
@@ -161,13 +162,13 @@ def _vector(values: npt.NDArray[np.float64]) -> Vector3:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node, or search recordings.
+    """Run the node, or search recordings for contact.
 
-    Return 0, 1 or 2 if there is something to check, 130 if stopped while recordings are searched.
+    Return 0 or 1, 2 if the user must check an input, or 130 if a search of recordings was stopped.
     """
     given = list(sys.argv[1:] if args is None else args)
     if _OFFLINE & {argument.split('=')[0] for argument in given}:
-        # Only now: the node does without the libraries that read bags.
+        # Imported here: the node does not need the libraries that read bags.
         from aerarm_ros.ros.programs.contact_replay import contact_replay
 
         return contact_replay(NAME, given)

@@ -1,7 +1,7 @@
-"""The whole path in one command: move the emulated arm, record, identify, validate.
+"""Move the emulated arm, record it, identify its model and validate the model.
 
-Starts the suite's nodes as separate processes, as a user would with `ros2 run`,
-and ends with a table of torque errors and the path of a report.
+The demo starts the suite's nodes as separate processes, like a user with `ros2 run`. At the end it
+prints a table of torque errors and the path of a report.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.ros.programs.demo_run import DemoError, DemoRun
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
-# Stands in the folder until everything in it is whole.
+# Marker file that exists until every file in the directory is complete.
 INCOMPLETE = 'INCOMPLETE'
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the demo; return 0 when the identified model is written."""
+    """Run the demo; return 0 if the identified model is written."""
     options = _parse(arguments)
     with StopSignals(_interrupt):
         return _run(options)
@@ -42,14 +42,14 @@ def _run(options: argparse.Namespace) -> int:
     out: Path = options.out
     try:
         if out.is_dir() and any(out.iterdir()):
-            raise FileExistsError('it is not empty')
+            raise FileExistsError('the folder is not empty')
         (out / 'logs').mkdir(parents=True)
         marker = out / INCOMPLETE
         marker.write_text('The demo is still running, or ended before it wrote all results.\n')
     except OSError as error:
         reason = error.strerror or error
         print(
-            f'demo: {out} cannot be used ({reason}): pass another folder with --out',
+            f'demo cannot use {out} ({reason}): pass another folder with --out',
             file=sys.stderr,
         )
         return USER_ERROR
@@ -59,7 +59,7 @@ def _run(options: argparse.Namespace) -> int:
         account = run.move_and_record()
         run.identify()
     except (DemoError, ArmClientError) as error:
-        print(f'demo: {error}\ndemo: {out} is incomplete', file=sys.stderr)
+        print(f'demo failed: {error}\ndemo: {out} is incomplete', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print(f'\ndemo: interrupted, all nodes were stopped; {out} is incomplete', file=sys.stderr)
@@ -107,13 +107,13 @@ def _at_least_one(text: str) -> int:
 
 
 def _isolate_from_other_ros_graphs() -> None:
-    """Keep the emulated arm off a network where a real one may be listening."""
+    """Restrict ROS to this host, because a real arm may be on the network."""
     domains = random.sample(range(1, 101), 100)
     free = next(filter(is_domain_free, domains), domains[0])
     os.environ.setdefault('ROS_DOMAIN_ID', str(free))
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     for name in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'):
-        os.environ.pop(name, None)  # they reach beyond this host all the same
+        os.environ.pop(name, None)  # These reach beyond this host.
 
 
 if __name__ == '__main__':

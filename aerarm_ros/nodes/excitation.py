@@ -1,4 +1,4 @@
-"""Moves the arm along an excitation trajectory, one command for every joint state.
+"""Move the arm along an excitation trajectory, with one command per joint state.
 
 Usage: ros2 run aerarm_ros excitation --ros-args -p seed:=1 -p periods:=2
 """
@@ -44,25 +44,29 @@ PARAMETERS = ParameterTable(
     Parameter('fundamental', 0.1,
         'fundamental frequency f0 of the random trajectory', 'Hz', 0.001, 10.0),
     Parameter('harmonics', 5, 'number of harmonics N of the random trajectory', '', 1, 50),
-    Parameter('amplitude', 0.35, 'largest random coefficient', 'rad', 0.001, 3.0),
+    Parameter('amplitude', 0.35,
+        'largest Fourier coefficient of the random trajectory', 'rad', 0.001, 3.0),
     Parameter('periods', 0,
-        'whole periods to play at full speed; 0: as in the file, or 2', '', 0, 10000),
-    Parameter('save', '', 'YAML file to write the trajectory to before playing it'),
+        'number of whole periods at full speed; 0 for the number in the file, or 2', '', 0, 10000),
+    Parameter('save', '',
+        'YAML file for the trajectory, written before it is played; none if empty'),
     Parameter('mode', VELOCITY, 'commanded quantity', choices=(VELOCITY, FULL)),
     Parameter('position_gain', 1.0,
         'gain K of dq_d + K (q_d - q) in velocity mode', '1/s', 0.0, 20.0),
     Parameter('tracking_limit', 0.3,
         'position error |q_d - q| at which the node stops the arm', 'rad', 1e-3, 3.0),
     Parameter('damped_share_max', 0.01, (
-        'allowed share of the motion during which the bridge damps the arm because commands are '
-        'late; a larger share ends with exit status 1'
+        'allowed fraction of the motion during which the bridge damps the arm because commands '
+        'are late; if exceeded, exit status 1'
     ), '', 0.0, 1.0),
     Parameter('return_to_start', True, 'return to the initial configuration at the end'),
-    Parameter('state_timeout', 0.2, 'time limit for the next joint state', 's', 0.005, 10.0),
-    Parameter('wait_timeout', 20.0, 'time limit for arm and subscribers', 's', 0.1, 3600.0),
+    Parameter('state_timeout', 0.2,
+        'time limit for the next joint state', 's', 0.005, 10.0),
+    Parameter('wait_timeout', 20.0,
+        'time limit until the arm is ready and all subscribers are found', 's', 0.1, 3600.0),
     Parameter('subscribers', 1, (
-        'number of subscribers of joint_command and of joint_states to wait for (2: bridge and '
-        'recorder; this node and recorder)'
+        'number of subscribers of joint_command and of joint_states to wait for (2 each: the '
+        'bridge and the recorder for joint_command; this node and the recorder for joint_states)'
     ), '', 1, 100),
     Parameter('wait_for_recorder', False,
         'wait until recorder_status reports that joint_states and joint_command are recorded'),
@@ -74,7 +78,7 @@ PARAMETERS = ParameterTable(
 
 
 class ExcitationNode:
-    """Waits for the arm, plans from its present configuration, plays, and reports the result.
+    """Wait for the arm, plan from its present configuration, play, and report the result.
 
     Attributes
     ----------
@@ -92,7 +96,7 @@ class ExcitationNode:
         self._parameters = PARAMETERS.declare(self._node)
         arm, robot = load_arm(self._parameters)
         self._names = arm.joint_names
-        self._own_names = tuple(map(robot.own_name, self._names))  # of the trajectory's file
+        self._own_names = tuple(map(robot.own_name, self._names))  # names in the file
         self._setup = load_setup(self._parameters, arm, robot)
         self._periods = self._parameters.periods or DEFAULT_PERIODS
         self._trajectory = self._get_trajectory()
@@ -113,7 +117,7 @@ class ExcitationNode:
         self._plan = PlanTopic(self._node, self._names, lambda: states.stamp_ns, self._ahead)
 
     def run(self) -> None:
-        """Play the trajectory; `status` is the exit status."""
+        """Play the trajectory and set `status` to the exit status."""
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
                 self._run()
@@ -151,7 +155,7 @@ class ExcitationNode:
         self._conclude()
 
     def _get_trajectory(self) -> FourierTrajectory:
-        """Load or draw the trajectory, inside the limits, and save it if asked to."""
+        """Load or draw a trajectory inside the limits, and save it if the user asked for it."""
         values, setup = self._parameters, self._setup
         if values.trajectory:
             file = TrajectoryFile.load(values.trajectory)
@@ -197,10 +201,9 @@ class ExcitationNode:
         if not stopped and damping.share > allowed:
             self.status = 1
             raise ExcitationError(
-                f'the bridge damped the arm for {damping.share:.1%} of the motion, more than the '
-                f'allowed {allowed:.1%}: the motion is not the planned one. The computer is too '
-                'busy for 1 kHz: end other processes, set realtime_priority, or raise '
-                'damped_share_max'
+                f'the bridge damped the arm for {damping.share:.1%} of the motion (allowed: '
+                f'{allowed:.1%}), so the motion deviates from the plan. The computer is too busy '
+                'for 1 kHz: end other processes, set realtime_priority, or raise damped_share_max'
             )
 
     def _diagnostic_values(self) -> dict[str, object]:
@@ -215,7 +218,7 @@ class ExcitationNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; the exit status is 0 only if the whole trajectory was played, undamped."""
+    """Run the node; return 0 if the whole trajectory was played without damping."""
     return run_node(NAME, ExcitationNode, args, PARAMETERS, __doc__)
 
 

@@ -1,4 +1,4 @@
-"""Designs an excitation trajectory that `excitation` plays; needs no running ROS.
+"""Design an excitation trajectory for the `excitation` node; needs no running ROS.
 
 Usage: ros2 run aerarm_ros excitation_designer --out trajectory.yaml --preview trajectory.html
 """
@@ -18,10 +18,11 @@ NAME = 'excitation_designer'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Design; return 0 if a trajectory was written, 2 if there is something to check, or 130."""
+    """Design a trajectory; return 0 if it was written, 2 for an invalid input, 130 after a stop."""
     stops: list[bool] = []
     with StopSignals(lambda: stops.append(True)):
-        # Only now: loading the libraries takes seconds, in which a Ctrl-C is to be a request too.
+        # Imported here: loading the libraries takes seconds, in which Ctrl-C must also be a stop
+        # request.
         from aerarm_ros.excitation.settings import DesignStoppedError
         from aerarm_ros.ros.programs.design_run import DesignRun
 
@@ -68,13 +69,13 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         '--duration',
         type=float,
         default=20.0,
-        help=('number of whole periods, as a duration [s] (default: %(default)s)'),
+        help=('duration of the whole periods [s] (default: %(default)s)'),
     )
     add(
         '--amplitude',
         type=float,
         default=0.35,
-        help=('largest coefficient of the random starts [rad]'),
+        help=('largest Fourier coefficient of the random starts [rad]'),
     )
     add('--torque-noise', type=float, nargs='+',
         help=(
@@ -86,18 +87,21 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add('--starts', type=int, default=8, help='number of random starts (default: %(default)s)')
     add('--workers', type=int, default=os.cpu_count() or 1, help='processes')
     add('--time-limit', type=float, default=55.0, help='time limit [s] (default: %(default)s)')
-    add('--excitation-config', type=Path, help='obstacles and usable shares of the limits')
+    add('--excitation-config', type=Path, help='obstacles and usable fractions of the limits')
     add('--config', type=Path, help='drive train configuration (default: the packaged arm)')
     add(
         '--urdf',
         type=Path,
-        help=('URDF of another arm; without --config its own limits apply, and these options:'),
+        help=(
+            'URDF of another arm; without --config its own limits apply, together with these '
+            'options:'
+        ),
     )
     add(
         '--locked',
         nargs='*',
         default=[],
-        help=('joints of --urdf that do not move, for example fingers'),
+        help=('joints of --urdf to lock, for example fingers'),
     )
     add(
         '--package-directory',

@@ -1,8 +1,8 @@
-"""The experiment of thesis 5.4: dynamic controllers on the simulated arm.
+"""Run the experiment of thesis 5.4: dynamic controllers on the simulated arm.
 
-Runs reference trajectories with gravity compensation and computed torque, CAD and true
-parameters, with and without disturbance observer, the drone still, tilted and moving; prints
-a table of errors and writes an HTML page.
+The arm follows reference trajectories with gravity compensation and computed torque, with CAD and
+true parameters, with and without disturbance observer. The drone is still, tilted or moving. The
+program prints a table of errors and writes an HTML page.
 """
 
 import argparse
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         truth, origin = _truth(config, robot, options)
         motion = _motion(config, robot, options)
         cases = _cases(options.only)
-        options.out.mkdir(parents=True, exist_ok=True)  # before minutes of work
+        options.out.mkdir(parents=True, exist_ok=True)  # fail before the long computation
     except (ValueError, OSError) as error:
         print(f'{NAME}: {error}', file=sys.stderr)
         return 1
@@ -66,15 +66,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print('\n' + report.text())
     path = options.out / 'controllers.html'
     note = (
-        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "True" means '
-        "that the controller uses the plant's own parameters. RMS and max refer to the periodic "
-        'motion. "Final" is the error one second after the end, where dry friction causes an '
-        'offset unless the controller integrates.'
+        f'Five harmonics of {FUNDAMENTAL} Hz (seed {options.seed}); plant: {origin}. "True" '
+        "means that the controller uses the plant's own parameters. RMS and max refer to the "
+        'periodic motion. "Final" is the error one second after the end, where dry friction '
+        'leaves an offset unless the controller integrates.'
     )
     try:
         report.write(path, note)
     except OSError as error:
-        print_error(NAME, f'{path} cannot be written: {error.strerror}: check the free space')
+        print_error(NAME, f'{path} cannot be written ({error.strerror}): check the free space')
         return 1
     print(f'\nPage      {path}')
     return 0
@@ -88,7 +88,7 @@ def _cases(text: str) -> list[ExperimentCase]:
     cases = [case for case in all_cases() if text in case.name]
     if not cases:
         names = '; '.join(case.name for case in all_cases())
-        raise ValueError(f'no run name contains {text!r}, given with --only: the runs are {names}')
+        raise ValueError(f'no run name contains {text!r} (--only): choose from {names}')
     return cases
 
 
@@ -96,7 +96,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = OneLineParser(prog=NAME, description=(__doc__ or '').splitlines()[0])
     parser.add_argument('--out', type=Path, default=Path('output') / NAME, help='folder')
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
-    parser.add_argument('--amplitude', type=float, default=0.15, help='largest coefficient [rad]')
+    parser.add_argument(
+        '--amplitude', type=float, default=0.15, help='largest Fourier coefficient [rad]'
+    )
     parser.add_argument('--only', default='', help='run only cases whose name contains this text')
     plant = parser.add_mutually_exclusive_group()
     plant.add_argument('--arm-seed', type=int, default=7, help='seed of the simulated arm')
@@ -105,17 +107,17 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _file(text: str) -> Path | None:
-    """Return a path; no text, as a launch file gives it, is no file."""
+    """Convert text to a path; return None for the empty text that a launch file passes."""
     return Path(text) if text else None
 
 
 def _truth(
     config: ArmConfig, robot: Robot, options: argparse.Namespace
 ) -> tuple[PlantParameters, str]:
-    """Return the plant's parameters and where they come from."""
+    """Return the simulated arm's parameters and their source."""
     nominal = PlantParameters.nominal(config, robot)
     if options.identified is None:
-        return nominal.perturbed(options.arm_seed), f'an arm of seed {options.arm_seed}'
+        return nominal.perturbed(options.arm_seed), f'the arm of seed {options.arm_seed}'
     identified = load_robot(options.identified, joint_names=config.joint_names)
     truth = replace(
         nominal,
@@ -128,7 +130,7 @@ def _truth(
 
 
 def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> RampedExcitation:
-    """Draw a trajectory that is safe to play."""
+    """Draw a trajectory that respects the arm's limits."""
     settings = load_excitation_config()
     setup = ExcitationSetup.of_arm(robot, config, settings)
     candidates = RandomTrajectory(

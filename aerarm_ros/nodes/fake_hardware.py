@@ -1,4 +1,4 @@
-"""The bridge on emulated boards: everything real down to the bytes, but the bus and the arm."""
+"""Run the bridge on emulated boards: only the SPI bus and the arm are emulated."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Flies the drone that carries the arm, on odometry and IMU, with the arm fed forward.
+"""Fly the drone that carries the arm, from odometry and IMU, with feedforward of the arm's motion.
 
-Stands in for an autopilot in emulation and on test benches. Set points: flight_set_point, or
-flight_trajectory; without one the drone stays where the first odometry finds it. What
-base_reaction tells of the arm, on arm_inertia and base_wrench_motion, is fed forward.
+The node replaces an autopilot in emulation and on test benches. Set points arrive on
+flight_set_point or flight_trajectory. Without set points the drone hovers where the first odometry
+places it. The node feeds forward arm_inertia and base_wrench_motion from base_reaction.
 """
 
 import sys
@@ -45,9 +45,9 @@ from aerarm_ros.ros.states.flight_stream import FlightStream
 NAME = 'flight_control'
 _WAIT = 0.1  # [s]
 _NAP = 1e-3  # [s]
-_STEP_MAX = 0.05  # [s] longest time over which an integral grows at once
-_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, for a trajectory's start
-_REMEMBERED = 5.0  # [s] for which a rejection is a warning
+_STEP_MAX = 0.05  # [s] longest interval over which an integral grows in one step
+_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a trajectory's start
+_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 
 PARAMETERS = ParameterTable(
     *ARM_FILES,
@@ -58,11 +58,12 @@ PARAMETERS = ParameterTable(
 
 
 class FlightControlNode:
-    """Answers every odometry with the rotors' thrusts.
+    """Answer every odometry message with the rotors' thrusts.
 
-    Without odometry the drone is kept level by the IMU's attitude and sinks slowly; without both
-    nothing is commanded, so that the rotors stop. Where the odometry has jumped for good, the drone
-    stays where it is instead of going to a place that was meant in other numbers.
+    Without odometry the node levels the drone by the IMU's attitude, and the drone sinks slowly.
+    Without odometry and IMU the node sends no command, so the rotors stop. After a permanent jump
+    of the odometry the drone hovers where it is, because older set points refer to the former
+    frame.
     """
 
     def __init__(self) -> None:
@@ -117,7 +118,7 @@ class FlightControlNode:
         self.node.destroy_node()
 
     def _is_settling(self) -> bool:
-        """Lead a firmware on its way into the air, if there is one; its time goes on meanwhile."""
+        """Let PX4's simulated firmware settle before flight; return whether it still settles."""
         law = self._law
         if not isinstance(law, Px4FirmwareFlight) or not law.is_settling:
             return False
@@ -167,7 +168,7 @@ class FlightControlNode:
         return now is not None and self._arm.is_late(now)
 
     def _fly(self, stamp_ns: int) -> None:
-        """Command the rotors, if enough is known, in answer to a sample of a stamp [ns]."""
+        """Command the rotors for a sample with stamp [ns], if the state is known."""
         now = self._estimator.stamp
         if now is None:
             return
@@ -184,7 +185,10 @@ class FlightControlNode:
             self._doing = ''
         elif self._target is not None and (attitude := self._estimator.attitude_alone()):
             self._thrust = self._law.level(attitude, dt)
-            self._doing = 'odometry is missing: the drone levels by the IMU and sinks'
+            self._doing = (
+                'odometry is missing, so the drone levels by the IMU and sinks: check the '
+                'odometry topic'
+            )
         else:
             self._note_silence()
             return
@@ -197,7 +201,9 @@ class FlightControlNode:
 
     def _note_silence(self) -> None:
         if self._target is not None:
-            self._doing = 'neither odometry nor IMU: the rotors stop. Check both topics'
+            self._doing = (
+                'neither odometry nor IMU data arrive, so the rotors stop: check both topics'
+            )
 
     # Callbacks.
 
@@ -213,14 +219,14 @@ class FlightControlNode:
     def _go_along(self, message: MultiDOFJointTrajectory) -> None:
         if self._target is None:
             raise RejectedInputError(
-                'flight_trajectory rejected: the drone has no position yet. Check odometry'
+                'flight_trajectory rejected, because the drone has no position yet: check odometry'
             )
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         begin = stamp or self._time
         if not -_LATEST < begin - self._time < _EARLIEST:
             raise RejectedInputError(
-                f'flight_trajectory rejected: its stamp is {begin - self._time:+.1f} s from now. '
-                'Use a zero stamp for now, and check the clocks'
+                f'flight_trajectory rejected, because its stamp is {begin - self._time:+.1f} s '
+                'from now: set the stamp to zero ("now"), and check the clocks'
             )
         self._path = begin, to_path(message, self._stream.frame, self._target)
 

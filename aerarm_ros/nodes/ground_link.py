@@ -1,8 +1,8 @@
-"""Connects drone and ground: the drone's topics and services appear on the ground.
+"""Connect drone and ground: the drone's topics and services appear on the ground.
 
-The 1 kHz topics stay on the drone; this relay sends decimated states, diagnostics and the mode to
-the ground, and commands, service requests and the e-stop to the drone, over one encrypted
-connection of at most 0.3 Mbit/s and 100 packets per second. Run it once on each host.
+The 1 kHz topics stay on the drone. This relay sends decimated states, diagnostics and the mode to
+the ground, and sends commands, service requests and the e-stop to the drone. One encrypted
+connection carries at most 0.3 Mbit/s and 100 packets per second. Run the node on each host.
 
 Usage: ros2 run aerarm_ros ground_link --ros-args -p role:=ground -p drone:=ADDRESS
 """
@@ -28,22 +28,31 @@ from aerarm_ros.ros.process.process_end import StopSignals
 NAME = 'ground_link'
 
 PARAMETERS = ParameterTable(
-    Parameter('role', DRONE, 'which host this is', choices=(DRONE, GROUND)),
-    Parameter('drone', '', "on the ground: the drone's address"),
+    Parameter('role', DRONE, 'host on which this node runs', choices=(DRONE, GROUND)),
+    Parameter('drone', '', 'address of the drone (on the ground only)'),
     Parameter('port', 7447, 'UDP port of the drone', '', 1024, 65535),
-    Parameter('address', '0.0.0.0', 'on the drone: address at which it listens'),
+    Parameter(
+        'address', '0.0.0.0', "address at which the drone's host listens (on the drone only)"
+    ),
     Parameter(
         'key_file',
         '~/.config/aerarm/ground_link.key',
-        'shared key, the same on both hosts; the drone makes one if the file is missing',
+        "file of the shared key, identical on both hosts; the drone's node creates a missing file",
     ),
-    Parameter('rate', 50.0, 'rate of joint states on the ground', 'Hz', 0.1, 50.0),
-    Parameter('values_rate', 10.0, 'rate of other streams on the ground', 'Hz', 0.1, 50.0),
-    Parameter('rates', [''], 'rates of single topics, each as NAME=HZ'),
+    Parameter('rate', 50.0, 'publishing rate of joint states on the ground host', 'Hz', 0.1, 50.0),
+    Parameter(
+        'values_rate',
+        10.0,
+        'publishing rate of all other topics on the ground host',
+        'Hz',
+        0.1,
+        50.0,
+    ),
+    Parameter('rates', [''], 'rates of individual topics, each as NAME=HZ'),
     Parameter(
         'ground_timeout',
         0.0,
-        'silence of the ground after which ground_lost applies; 0 switches it off',
+        'silence of the ground host after which ground_lost applies; 0 switches it off',
         's',
         0.0,
         3600.0,
@@ -51,7 +60,8 @@ PARAMETERS = ParameterTable(
     Parameter(
         'ground_lost',
         STOP,
-        "when the ground is lost: 'continue' the motion, 'stop' along its path, or return 'home'",
+        "reaction to the loss of the ground host: 'continue' the motion, 'stop' along "
+        "its path, or return 'home'",
         choices=(CONTINUE, STOP, HOME),
     ),
     Parameter(
@@ -71,7 +81,7 @@ PARAMETERS = ParameterTable(
 
 
 class GroundLink:
-    """One end of the connection.
+    """Drone end or ground end of the connection.
 
     Attributes
     ----------
@@ -94,13 +104,13 @@ class GroundLink:
         if is_drone and not path.exists():
             make_key(path)
             self._node.get_logger().info(
-                f'made the shared key {path}: copy it to the same place on the ground'
+                f'created the shared key {path}: copy it to the same path on the ground host'
             )
         key = read_key(path)
         self._end = (DroneEnd if is_drone else GroundEnd)(self._node, values, key)
 
     def run(self) -> None:
-        """Relay until stopped."""
+        """Relay messages until stopped."""
         with StopSignals(self._stop), BackgroundExecutor(self._node):
             prepare_thread(self._values, self._node.get_logger())
             while not self._is_over and rclpy.ok():

@@ -1,4 +1,4 @@
-"""The bridge between the boards and ROS: one exchange with every board per millisecond."""
+"""Bridge between the boards and ROS: exchange one SPI frame with every board per millisecond."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Identifies an arm's dynamic parameters from recorded motion.
+"""Identify an arm's dynamic parameters from recorded motion.
 
-Reads JointState bags of any serial arm, needs no running ROS, and writes estimate.yaml,
-identified.urdf, summary.json and report.html.
+The identifier reads JointState bags of any serial arm and needs no running ROS. The identifier
+writes estimate.yaml, identified.urdf, summary.json and report.html.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
 _NAME = 'identifier'
-_NOT_KEPT = 1  # limits of --verify
+_NOT_KEPT = 1  # exit status if --verify finds a limit exceeded
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the identifier; return 0, 1 if limits were not kept, 2 if there is something to check."""
+    """Run the identifier; return 0, 1 if --verify fails, or 2 if the user must check an input."""
     parser = identifier_parser(_NAME, __doc__)
     options = parser.parse_args(without_ros_arguments(arguments))
     if not (options.bag or options.model or options.compare or options.each):
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    # Imported here, so that --help is quick and an interrupt is answered from the start.
+    # Imported here, so that --help is quick and Ctrl-C works from the start.
     import numpy as np
 
     from aerarm_msgs_py.storage.read_limits import BagError

@@ -1,8 +1,9 @@
-"""Forwards set points to an autopilot over MAVLink, with what the arm's motion takes.
+"""Forward set points to an autopilot over MAVLink, with feedforward of the arm's motion.
 
-For teams without MAVROS and without a DDS agent. Set points: flight_set_point, sent again and
-again, or flight_trajectory. The node publishes the autopilot's odometry, imu and rotor_command for
-the arm. It neither arms nor changes a mode, but for its services ~/arm, ~/disarm and ~/offboard.
+The node is for vehicles without MAVROS and DDS agent. Set points arrive on flight_set_point, sent
+repeatedly, or on flight_trajectory. The node publishes the autopilot's odometry, imu and
+rotor_command for the arm. Only the services ~/arm, ~/disarm and ~/offboard arm the autopilot or
+change its mode.
 """
 
 import sys
@@ -44,8 +45,8 @@ from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock
 
 NAME = 'mavlink_feedforward'
-_LISTEN = 0.002  # [s] that a look at the line takes at most
-_REMEMBERED = 5.0  # [s] for which a rejection is a warning
+_LISTEN = 0.002  # [s] longest wait for data on the MAVLink line
+_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 _REPLY = 2.0  # [s] for which a service waits for the autopilot's answer
 _WORLD = 'odom'
 
@@ -54,44 +55,48 @@ PARAMETERS = ParameterTable(
     DRONE_FILE,
     *grouped(
         'The autopilot',
-        Parameter('connection', 'udp:14540', 'line to the autopilot: udp:PORT to listen on this '
-                  'computer, udp:0.0.0.0:PORT to listen on all networks, udp:HOST:PORT to send '
-                  'first, serial:DEVICE:BAUD'),
-        Parameter('imu_rate', 200.0, 'HIGHRES_IMU messages that are asked for; 0 for none', 'Hz',
+        Parameter('connection', 'udp:14540', 'connection to the autopilot: udp:PORT (listen on '
+                                             'this computer), udp:0.0.0.0:PORT (listen on all '
+                                             'networks), udp:HOST:PORT (send first) or '
+                                             'serial:DEVICE:BAUD'),
+        Parameter('imu_rate', 200.0, 'requested rate of HIGHRES_IMU messages; 0 for none', 'Hz',
                   0.0, 1000.0),
-        Parameter('state_rate', 100.0, 'attitude and position messages that are asked for', 'Hz',
+        Parameter('state_rate', 100.0, 'requested rate of attitude and position messages', 'Hz',
                   10.0, 500.0),
-        Parameter('output_rate', 100.0, 'ACTUATOR_OUTPUT_STATUS messages that are asked for, for '
-                  'rotor_command; 0 for none', 'Hz', 0.0, 500.0),
-        Parameter('output_range', [1000.0, 2000.0], 'outputs at which a rotor stands and gives '
-                  'thrust_max, thrust in proportion (THR_MDL_FAC 0)', '', 0.0, 20000.0),
-        Parameter('output_channels', [], 'output of each rotor in the order of the drone file, '
-                  'from 1; the first ones if empty', '', 1, 32, element=int),
+        Parameter('output_rate', 100.0, 'requested rate of ACTUATOR_OUTPUT_STATUS messages, for '
+                                        'rotor_command; 0 for none', 'Hz', 0.0, 500.0),
+        Parameter('output_range', [1000.0, 2000.0],
+            'output values at which a rotor stops and at which it gives thrust_max; thrust is '
+            'proportional between them (THR_MDL_FAC 0)', '', 0.0, 20000.0),
+        Parameter('output_channels', [],
+            'output number of each rotor, from 1, in the order of the drone file; the first '
+            'outputs if empty', '', 1, 32, element=int),
     ),
     *grouped(
         'Set points',
-        Parameter('rate', 100.0, 'set points per second', 'Hz', 10.0, 500.0),
+        Parameter('rate', 100.0, 'rate of set points', 'Hz', 10.0, 500.0),
         Parameter('set_point_timeout', 0.5, 'age after which a set point is no longer sent, so '
-                  'that the autopilot notices; 0 keeps the last one', 's', 0.0, 60.0),
-        Parameter('hold_heading', True, 'set points have a heading; if not, yaw is left open'),
+                                            'that the autopilot detects the loss; 0 keeps '
+                                            'sending the last one', 's', 0.0, 60.0),
+        Parameter('hold_heading', True, 'send a heading in set points; false leaves yaw open'),
         Parameter('mc_rate_i', Px4Gains.mc_rate_i, 'MC_ROLLRATE_I', '', 0.0, 10.0),
         Parameter('mc_rate_p', Px4Gains.mc_rate_p, 'MC_ROLLRATE_P', '', 0.01, 10.0),
         Parameter('mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K', '', 0.01, 30.0),
         Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P', '1/s', 0.5, 50.0),
-        Parameter('tilt_ahead', True, "tilt ahead of the arm's motion by the inverse of PX4's "
-                  'loops, whose gains these are'),
+        Parameter('tilt_ahead', True, "tilt ahead of the arm's motion, by the inverse of PX4's "
+                                      'control loops with these gains'),
     ),
     *FEED_PARAMETERS,
 )  # fmt: skip
 
 
 class MavlinkFeedforward:
-    """One line to one autopilot.
+    """MAVLink connection to one autopilot.
 
     Raises
     ------
     ValueError
-        If the line cannot be opened, no drone is given, or its outputs are wrong.
+        If the line cannot be opened, no drone is given, or the output channels are wrong.
     """
 
     def __init__(self) -> None:
@@ -146,7 +151,7 @@ class MavlinkFeedforward:
             node.create_service(Trigger, f'~/{name}', act, callback_group=group)
 
     def run(self) -> None:
-        """Forward until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Forward set points until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         executor = SingleThreadedExecutor()
         executor.add_node(self.node)
         with StopSignals(self._on_stop):
@@ -160,12 +165,13 @@ class MavlinkFeedforward:
         self._line.close()
 
     def _listen(self, patience: float) -> None:
-        """Take what the autopilot sent, and publish it."""
+        """Receive the autopilot's messages and publish them."""
         try:
             messages = self._line.messages(patience)
         except OSError as error:
             raise ValueError(
-                f'connection {self.values.connection!r}: {error.strerror}: is the device unplugged?'
+                f'connection {self.values.connection!r} failed ({error.strerror}): check '
+                'that the device is plugged in'
             ) from None
         now = time.monotonic()
         for message in messages:
@@ -208,7 +214,7 @@ class MavlinkFeedforward:
         if target is None or not self._autopilot.is_linked(now):
             self._set_points.reset()
             return
-        if state is None:  # nothing of the arm can be added: its axes are not known
+        if state is None:  # Without the vehicle's axes the arm's feedforward cannot be added.
             state = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
             arm = FeedForward.at_rest(arm.body)
             if self._set_points.needs_state:
@@ -218,7 +224,7 @@ class MavlinkFeedforward:
         self._sent += 1
 
     def _wanted(self, now: float) -> FlightTarget | None:
-        """Return where the drone shall be, None where nobody says so."""
+        """Return the drone's target, or None without a valid set point."""
         if self._path is not None:
             begin, path = self._path
             if now <= begin + path.duration:
@@ -242,13 +248,16 @@ class MavlinkFeedforward:
             now = time.monotonic()
             state = self._autopilot.state(now)
             if state is None:
-                raise RejectedInputError('flight_trajectory: the autopilot tells no place yet')
+                raise RejectedInputError(
+                    'flight_trajectory: the autopilot reports no position yet; wait for its '
+                    'position estimate'
+                )
             stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             delay = stamp - 1e-9 * self._clock.now_ns() if stamp else 0.0
             if not -1.0 < delay < 60.0:
                 raise RejectedInputError(
-                    f'flight_trajectory: it is stamped {delay:+.1f} s from now: use a zero stamp '
-                    'for now, and check the clocks'
+                    f'flight_trajectory: its stamp is {delay:+.1f} s from now; set the stamp to '
+                    'zero ("now"), and check the clocks'
                 )
             self._path = now + delay, to_path(message, _WORLD, FlightTarget.here(state))
 
@@ -295,11 +304,13 @@ class MavlinkFeedforward:
         ahead, self._ahead = self._ahead, None
         problem = ''
         if not autopilot.is_linked(now):
-            problem = f'no heartbeat from the autopilot on {self.values.connection}: check the line'
+            problem = (
+                f'no heartbeat from the autopilot on {self.values.connection}: check the connection'
+            )
         elif silent := autopilot.silent(now):
             problem = f'the autopilot does not send {", ".join(silent)}'
         elif self._wanted(now) is None:
-            problem = 'no set points: nothing is sent'
+            problem = 'no set points received, so none are sent'
         elif ahead is not None and (late := time_problem(ahead, self.values.feed_lead)):
             problem = late
         elif now - self._rejected_at < _REMEMBERED:
@@ -319,15 +330,15 @@ class MavlinkFeedforward:
 
 
 def _channels(values: Any, count: int) -> list[int]:
-    """Return the index of each rotor's output; raises ValueError."""
+    """Convert the output numbers to one index per rotor; raises ValueError."""
     given = list(values.output_channels) or list(range(1, count + 1))
     if len(given) != count or len(set(given)) != count or not all(0 < x <= 32 for x in given):
         raise ValueError(
-            f'output_channels: {given}: give {count} different numbers from 1 to 32, one per rotor'
+            f'output_channels = {given}: set {count} different numbers from 1 to 32, one per rotor'
         )
     low, high = [*values.output_range, 0.0, 0.0][:2]
     if len(values.output_range) != 2 or not high > low:
-        raise ValueError(f'output_range: {values.output_range}: give two numbers that rise')
+        raise ValueError(f'output_range = {values.output_range}: set two increasing numbers')
     return [channel - 1 for channel in given]
 
 

@@ -1,7 +1,7 @@
-"""Adds to MAVROS's set points the acceleration that the arm's motion takes.
+"""Add the acceleration for the arm's motion to MAVROS's set points.
 
-The node subscribes to `setpoint_raw/local` and publishes on /mavros/setpoint_raw/local, a hundred
-times per second; it needs mavros_msgs. The autopilot's hover thrust carries the weight.
+The node subscribes to `setpoint_raw/local` and publishes on /mavros/setpoint_raw/local at 100 Hz;
+it needs mavros_msgs. The autopilot's hover thrust carries the arm's weight.
 """
 
 import copy
@@ -25,11 +25,12 @@ PARAMETERS = set_point_parameters(
     'setpoint_raw/local',
     '/mavros/setpoint_raw/local',
     '/mavros/imu/data',
-    Parameter('firmware', PX4, 'whose rules the set points follow; ardupilot has no tilt ahead, '
-              'as its loops are not known', choices=(PX4, ARDUPILOT)),
+    Parameter('firmware', PX4, 'firmware of the autopilot, which decides the rules for set '
+                               'points; with ardupilot the node does not tilt ahead, because its '
+                               'loops are unknown', choices=(PX4, ARDUPILOT)),
 )  # fmt: skip
 
-# Of mavros_msgs/PositionTarget: frames, and bits of type_mask, x first.
+# Frames of mavros_msgs/PositionTarget, and bits of type_mask in the order x, y, z.
 _FRAMES = {
     PX4: {1: 'FRAME_LOCAL_NED'},
     ARDUPILOT: {1: 'FRAME_LOCAL_NED', 7: 'FRAME_LOCAL_OFFSET_NED'},
@@ -40,20 +41,20 @@ _ZERO = np.zeros(3)
 
 
 class MavrosFeedforward(SetPointNode):
-    """In ROS's frames; MAVROS turns them."""
+    """Feedforward node for MAVROS, in ROS's axes; MAVROS converts the axes."""
 
     def __init__(self) -> None:
         advice = 'install it (apt: ros-jazzy-mavros-msgs), or use px4_feedforward'
         super().__init__(NAME, PARAMETERS, 'mavros_msgs', advice)
 
     def message_types(self) -> tuple[Any, Any]:
-        """Return MAVROS's set point and the IMU's sample."""
+        """Return the message types of MAVROS's set point and of the IMU."""
         from mavros_msgs.msg import PositionTarget
 
         return PositionTarget, Imu
 
     def attitude(self, message: Any) -> NDArray[np.float64]:
-        """Return the attitude of an Imu."""
+        """Return the attitude quaternion of an Imu message."""
         q = message.orientation
         return np.array([q.x, q.y, q.z, q.w])
 
@@ -64,7 +65,7 @@ class MavrosFeedforward(SetPointNode):
         return add_acceleration(set_point, acceleration, now_ns, self.values.firmware)
 
     def tilts_ahead(self, values: SimpleNamespace) -> bool:
-        """Return whether PX4's cascade flies."""
+        """Return whether the autopilot is PX4, whose cascade tilts ahead."""
         return bool(values.firmware == PX4)
 
 
@@ -73,24 +74,26 @@ def add_acceleration(
 ) -> Any:
     """Return a PositionTarget with an acceleration (3,), east-north-up, added [m/s^2].
 
-    An axis without any set point (position, velocity and acceleration ignored) stays so.
-    ArduCopter ignores a position, velocity or acceleration of which one axis is ignored. It takes
-    position and acceleration without velocity for invalid and restarts GUIDED. So for it the
-    ignored axes become 0, the velocity beside a position too.
+    An axis without position, velocity and acceleration stays without set point. ArduCopter ignores
+    a whole vector if one of its axes is ignored. ArduCopter also rejects position and acceleration
+    without velocity, and restarts GUIDED. So for ArduCopter the ignored axes become 0, including
+    the velocity if a position is given.
 
     Raises
     ------
     RejectedInputError
-        If the autopilot takes no set point in that frame, or if it asks for a force.
+        If the autopilot does not accept set points in that frame, or the set point is a force.
     """
     frames = _FRAMES[firmware]
     if set_point.coordinate_frame not in frames:
         raise RejectedInputError(
-            f'set point rejected: coordinate_frame is {set_point.coordinate_frame}; for an '
-            f'acceleration {firmware} accepts {" or ".join(frames.values())}'
+            f'set point rejected: coordinate_frame is {set_point.coordinate_frame}, but '
+            f'accelerations for {firmware} need {" or ".join(frames.values())}'
         )
     if set_point.type_mask & _IS_FORCE:
-        raise RejectedInputError('set point rejected: it sets a force, not an acceleration')
+        raise RejectedInputError(
+            'set point rejected: it sets a force, send an acceleration instead'
+        )
     added = copy.deepcopy(set_point)
     position, velocity, wanted = (
         (set_point.type_mask & bits) == 0 for bits in (_POSITION, _VELOCITY, _ACCELERATION)
@@ -108,7 +111,7 @@ def add_acceleration(
 
 
 def _fill(vector: Any, given: NDArray[np.bool_], added: NDArray[np.float64] = _ZERO) -> None:
-    """Set what is not given of a Vector3 to 0, and add to all of it."""
+    """Set the axes of a Vector3 that are not given to 0, then add a vector."""
     values = np.where(given, [vector.x, vector.y, vector.z], 0.0) + added
     vector.x, vector.y, vector.z = values.tolist()
 

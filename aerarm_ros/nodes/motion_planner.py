@@ -1,9 +1,9 @@
-"""Plans motions from where the arm is to goals, and sends them to the controller.
+"""Plan motions from the arm's present configuration to goals, and send them to the controller.
 
 A goal is a `sensor_msgs/JointState` with positions on `joint_goal`, or a
-`geometry_msgs/PointStamped`, where the tool shall be, on `tool_goal`. Out goes a
-`joint_trajectory`; `plan_status` tells what came of the goal, as a JSON object: which goal and
-which trajectory by the stamps of both.
+`geometry_msgs/PointStamped` with the tool's position on `tool_goal`. The node publishes the
+planned motion on `joint_trajectory`. The node publishes the result of planning on `plan_status`,
+as a JSON object with the stamps of goal and trajectory.
 """
 
 from __future__ import annotations
@@ -63,17 +63,18 @@ _SETTINGS = (
         'cost of one second of a free duration, for example the hover power of the drone',
         'W', 0.0, 1e5, live=True),
     Parameter('smoothness', 0.03, (
-        'weight of the squared acceleration, scaled by inertia for light joints: joints whose '
-        'motion costs nothing move evenly'
+        'weight of the squared acceleration, scaled by inertia for light joints; it makes joints '
+        'move evenly if their motion costs no energy'
     ),
               'J s^3/rad^2', 0.0, 100.0, live=True),
     Parameter('disturbance_price', 0.0,
         'weight of the reaction moment on the base, relative to energy; 3 balances the two',
         'J/(Nm)^2/s', 0.0, 1e6, live=True),
     Parameter('velocity_share', 0.9,
-        'usable share of the velocity and acceleration limits', '', 0.01,
+        'usable fraction of the velocity and acceleration limits', '', 0.01,
               1.0, live=True),
-    Parameter('effort_share', 0.8, 'usable share of the torque and current limits', '', 0.01, 1.0,
+    Parameter('effort_share', 0.8,
+        'usable fraction of the torque and current limits', '', 0.01, 1.0,
               live=True),
 )  # fmt: skip
 
@@ -81,7 +82,7 @@ PLANNER_PARAMETERS = (
     *_SETTINGS,
     Parameter('frame', 'tool0', 'link that a tool goal refers to'),
     Parameter('hold_time', 5.0,
-        'hold time at a tool goal; a longer time gives the holding torque more weight',
+        'hold time at a tool goal; a longer time increases the weight of the holding torque',
         's', 0.0, 3600.0, live=True),
     Parameter('lead', 0.0,
         'delay from the newest state to the start of a motion; 0 to start on arrival',
@@ -93,12 +94,12 @@ PLANNER_PARAMETERS = (
 
 
 def plan_settings(values: SimpleNamespace) -> dict[str, object]:
-    """Return the `PlanSettings` of the parameters."""
+    """Return the arguments of `PlanSettings` from the node's parameters."""
     return {parameter.name: getattr(values, parameter.name) for parameter in _SETTINGS}
 
 
 def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> MotionPlanner:
-    """Return the planner; raises ValueError with what to check."""
+    """Create the planner; raises ValueError."""
     model = EnergyModel(config, robot, values.rotor_inertia or None, load_share(values, robot))
     setup = load_setup(values, config, robot)
     planner = MotionPlanner(model, setup, PlanSettings(**plan_settings(values)))  # type: ignore[arg-type]
@@ -111,12 +112,12 @@ def make_planner(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Mo
 NAME = 'motion_planner'
 PARAMETERS = ParameterTable(*PLANNER_PARAMETERS)
 
-_PERIOD = 0.02  # [s] between two looks for a goal
+_PERIOD = 0.02  # [s] period of checks for a goal
 _AT_REST = 0.05  # [rad/s]
 
 
 class MotionPlannerNode:
-    """Goals in, a `MotionPlanner`, trajectories out.
+    """Receive goals, plan with `MotionPlanner` and publish trajectories.
 
     Attributes
     ----------
@@ -135,13 +136,13 @@ class MotionPlannerNode:
         self._requests: deque[Callable[[], None]] = deque()
         self._values = PARAMETERS.declare(self._node, self._on_parameter, payload_problem)
         config, robot = load_arm(self._values)
-        Kinematics(robot, self._values.frame)  # refuses a link that the arm has not
+        Kinematics(robot, self._values.frame)  # raises if the arm has no such link
         self._limits = JointLimits.from_config(config)
         self._base = robot.base_link
         self._names = config.joint_names
         self._planner = make_planner(self._values, config, robot)
         self._state: Array | None = None
-        self._asked = Time()  # stamp of the goal that is planned for
+        self._asked = Time()  # stamp of the goal for which a motion is being planned
         self._states = StateSampler(self._node, self._names)
         self._trajectories, self._told = (
             self._node.create_publisher(topic.type, topic.name, topic.offered)
@@ -157,7 +158,7 @@ class MotionPlannerNode:
         self._loop = PeriodicLoop(_PERIOD)
 
     def run(self) -> None:
-        """Plan until stopped."""
+        """Plan motions until stopped."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
@@ -173,7 +174,7 @@ class MotionPlannerNode:
     def _on_joint_goal(self, message: JointState) -> None:
         self._limits.order(list(message.name))
         if len(message.position) != self._limits.n:
-            raise PlanError(f'joint goal rejected: it needs {self._limits.n} positions')
+            raise PlanError(f'joint goal rejected: it must have {self._limits.n} positions')
         goal = np.array(message.position)[self._limits.order(list(message.name))]
         self._send(self._planner.plan(self._start(), goal))
 
@@ -189,7 +190,8 @@ class MotionPlannerNode:
         self._send(planner.plan_tool(self._start(), place, values.frame, values.hold_time))
 
     def _start(self) -> Array:
-        # Now, after the goal has come: who asks has seen the arm at rest.
+        # Read the state after the goal arrived: the client saw the arm at rest before sending the
+        # goal.
         newest = self._states.newest()
         self._state = self._state if newest is None else newest
         if self._state is None:
@@ -203,12 +205,13 @@ class MotionPlannerNode:
         speed = float(np.nanmax(np.abs(dq), initial=0.0))
         if speed > _AT_REST:
             raise PlanError(
-                f'the arm moves at {speed:.2f} rad/s: wait until it rests, motions start from rest'
+                f'the arm moves at {speed:.2f} rad/s, but motions start from rest: wait '
+                'until it rests'
             )
         return np.array(q)
 
     def _send(self, plan: MotionPlan) -> None:
-        self._states.newest()  # time has passed while it was planned
+        self._states.newest()  # Planning took time.
         lead_ns = round(self._values.lead * 1e9)
         begin_ns = self._states.stamp_ns + lead_ns if lead_ns else 0
         message = trajectory_message(plan.path, self._names, begin_ns)

@@ -1,4 +1,4 @@
-"""Measures friction, inertia, torque constant, resistance and backlash of the drives, thesis 4.4.
+"""Measure friction, inertia, torque constant, resistance and backlash of the drives, thesis 4.4.
 
 Usage: ros2 run aerarm_ros motor_bench --ros-args -p joints:="[joint4]" -p out:=DIRECTORY
 """
@@ -54,7 +54,7 @@ NAME = 'motor_bench'
 _PLAN = BenchPlan()
 
 PARAMETERS = ParameterTable(
-    Parameter('joints', [], 'joints to measure one after the other; all if empty'),
+    Parameter('joints', [], 'joints to measure, one after the other; all if empty'),
     Parameter('mounted', True,
         'true if the drives are mounted in the arm; false for bare motors without gravity load'),
     Parameter('posture', [],
@@ -62,17 +62,19 @@ PARAMETERS = ParameterTable(
         'rad', -6.3, 6.3, element=float),
     Parameter('speeds', list(_PLAN.speeds), 'speeds of the velocity steps, each in both directions',
               'rad/s', 1e-3, 50.0),
-    Parameter('span', _PLAN.span, 'stroke of a joint, half of it to either side of the posture',
+    Parameter('span', _PLAN.span, 'range of the motion of a joint, centred at the posture',
               'rad', 0.01, 6.28),
     Parameter('acceleration_share', _PLAN.acceleration_share,
-        'share of acceleration_max for ramps and acceleration runs', '', 0.01, 1.0),
-    Parameter('runs', _PLAN.runs, 'acceleration runs per joint, back and forth', '', 0, 100),
+        'fraction of acceleration_max for ramps and acceleration runs', '', 0.01, 1.0),
+    Parameter('runs', _PLAN.runs,
+        'number of acceleration runs per joint, each back and forth', '', 0, 100),
     Parameter('swings', _PLAN.swings,
-        'sine waves per joint about the posture, to estimate the gear backlash; 0 for none',
+        'number of sine waves per joint about the posture, to estimate the gear '
+                'backlash; 0 for none',
         '', 0, 1000),
     Parameter('amplitude', _PLAN.amplitude, 'amplitude of the sine waves', 'rad', 0.01, 3.0),
     Parameter('known_mass', 0.0,
-        'mass attached to the arm or lever to measure the torque constants; 0 for none',
+        'known mass attached to the arm or lever, to measure the torque constants; 0 for none',
         'kg', 0.0, 100.0),
     Parameter('known_mass_position', [0.0, 0.0, 0.0],
         "centre of mass in the frame of the last link's joint (mounted)", 'm', -5.0, 5.0),
@@ -90,7 +92,7 @@ PARAMETERS = ParameterTable(
     Parameter('tracking_limit', 0.3,
         'position error |q_d - q| at which the node stops the arm', 'rad', 1e-3, 3.0),
     Parameter('state_timeout', 0.2, 'time limit for the next joint state', 's', 0.005, 10.0),
-    Parameter('wait_timeout', 20.0, 'time limit for the arm', 's', 0.1, 3600.0),
+    Parameter('wait_timeout', 20.0, 'time limit until the arm is ready', 's', 0.1, 3600.0),
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
@@ -99,7 +101,7 @@ PARAMETERS = ParameterTable(
 
 
 class MotorBenchNode:
-    """Moves one joint at a time, measures, and writes the drives' parameters.
+    """Move one joint at a time, measure, and write the drives' parameters.
 
     Attributes
     ----------
@@ -118,7 +120,7 @@ class MotorBenchNode:
         self._values = values = PARAMETERS.declare(self._node)
         self._source = config_path(values.config or None, 'aerarm.yaml')
         arm, self._robot = load_arm(values)
-        # What is measured is told, and written, by the names that the arm has in its files.
+        # Messages and results use the joint names of the arm's files.
         self._config = load_arm_config(values.config or None)
         names = self._config.joint_names
         self._setup = load_setup(values, arm, self._robot)
@@ -126,7 +128,7 @@ class MotorBenchNode:
         unknown = [name for name in joints if name not in names]
         if unknown:
             raise ExcitationError(
-                f'unknown joint {", ".join(unknown)}: the joints are {", ".join(names)}'
+                f'unknown joint {", ".join(unknown)}: choose from {", ".join(names)}'
             )
         self._joints = [names.index(name) for name in joints or names]
         self._plan = BenchPlan(
@@ -139,12 +141,11 @@ class MotorBenchNode:
         )
         if values.swings and not values.mounted:
             raise ExcitationError(
-                'swings estimate the backlash by the load of a gear, and a bare motor has none: '
-                'set swings to 0'
+                'a bare motor has no load that would reveal the gear backlash: set swings to 0'
             )
         if len(values.posture) not in (0, len(names)):
             raise ExcitationError(
-                f'posture has {len(values.posture)} values: give {len(names)} or none'
+                f'posture has {len(values.posture)} values: set {len(names)} values, or none'
             )
         self._known = self._known_mass()
         earlier = values.without_mass
@@ -155,7 +156,7 @@ class MotorBenchNode:
         self._arm_at_end = ArmAtEnd(self._node, values)
 
     def run(self) -> None:
-        """Measure; `status` is the exit status."""
+        """Measure the drives and set `status` to the exit status."""
         out = Path(self._values.out or f'{NAME}_{datetime.now():%Y%m%d_%H%M%S}')
         with StopSignals(self._playback.ask_stop), BackgroundExecutor(self._node):
             try:
@@ -209,7 +210,7 @@ class MotorBenchNode:
         if values.known_mass == 0.0:
             return None
         if len(values.known_mass_position) != 3:
-            raise ExcitationError('known_mass_position needs x, y and z')
+            raise ExcitationError('known_mass_position needs x, y and z [m]')
         return KnownMass(values.known_mass, tuple(values.known_mass_position), values.lever)
 
     def _record(self, motion: BenchMotion, directory: ResultDirectory) -> BenchRecording:
@@ -257,7 +258,7 @@ class MotorBenchNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the bench; the exit status is 0 only if everything was measured and written."""
+    """Run the bench; return 0 only if every drive was measured and the results were written."""
     return run_node(NAME, MotorBenchNode, args, PARAMETERS, __doc__)
 
 

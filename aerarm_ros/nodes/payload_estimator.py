@@ -1,11 +1,11 @@
-"""Finds what the arm picks up while it moves: mass, centre and inertia, with deviations.
+"""Estimate the arm's payload while it moves: mass, centre and inertia, with standard deviations.
 
-From joint_states at 1 kHz it tells fifty times a second, on `payload`, what the last link carries
-beyond `payload.inertial_parameters`, and on `joint_friction` what friction is by now. It starts
-with an arm that carries nothing else, and needs a second of motion of it.
+The node receives joint_states at 1 kHz. The node publishes the estimated payload beyond
+`payload.inertial_parameters` on `payload`, and the present friction on `joint_friction`, both at
+50 Hz. The arm must start without further payload and move for one second before an estimate.
 
-Two things it does without ROS: with --bag DIR it goes through bags (--bag DIR --help lists what it
-takes then), with --trend FILE it prints how friction has changed since `friction_file` was begun.
+Two modes need no ROS. With --bag DIR the program estimates the payload in recordings (--bag DIR
+--help lists the options). With --trend FILE it prints the change of friction in `friction_file`.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 NAME = 'payload_estimator'
 
-# [s] after the motors hold the arm, in which whoever carried it lets it go.
+# [s] after the motors hold the arm; in which a person who carried the arm releases it
 _LET_GO = 1.0
-_WRITTEN = 5.0  # [s] after which friction is written that is to be kept
+_WRITTEN = 5.0  # [s] between two writes of the friction file
 _REPLAY, _TREND = '--bag', '--trend'
 
 PARAMETERS = state_node_parameters(
@@ -50,22 +50,22 @@ PARAMETERS = state_node_parameters(
 
 
 class PayloadEstimatorNode(StateNode):
-    """Joint states in, `PayloadEstimator`'s estimates out."""
+    """Node that publishes the estimates of `PayloadEstimator` for received joint states."""
 
     answers_every_state = False
-    # Each has the torque of its cycle: half a second may be caught up with.
+    # Each state has the torque of its cycle; the queue bridges a pause of half a second.
     states_waiting = 500
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def build(self) -> None:
-        """Make the estimator."""
+        """Create the payload estimator."""
         values = self.values
         if self.arm.drone is not None and values.base_motion == NONE:
             raise ValueError(
-                'drone_file is given but base_motion is none: the estimator needs the motion of '
-                "the flying base, set base_motion to 'free'"
+                "drone_file is set but base_motion is none: set base_motion to 'free', because "
+                'the estimator needs the motion of the flying base'
             )
         self.base = self.arm.measured_base(values)
         self._estimator = PayloadEstimator(
@@ -80,7 +80,7 @@ class PayloadEstimatorNode(StateNode):
         self._held_since: float | None = None
 
     def connect(self) -> None:
-        """Advertise what is found, and follow the bridge's mode."""
+        """Advertise the estimates and subscribe to the bridge's mode."""
         self._payload = self.advertise(topics.PAYLOAD)
         self._friction = self.advertise(topics.JOINT_FRICTION)
         n, names = self.arm.robot.n, self.arm.config.joint_names
@@ -95,7 +95,7 @@ class PayloadEstimatorNode(StateNode):
         self.listen(topics.ARM_MODE, self._on_mode)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Take a state, and publish an estimate if there is a new one."""
+        """Process a state, and publish an estimate if there is a new one."""
         now = stamp_ns * 1e-9
         if self._pause(now):
             self._estimator.pause()
@@ -108,17 +108,17 @@ class PayloadEstimatorNode(StateNode):
             self.count_answer()
 
     def leave(self) -> None:
-        """Keep the last of what was learnt of friction."""
+        """Write the last friction estimate to the friction file."""
         if self._log is not None:
             self._log.finish()
 
     def warning(self) -> str:
-        """Return what keeps the payload from being found."""
+        """Return why the payload cannot be estimated, or an empty text."""
         unwritten = self._log.problem if self._log is not None else ''
         return super().warning() or self._estimator.problem or unwritten
 
     def describe(self) -> dict[str, object]:
-        """Report the last good estimate."""
+        """Return the last valid estimate for diagnostics."""
         told = {**super().describe(), 'detected changes': self._estimator.changes}
         told |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate
@@ -132,7 +132,7 @@ class PayloadEstimatorNode(StateNode):
             told['centre [m]'] = payload.centre.round(4).tolist()
             told['standard deviations of the centre [m]'] = payload.centre_std.round(4).tolist()
             told['inertial parameters'] = payload.inertial.round(6).tolist()
-            told['their standard deviations'] = payload.std.round(6).tolist()
+            told['standard deviations of the inertial parameters'] = payload.std.round(6).tolist()
             told['not excited'] = ' '.join(estimate.unexcited) or 'none'
         told |= {f'friction: {name}': row.round(4).tolist() for name, row in friction}
         spread = zip(FRICTION_NAMES, estimate.friction_std, strict=True)
@@ -147,7 +147,7 @@ class PayloadEstimatorNode(StateNode):
         return FrictionLog(Path(values.friction_file), names, values.friction_interval)
 
     def _pause(self, now: float) -> bool:
-        """Whether what the joints feel is not the arm and its payload alone."""
+        """Return whether forces other than those of arm and payload act on the joints."""
         if self.base.problem(now):
             return True
         if self._mode and self._mode not in HELD:
@@ -171,9 +171,9 @@ class PayloadEstimatorNode(StateNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node, go through bags, or show a trend of friction.
+    """Run the node, evaluate bags, or print a trend of friction.
 
-    Return 0, 1 or 2 if there is something to check, 130 if stopped while bags were gone through.
+    Return 0 or 1, 2 if the user must check an input, or 130 if the evaluation of bags was stopped.
     """
     given = list(sys.argv[1:] if args is None else args)
     options = {argument.split('=')[0] for argument in given}
@@ -182,7 +182,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
         return show_trend(NAME, given)
     if _REPLAY in options:
-        # Only now: the node does without the libraries that read bags.
+        # Imported here: the node does not need the libraries that read bags.
         from aerarm_ros.ros.programs.payload_replay import replay
 
         return replay(NAME, given)

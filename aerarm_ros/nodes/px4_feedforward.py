@@ -1,9 +1,10 @@
-"""Adds to PX4's set points the acceleration that the arm's motion takes.
+"""Add the acceleration for the arm's motion to PX4's set points.
 
-The node subscribes to `trajectory_setpoint` and publishes on /fmu/in/trajectory_setpoint, a hundred
-times per second; it needs px4_msgs. PX4's estimate of the hover thrust carries the weight. PX4
-leaves offboard mode if /fmu/in/offboard_control_mode stops, and watches no set points. So this
-node publishes that topic too, as long as set points arrive; no other node should.
+The node subscribes to `trajectory_setpoint` and publishes on /fmu/in/trajectory_setpoint at 100
+Hz; it needs px4_msgs. PX4's estimate of the hover thrust carries the arm's weight. PX4 leaves
+offboard mode if messages on /fmu/in/offboard_control_mode stop, but does not monitor set points.
+So this node also publishes /fmu/in/offboard_control_mode while set points arrive; no other node
+should do so.
 """
 
 import copy
@@ -31,7 +32,7 @@ PARAMETERS = set_point_parameters(
 
 
 class Px4Feedforward(SetPointNode):
-    """In PX4's frames: north-east-down, forward-right-down."""
+    """Feedforward node in PX4's axes: north-east-down and forward-right-down."""
 
     def __init__(self) -> None:
         advice = 'build it in the workspace and source it, or use MAVROS and mavros_feedforward'
@@ -43,18 +44,18 @@ class Px4Feedforward(SetPointNode):
             self._offboard_mode = self.node.create_publisher(OffboardControlMode, topic, 1)
 
     def message_types(self) -> tuple[Any, Any]:
-        """Return PX4's."""
+        """Return the message types of PX4's set point and attitude."""
         from px4_msgs.msg import TrajectorySetpoint, VehicleAttitude
 
         return TrajectorySetpoint, VehicleAttitude
 
     def attitude(self, message: Any) -> NDArray[np.float64]:
-        """Return the attitude of a VehicleAttitude in ROS's frames."""
+        """Return the attitude of a VehicleAttitude in ROS's axes."""
         w, x, y, z = (float(value) for value in message.q)
         return attitude_ned_frd_to_enu_flu([x, y, z, w])
 
     def publish(self, set_point: Any, now_ns: int) -> None:
-        """Send a set point, after the mode that PX4's offboard check watches."""
+        """Publish the offboard mode that PX4 monitors, then the set point."""
         if self._offboard_mode is not None:
             mode = self._offboard_mode.msg_type()
             mode.timestamp = now_ns // 1000
@@ -72,8 +73,8 @@ class Px4Feedforward(SetPointNode):
 def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: int) -> Any:
     """Return a TrajectorySetpoint with an acceleration (3,), east-north-up, added [m/s^2].
 
-    An axis without any set point (position, velocity and acceleration NaN) stays so: PX4 would
-    take an acceleration alone for a request.
+    An axis without set point (position, velocity and acceleration NaN) stays so, because PX4 would
+    follow an acceleration alone.
     """
     added = copy.copy(set_point)
     wanted = np.array(set_point.acceleration, dtype=float)
@@ -85,7 +86,7 @@ def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: 
 
 
 def controlled_quantity(set_point: Any) -> str:
-    """Return the field of OffboardControlMode that fits a set point: the first with a number."""
+    """Return the field of OffboardControlMode for a set point: its first quantity with a number."""
     names = ('position', 'velocity', 'acceleration')
     given = (name for name in names if not np.isnan(getattr(set_point, name)).all())
     return next(given, 'acceleration')

@@ -1,7 +1,7 @@
-"""Turns PX4's own topics into sensor_msgs/Imu, where px4_msgs is installed.
+"""Convert PX4's own topics to sensor_msgs/Imu, if px4_msgs is installed.
 
-PX4's uXRCE-DDS bridge publishes forward-right-down, north-east-down; `imu` is
-forward-left-up, east-north-up. With MAVROS this node isn't needed: remap its imu/data.
+PX4's uXRCE-DDS bridge publishes forward-right-down, north-east-down; `imu` is forward-left-up,
+east-north-up. MAVROS does not need this node: remap its topic imu/data.
 """
 
 import sys
@@ -26,9 +26,9 @@ from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock
 
 NAME = 'px4_imu'
-# An older attitude [s] is none: better no gravity than one that has stopped turning.
+# [s]; an older attitude is dropped, because a wrong gravity direction is worse than none.
 _ATTITUDE_AGE = 0.2
-_SPIN = 0.1  # [s] longest time until a stop signal is noticed
+_SPIN = 0.1  # [s] longest delay until a stop signal takes effect
 PARAMETERS = ParameterTable(
     Parameter('sensor_topic', '/fmu/out/sensor_combined', 'px4_msgs/SensorCombined'),
     Parameter('attitude_topic', '/fmu/out/vehicle_attitude', 'px4_msgs/VehicleAttitude'),
@@ -36,15 +36,15 @@ PARAMETERS = ParameterTable(
 
 
 class Px4Imu:
-    """Publishes `imu` for every SensorCombined, with the newest attitude.
+    """Publish `imu` for every SensorCombined, with the newest attitude.
 
-    Without an attitude for 0.2 s the samples say that they have none. What PX4 sends is
-    counted on /diagnostics.
+    Without an attitude for 0.2 s the samples are marked as having none. /diagnostics shows the
+    number of PX4's messages.
 
     Raises
     ------
     ValueError
-        If px4_msgs isn't installed.
+        If px4_msgs is not installed.
     """
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class Px4Imu:
         create_steady_timer(self._node, PERIOD, self._report)
 
     def run(self) -> None:
-        """Convert until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Convert messages until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         executor = SingleThreadedExecutor()
         executor.add_node(self._node)
         with StopSignals(self._on_stop):
@@ -122,7 +122,7 @@ def to_imu(
     angular_velocity: Sequence[float],
     specific_force: Sequence[float],
 ) -> Imu:
-    """Return the message of a PX4 sample.
+    """Convert a PX4 sample to an Imu message.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Records the suite's topics into an MCAP bag, as raw bytes at full rate.
+"""Record the suite's topics into an MCAP bag, as raw bytes at full rate.
 
 Usage: ros2 run aerarm_ros recorder --ros-args -p bag:=DIRECTORY
 """
@@ -40,11 +40,11 @@ from aerarm_ros.ros.recording import (
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
-    Parameter('bag', '', 'directory of the bag, must not exist; recording_DATE_TIME if empty'),
+    Parameter('bag', '', 'directory of the new bag; recording_DATE_TIME if empty'),
     Parameter(
         'topics',
         SUITE_TOPICS,
-        "topics to record: names of the suite's topics, or NAME=TYPE for others",
+        'topics to record: topic names of this suite, or NAME=TYPE for other topics',
     ),
     Parameter('compression', 'zstd', 'compression of the bag', choices=tuple(COMPRESSIONS)),
     Parameter(
@@ -56,20 +56,21 @@ PARAMETERS = ParameterTable(
     ),
 )
 
-# Messages are taken in batches: at 1 kHz and four topics, waking up for each would cost
-# ten times the processor time. Their time of reception is taken by the middleware.
+# Messages are read in batches: waking up for each message of four 1 kHz topics would cost ten
+# times the processor time. The middleware stamps each message at reception.
 _BATCH = 5e-3  # [s]
 _WAIT = 0.1  # [s]
-_TAKEN_MAX = 1000  # messages of a topic between two looks at the time
+_TAKEN_MAX = 1000  # messages of a topic per batch
 _STATUS_PERIOD = 0.1  # [s]
 
 
 class Recorder:
-    """Loop that records a bag and reports its state.
+    """Record a bag and report its state.
 
-    The latched topic `recorder_status` tells others when it is worth starting: a JSON object
-    with `state` (recording, stored, failed), `bag`, and `matched`, the topics whose publisher
-    has been found. What is written and lost is on /diagnostics, and so in the bag as well.
+    The latched topic `recorder_status` is a JSON object with `state` (recording, stored, failed),
+    `bag`, and `matched`, the topics whose publisher has been discovered. Other nodes wait for this
+    topic before they start. The numbers of written and lost messages are on /diagnostics, which
+    the bag contains too.
 
     Attributes
     ----------
@@ -79,7 +80,7 @@ class Recorder:
     Raises
     ------
     ValueError
-        If a parameter isn't allowed or the bag can't be made.
+        If a parameter is not allowed or the bag cannot be created.
     """
 
     def __init__(self) -> None:
@@ -131,11 +132,11 @@ class Recorder:
             self._log_counts()
 
     def close(self) -> None:
-        """Complete the bag if that didn't happen yet, and destroy the node."""
+        """Complete the bag unless it is complete, and destroy the node."""
         try:
             self._feed.complete()
         except BagError as error:
-            if self.status == 0:  # not said yet
+            if self.status == 0:  # not reported yet
                 print(f'{NAME}: {error}', file=sys.stderr)
             self.status = 1
         self._feed.destroy()
@@ -154,7 +155,7 @@ class Recorder:
                 self._report_due = time.monotonic() + PERIOD
                 self._report()
         if rclpy.ok():
-            self._feed.take(self._depth)  # as many as may wait
+            self._feed.take(self._depth)  # as many as the queue can hold
 
     def _update_matched(self) -> None:
         counts = self._feed.publishers()
@@ -166,12 +167,12 @@ class Recorder:
             self._node.get_logger().info(f'publishers found: {", ".join(matched) or "none"}')
 
     def _warn(self, matched: list[int]) -> None:
-        """Say what will be missing in the bag, or be in it twice."""
+        """Warn of topics that the bag will lack or contain twice."""
         for text in filter(None, [*self._check.news(matched), self._sources.news()]):
             self._node.get_logger().warning(text)
 
     def _tell_until(self) -> None:
-        """Tell the stamp of the newest joint state: an emulated world waits for its recorder."""
+        """Publish the stamp of the newest joint state, for which an emulated world waits."""
         until = self._feed.until()
         if until:
             self._until.publish(until)
@@ -181,7 +182,7 @@ class Recorder:
         self._status_publisher.publish(String(data=json.dumps(content)))
 
     def _report(self) -> None:
-        """Tell how the recording goes: on /diagnostics, and new losses on the console."""
+        """Publish the recording's state on /diagnostics, and log new losses."""
         heard = self._feed.heard()
         for news in self._losses.news():
             self._node.get_logger().warning(news)
@@ -219,7 +220,7 @@ class Recorder:
         self._log(f'{self._directory}: {count} messages, {total} lost', total)
 
     def _log(self, text: str, lost: object) -> None:
-        # rclpy ties a severity to the line that logs.
+        # rclpy fixes the severity of each line of code that logs.
         if lost in (0, None, 'at least 0'):
             self._node.get_logger().info(text)
         else:

@@ -1,4 +1,4 @@
-"""Publishes the path of the tool as nav_msgs/Path, for RViz and Foxglove.
+"""Publish the path of the tool as nav_msgs/Path, for RViz and Foxglove.
 
 Usage: ros2 run aerarm_ros tool_path
 """
@@ -32,19 +32,20 @@ PARAMETERS = ParameterTable(
     Parameter(
         'rate',
         10.0,
-        'sampling rate of the tool position; the path is published after the tool moved',
+        'sampling rate of the tool position; the node publishes the path after each '
+        'motion of the tool',
         'Hz',
         0.1,
         50.0,
     ),
     Parameter('length', 500, 'points kept', '', 2, 10000),
-    Parameter('distance', 0.002, 'distance after which the path gets a new point', 'm', 1e-4, 1.0),
+    Parameter('distance', 0.002, 'distance between points of the path', 'm', 1e-4, 1.0),
     *ARM_FILES,
 )
 
 
 class ToolPath:
-    """Samples the joint states and keeps the last points of the tool.
+    """Sample the joint states and publish the latest points of the tool.
 
     Attributes
     ----------
@@ -73,7 +74,7 @@ class ToolPath:
         self._loop = PeriodicLoop(1.0 / values.rate)
 
     def run(self) -> None:
-        """Publish until stopped."""
+        """Publish the tool's path until stopped."""
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 

@@ -1,4 +1,4 @@
-"""Shows the running arm in a browser, and lets a person stop, enable, move, record and play.
+"""Show the running arm in a browser, with buttons to stop, enable, move, record and play.
 
 Usage: ros2 run aerarm_ros view, then open the address it prints.
 """
@@ -38,12 +38,12 @@ from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.requests.arm_client import BRIDGES_PARAMETER
 
 NAME = 'view'
-# The scene moves at every cycle, text and plots are sent at every third.
+# The scene is updated in every cycle, text and plots in every third.
 TEXT_EVERY = 3
 
 PARAMETERS = ParameterTable(
     Parameter('host', '127.0.0.1', (
-        'address of the page server; an address other than the local host opens the page to the '
+        'address of the page server; any address other than the local host opens the page to the '
         'network and requires the token in the printed URL'
     )),
     Parameter('port', 8080, 'first TCP port to try', '', 1, 65535),
@@ -58,11 +58,11 @@ PARAMETERS = ParameterTable(
 
 
 class ViewError(ValueError):
-    """The page cannot be served; the message states what to do."""
+    """The page cannot be served; the message states the recovery hint."""
 
 
 class View:
-    """Reads the arm's topics as often as a person can see, and shows them.
+    """Display the arm's topics on a web page at a display rate.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class View:
         self._node = rclpy.create_node(NAME)
         self._values = values = PARAMETERS.declare(self._node)
         config, robot = load_arm(values)
-        base = robot.base_link  # the arm's own, also under a drone
+        base = robot.base_link  # base link of the arm, even under a drone
         drone = load_drone(values, config, robot)
         if drone is not None:
             text = with_drone(robot.urdf_text, drone, robot.prefix)
@@ -104,7 +104,7 @@ class View:
             values.drone_file,
         )
         self._limits = {
-            # The bridge's, not the URDF's: a joint that turns for ever has none there.
+            # The bridge's limits: the URDF has none for a continuous joint.
             'position': np.column_stack(
                 [config.column('position_min'), config.column('position_max')]
             ),
@@ -118,19 +118,19 @@ class View:
         self._serve(robot, base)
 
     def run(self) -> None:
-        """Show until stopped."""
+        """Update the page until stopped."""
         address = self._guard.address(self._values.host, self._server.get_port())
-        # Not by the log: that is published, and kept, and the address may hold a token.
+        # Printed, because the log is published and stored, and the address may contain a token.
         print(f'{NAME}: open {address} in a browser', flush=True)
         if not is_loopback(self._values.host):
             self._node.get_logger().warning(
-                'the page is open to the network: everyone with its address can move the arm'
+                'the page is open to the network: every holder of its URL can move the arm'
             )
         with StopSignals(self._loop.stop), BackgroundExecutor(self._node):
             self._loop.run(self._update)
 
     def close(self) -> None:
-        """End what the page started, close it and destroy the node."""
+        """End the programs that the page started, close the page and destroy the node."""
         self._commissioning.end()
         self._programs.close()
         with redirect_stdout(StringIO()):
@@ -149,7 +149,7 @@ class View:
         except ImportError as error:
             raise ViewError(f"{error}: install it with pip install 'viser>=1.1,<2'") from None
         _check_address(self._values.host)
-        # A browser's spare connections are no errors, and the address is said below.
+        # A browser's spare connections are not errors, and the address is printed below.
         logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
         self._guard = PageGuard.for_host(self._values.host)
         try:
@@ -159,7 +159,7 @@ class View:
                 )
         except PageError as error:
             raise ViewError(str(error)) from None
-        # The stop button before all that takes longer to load.
+        # The stop button appears first, because the rest takes longer to load.
         self._panel = ViewPanel(self._server, self._name, self._requests.ask)
         self._scene = ViewScene(self._server, robot, self._values.tool, base)
         limits = self._limits['position']
@@ -192,7 +192,7 @@ class View:
             self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
 
     def _update(self, now_ns: int, index: int) -> None:
-        # As one message: waking the server's thread costs more than all that is in it.
+        # One message, because waking the server's thread costs more than the update itself.
         with self._server.atomic():
             self._show_all(now_ns * 1e-9, index)
 
@@ -202,7 +202,7 @@ class View:
             if feed.pose is not None:
                 self._scene.move_base(*feed.pose)
             self._scene.update(feed.posture)
-        # A page nobody looks at costs nothing.
+        # Without a connected browser, nothing is updated.
         if index % TEXT_EVERY == 0 and self._server.get_clients():
             self._show(now)
 
@@ -239,7 +239,7 @@ class View:
             self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
 
     def _tell_rejection(self, name: str, values: Mapping[str, str]) -> None:
-        """Show why a controller did not take what it was sent, once."""
+        """Show once why a controller rejected its input."""
         count = values.get('rejected inputs')
         before = self._rejections.get(name)
         if count is not None:
@@ -249,7 +249,7 @@ class View:
 
 
 def _check_address(host: str) -> None:
-    """Raise ViewError if no page can be served there: the server would wait for ever."""
+    """Raise ViewError if no server can use the address: viser would wait for ever."""
     try:
         family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind) as probe:

@@ -1,6 +1,6 @@
-"""What an arm carries and how its gears wear, learnt while it works.
+"""Online estimation of the arm's payload, friction and contact.
 
-In come states of the arm, the motion of its base and the model of the arm without a payload; out
-go, fifty times a second, a body that the last link carries, with standard deviations, and friction
-as it is by now.
+The estimators process states of the arm, the motion of its base and the model of the arm without a
+payload. The estimators return, at 50 Hz, the inertial parameters of the payload with standard
+deviations, and the present friction.
 """

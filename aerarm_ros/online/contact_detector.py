@@ -1,4 +1,4 @@
-"""Contact of an arm without a sensor: yes or no, how surely, and what a load explains instead."""
+"""Contact detection without a sensor: contact, its confidence, and the distinction from payload."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ from aerarm_ros.online.payload_estimator import EffortWatch
 
 
 class Cause(Enum):
-    """What an event was found to be; the value is its name in reports."""
+    """Cause of an event; the value is its name in reports."""
 
     CONTACT = 'contact'
     PAYLOAD = 'undeclared payload'
@@ -38,10 +38,10 @@ class ContactSettings:
     Attributes
     ----------
     confirmation : float
-        Time for which the threshold must be exceeded [s]. In it a motion that begins shows in the
-        velocities, which tell it from a push at rest.
+        Time for which the threshold must be exceeded [s]. In this time the velocities distinguish
+        the start of a motion from a push at rest.
     rest_speed : float
-        Below it every joint counts as resting [rad/s].
+        Speed below which every joint counts as resting [rad/s].
     rest_share : float
         Change of torque at rest that counts as contact, over the joint's dry friction.
     payload_mass, payload_size : float
@@ -55,25 +55,24 @@ class ContactSettings:
     payload_size: float = 0.2
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check that every setting is positive."""
         for field in fields(self):
             positive(field.name, getattr(self, field.name))
 
 
 class ContactReport(NamedTuple):
-    """What is known after a state.
+    """Result of contact detection after a state.
 
     Attributes
     ----------
     torque : (n,) ndarray
-        External joint torque [Nm], positive along +q, without what a found payload explains.
+        External joint torque [Nm], positive along +q, without that of a detected payload.
     threshold : (n,) ndarray
-        Which of it free motion may leave [Nm]; infinite where nothing is known.
-    in_contact : bool
+        Largest such torque in free motion [Nm]; infinite if unknown.
     confidence : float
-        That something touches the arm, 0 to 1.
+        Confidence of a contact, 0 to 1.
     cause : Cause or None
-        Of the event that lasts, None if there is none.
+        Cause of the present event, None without an event.
     """
 
     torque: Array
@@ -85,27 +84,26 @@ class ContactReport(NamedTuple):
 
 @dataclass(eq=False)
 class ContactEvent:
-    """Something that the model of the arm does not explain.
+    """Interval in which the external torque exceeds the model's error bound.
 
     Attributes
     ----------
     begin, end : float
-        [s]; the end is NaN while it lasts.
+        [s]; the end is NaN during the event.
     joint : int
-        Index of the joint whose torque exceeds its threshold most.
+        Index of the joint with the largest ratio of torque to threshold.
     torque : (n,) ndarray
-        Change of external torque at its largest [Nm].
+        Largest change of external torque [Nm].
     threshold : (n,) ndarray
-        Of the torque at that time [Nm].
+        Threshold of the torque at that time [Nm].
     q : (n,) ndarray
         Posture at that time [rad].
     ratio : float
         Largest torque over its threshold.
-    cause : Cause
     mass, mass_std : float
-        Of a payload [kg], NaN for another cause.
+        Mass of a payload and its standard deviation [kg], NaN for another cause.
     reference : (n,) ndarray or float
-        External torque before the event that `torque` is counted from [Nm].
+        External torque before the event, which `torque` does not include [Nm].
     """
 
     begin: float
@@ -122,7 +120,7 @@ class ContactEvent:
 
 
 class _Felt(NamedTuple):
-    """One state as the detector sees it; ratios are to the thresholds."""
+    """One state for the detector; ratios are relative to the thresholds."""
 
     state: ArmState
     now: float
@@ -134,42 +132,36 @@ class _Felt(NamedTuple):
     change_ratio: Array
 
 
-_NOISE = 5.0  # deviations of the noise that a change at rest must exceed
-_FOLLOWING = 0.25  # [s] time constant in which the torque at rest may drift
+_NOISE = 5.0  # standard deviations of noise that a change at rest must exceed
+_FOLLOWING = 0.25  # [s] time constant of a permitted drift of the torque at rest
 _SETTLING = 0.4  # [s] in which friction relaxes after a motion
 _REST_TIME = 0.1  # [s] of rest before its torque is the reference
-_AGAINST = 5e-5  # [rad/s] of a motion against the torque, by which that is friction
+_AGAINST = 5e-5  # [rad/s] of motion against the torque, which indicates friction
 _RELEASED = 0.4  # of the largest change, below which a push at rest has ended
 _QUIET = 0.7  # of the threshold, below which a contact has ended
 _QUIET_TIME = 0.1  # [s]
 _STEADY_TIME = 1.0  # [s] of a constant torque that friction can hold
-_SINCE_START = 0.3  # [s]: what is there from the start is no push
-_ONE_OVER = np.log(2.0)  # so that the confidence at the threshold is a half
-_GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor is a payload's
+_SINCE_START = 0.3  # [s]; a torque present from the start is not a push
+_ONE_OVER = np.log(2.0)  # gives a confidence of one half at the threshold
+_GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor fits a payload
 
 
 class ContactDetector:
-    """Finds contact in the external torque, and tells it from payload and from a wrong model.
+    """Detect contact in the external torque, and distinguish it from payload and model errors.
 
-    In motion a joint's external torque counts if it exceeds the bound that was learnt from free
-    motion. While all joints rest, friction hides up to its static size of any force, but the
-    drives' torque is constant: then a change counts that no joint's motion opposes. Friction always
-    opposes motion, which distinguishes an arm that starts to move from one that is pushed.
+    In motion, a joint's external torque counts if it exceeds the bound learnt from free motion. If
+    all joints rest, static friction can hide a force, but the drives' torque is constant. A change
+    of the torque at rest then counts if no joint moves against it. Friction always opposes motion,
+    which distinguishes an arm that starts to move from a pushed arm.
 
-    A payload differs from a contact because its torque follows gravity and inertia in all
-    postures. It is reported as such once the last link's ten inertial parameters explain what
-    exceeded the bound in 2 s of motion (`LoadTest`), and is then subtracted.
-
-    Parameters
-    ----------
-    external : ExternalTorque
-    bound : ResidualBound
-    settings : ContactSettings, optional
+    The torque of a payload, unlike that of a contact, follows gravity and inertia in all postures.
+    The detector reports a payload once ten inertial parameters of the last link explain the torque
+    in 2 s of motion (`LoadTest`), and then subtracts it.
 
     Attributes
     ----------
     events : list of ContactEvent
-        All so far, the last of them may last.
+        All events so far; the last one may not have ended.
     """
 
     def __init__(
@@ -194,32 +186,32 @@ class ContactDetector:
 
     @property
     def event(self) -> ContactEvent | None:
-        """The event that lasts, None if there is none."""
+        """The present event, or None."""
         last = self.events[-1] if self.events else None
         return last if last is not None and np.isnan(last.end) else None
 
     @property
     def problem(self) -> str:
-        """What keeps contact from being detected, '' if nothing."""
+        """Reason why contact cannot be detected; empty otherwise."""
         event = self.event
         if event is not None and event.cause is Cause.MODEL:
             return (
                 f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
-                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained that is '
-                'neither a contact nor a payload: check that the model is of this arm, or declare '
-                'the payload'
+                f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained, neither '
+                'by a contact nor by a payload: check that the model belongs to this arm, or '
+                'declare the payload'
             )
         return self._watches[0].problem or self._watches[1].problem
 
     @property
     def payload_mass(self) -> float | None:
-        """Mass of the undeclared payload that was found [kg], None if there is none."""
+        """Mass of the detected undeclared payload [kg], or None."""
         return self._load.mass if self._load.is_loaded else None
 
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
-        """Take the state of `now` [s]; None for a state that is lost or follows a gap.
+        """Process the state at `now` [s]; return None for an invalid state or after a gap.
 
         `state.tau` is the drives' torque in the cycle that ends now.
         """
@@ -276,7 +268,7 @@ class ContactDetector:
         return ContactReport(torque, threshold, cause is Cause.CONTACT, confidence, cause)
 
     def _seek(self, felt: '_Felt') -> None:
-        """Begin an event once a threshold is exceeded for long enough."""
+        """Start an event once a threshold is exceeded for long enough."""
         exceeds = felt.ratio.max() > 1.0
         rests = not exceeds and bool(np.linalg.norm(felt.change_ratio) > 1.0)
         self._above = self._above + felt.dt if exceeds or rests else 0.0
@@ -332,7 +324,7 @@ class ContactDetector:
             self._end(event, felt.now)
 
     def _is_released(self, change: Array) -> bool:
-        """Whether the joints that were pushed most at rest have fallen far below that."""
+        """Return whether the external torque of a push at rest has mostly disappeared."""
         limit = self._rest.limit
         share = self._peak / limit
         pushed = share > 0.5 * share.max()
@@ -340,7 +332,7 @@ class ContactDetector:
         return bool(falls[pushed].all())
 
     def _weigh(self) -> None:
-        """Keep the mass of the last payload event up to date."""
+        """Update the mass of the last payload event."""
         for event in reversed(self.events):
             if event.cause is Cause.PAYLOAD:
                 event.mass, event.mass_std = self._load.mass, self._load.mass_std
@@ -355,8 +347,8 @@ class ContactDetector:
 class _Rest:
     """Change of the external torque while all joints rest.
 
-    The reference is the torque at the beginning of the rest; it follows slow drift. After a motion
-    friction relaxes, so that the limit is larger at first.
+    The reference is the torque at the start of the rest, and follows slow drift. Friction relaxes
+    after a motion, so the limit is larger at first.
     """
 
     def __init__(self, n: int, settings: ContactSettings) -> None:
@@ -365,7 +357,7 @@ class _Rest:
         self.reset(np.inf)
 
     def reset(self, since: float) -> None:
-        """Begin a rest; `since` [s] is how long the arm is known to rest already."""
+        """Start a rest; `since` [s] is how long the arm has been at rest."""
         self.held: Array | None = None
         self._reference: Array | None = None
         self._since = since
@@ -419,29 +411,29 @@ class _Rest:
         return change, np.where(opposed, 0.0, ratio)
 
 
-_WINDOW = 2.0  # [s] of motion in which a payload has to explain the torque
-_PERIOD = 0.05  # [s] between rows, which are correlated within it
+_WINDOW = 2.0  # [s] of motion in which a payload must explain the torque
+_PERIOD = 0.05  # [s] between rows; closer rows are correlated
 _CORRELATED = 4.0  # rows that count as one
-_EXPLAINED = 0.9  # share of the rows that a payload has to explain
-_EXCEEDED = 0.3  # share of them that the bare arm must not explain
+_EXPLAINED = 0.9  # fraction of the rows that a payload must explain
+_EXCEEDED = 0.3  # fraction of the rows that the bare arm must not explain
 _SIGNIFICANT = 3.0  # standard deviations of a payload's mass
 _MEMORY = 20.0  # [s]
 
 
 class LoadTest:
-    """Tells whether a body on the last link explains the external torque.
+    """Test whether a body at the last link explains the external torque.
 
-    The body's ten parameters follow from a recursive regression whose columns pass the same
-    observer as the torque: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`. Its
-    prediction counts before it has seen the torque. So a push is no payload unless it follows
-    gravity and inertia for 2 s of motion.
+    The body's ten parameters follow from a recursive regression. The columns of the regression
+    pass the torque's observer: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`.
+    The regression predicts each torque before it learns from it. So a push counts as a payload
+    only if it follows gravity and inertia for 2 s of motion.
 
     Attributes
     ----------
     torque : (n,) ndarray
-        External torque of the payload that was found [Nm], zeros if there is none.
+        External torque of the detected payload [Nm], zeros without one.
     found : bool
-        Whether the last `update` has found a payload.
+        Whether the last `update` detected a payload.
     mass, mass_std : float
         [kg]
     """
@@ -462,11 +454,11 @@ class LoadTest:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether a payload was found that is still there."""
+        """Whether a detected payload is still present."""
         return self._body is not None
 
     def pause(self) -> None:
-        """Begin again after a gap; what was found stays."""
+        """Restart after a gap; a detected payload stays."""
         self._columns = np.zeros((self._n, 10))
         self._integral: Array | None = None
         self._due = 0.0
@@ -479,7 +471,7 @@ class LoadTest:
         threshold: Array,
         base: BaseMotion | None,
     ) -> None:
-        """Take a state with what is unexplained of it."""
+        """Process a state and its unexplained torque."""
         self.found = False
         motion = self._still if base is None else base
         momentum, force = self._regressor.evaluate(
@@ -489,7 +481,7 @@ class LoadTest:
             self._integral = momentum
         integral = self._integral + dt * -force
         gain = self._gain
-        # The same backward Euler step as in `MomentumObserver`, column by column.
+        # The backward Euler step of `MomentumObserver`, column by column.
         self._columns = gain * (momentum - integral) / (1.0 + dt * gain)
         self._integral = integral + dt * self._columns
         if self._body is not None:
@@ -548,19 +540,17 @@ def with_rest_share(
     motion: Callable[[], Iterable[tuple[float, ArmState]]],
     settings: ContactSettings | None = None,
 ) -> ResidualBound:
-    """Return a bound whose share at rest no motion exceeds that begins by itself.
+    """Return a bound that no start of a free motion exceeds at rest.
 
-    A drive builds up torque before a joint breaks loose. How much of it shows before the velocity
-    does depends on the arm, so that it is learnt from the same free motion.
+    A drive builds up torque before a joint breaks loose. The part of this torque that appears
+    before the velocity depends on the arm, so it is learnt from free motion too.
 
     Parameters
     ----------
-    bound : ResidualBound
     external : callable
         Returns a new observer of the arm.
     motion : callable
         Returns times [s] and states of the free motion, from the beginning.
-    settings : ContactSettings, optional
     """
     tried = bound
     for share in _REST_SHARES:

@@ -1,4 +1,4 @@
-"""Where an arm is touched and with what force, as far as its posture tells."""
+"""Location and force of a contact, as far as the arm's posture determines them."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,8 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
 _FELT = 0.3  # of its threshold, above which a joint's torque counts as external
-_POINTS = 21  # that are tried along a link
-_CONDITION = 30.0  # of the Jacobian, up to which the force is determined
+_POINTS = 21  # points tested along a link
+_CONDITION = 30.0  # condition number of the Jacobian up to which the force is determined
 
 
 class ContactPlace(NamedTuple):
@@ -19,17 +19,17 @@ class ContactPlace(NamedTuple):
     Attributes
     ----------
     link : str
-        The touched link, or one before it if the force passes through the axes between.
+        The touched link, or an earlier one if the force passes through the joint axes in between.
     point : (3,) ndarray
         On the line from the link's joint to its far end, in the frame of the joint [m].
     point_in_base : (3,) ndarray
-        The same in the frame of the base [m].
+        The point in the frame of the base [m].
     force : (3,) ndarray
-        On the arm, in the frame of the base [N]; the smallest that explains the torque where the
-        posture does not determine it.
+        Force on the arm, in the frame of the base [N]; the smallest one that explains the torque
+        if the posture does not determine it.
     is_determined : bool
-        Whether at least three joints feel the contact in a posture that tells the force's axes
-        apart.
+        Whether the contact acts on at least three joints and the posture determines all force
+        axes.
     """
 
     link: str
@@ -40,15 +40,12 @@ class ContactPlace(NamedTuple):
 
 
 class ContactLocator:
-    """Finds the contact of one arm; an instance holds working memory, use one a thread.
+    """Locate the contact of one arm; an instance contains working memory, use one per thread.
 
-    Joints beyond the touched link feel nothing: the last joint that does is that of the link
-    (Haddadin, De Luca, Albu-Schaeffer: Robot collisions: a survey, IEEE T-RO 2017). On the line
-    from its joint to its far end the point is taken whose force explains the torque best.
-
-    Parameters
-    ----------
-    robot : Robot
+    A contact causes no torque in joints beyond the touched link. So the last joint with external
+    torque belongs to that link (Haddadin, De Luca, Albu-Schaeffer: Robot collisions: a survey,
+    IEEE T-RO 2017). The result is the point, on the line from the joint to the link's far end,
+    whose force explains the torque best.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -58,14 +55,14 @@ class ContactLocator:
         self._ends = [_far_end(robot, joint) for joint in range(1, robot.n + 1)]
 
     def locate(self, q: Array, torque: Array, threshold: Array) -> ContactPlace | None:
-        """Return the place of a contact, None if no joint feels one.
+        """Return the place of a contact, or None if no joint has external torque.
 
         Parameters
         ----------
         q : (n,) ndarray
             [rad]
         torque, threshold : (n,) ndarray
-            External torque and what of it may be an error of the model [Nm].
+            External torque, and the part that may be a model error [Nm].
         """
         felt = np.flatnonzero(np.abs(torque) > _FELT * threshold)
         if not len(felt) or not np.isfinite(threshold).all():
@@ -93,19 +90,19 @@ class ContactLocator:
 def _explained(
     at_joint: Array, offset: Array, weight: Array, torque: Array
 ) -> tuple[float, Array, float]:
-    """Return the weighted error, the force (3,) at a point and the Jacobian's condition."""
+    """Return the weighted error, the force (3,) at a point and the Jacobian's condition number."""
     jacobian = at_joint[:3] - pin.skew(offset) @ at_joint[3:]
     rows = weight[:, np.newaxis] * jacobian.T
     force, _, _, sizes = np.linalg.lstsq(rows, weight * torque, rcond=0.02)
     error = float(np.linalg.norm(rows @ force - weight * torque))
-    # A little dearer the larger the force is: of two places the one that needs less.
+    # A small cost of the force selects, of two equal places, the one with the smaller force.
     error += 1e-3 * float(np.linalg.norm(weight * torque)) * float(np.linalg.norm(force))
     condition = float(sizes[0] / max(sizes[-1], 1e-12)) if len(sizes) == 3 else np.inf
     return error, force, condition
 
 
 def _far_end(robot: Robot, joint: int) -> Array:
-    """Return the farthest frame or joint (3,) that is fixed to a link, in its joint's frame [m]."""
+    """Return the farthest point (3,) fixed to a link (frame or joint), in its joint's frame [m]."""
     model = robot.model
     places = [
         np.array(frame.placement.translation)

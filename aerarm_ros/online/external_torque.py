@@ -1,4 +1,4 @@
-"""External joint torque from the momentum observer, and how far the model explains it."""
+"""External joint torque from the momentum observer, and the bound of its model error."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -18,25 +18,21 @@ from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.replay import KnownArm
 
 FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jerk')
-"""Of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
+"""Features of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
 
 LONGEST_GAP = 0.1
-"""[s] between two states; after a longer one the observer starts again."""
+"""[s] Longest gap between two states; after a longer one the observer restarts."""
 
-_WIDTH = 0.01  # [rad/s] over which dry friction changes its direction
+_WIDTH = 0.01  # [rad/s] width of dry friction's change of direction
 _SLOW = 0.05  # [rad/s] below which dry friction may have another direction or be static
-_CREEPING = 0.02  # [rad/s] at which the slowly rising part of friction counts as dry
+_CREEPING = 0.02  # [rad/s] at which saturating viscous friction counts as dry friction
 
 
 class JointFriction(FrictionCompensation):
     """All identified friction of the joints by measured velocity.
 
-    It adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
+    This class adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
     Stribeck friction, offsets, one-sided and coupled friction.
-
-    Parameters
-    ----------
-    arm : KnownArm
     """
 
     def __init__(self, arm: KnownArm) -> None:
@@ -53,7 +49,7 @@ class JointFriction(FrictionCompensation):
                 self._dry[joint] += abs(value * float(known.basis(_at_creep, _at_creep, None)))
 
     def torque(self, dq: Array, load: Array | None = None) -> Array:
-        """Return the torque (n,) [Nm] that friction takes at a velocity and a load on the links."""
+        """Return the friction torque (n,) [Nm] at a velocity and a load on the links."""
         torque = super().torque(dq, load)
         for joint, driver, term, value in self._others:
             speed = dq[driver]
@@ -64,7 +60,7 @@ class JointFriction(FrictionCompensation):
         return torque
 
     def dry(self, load: Array) -> Array:
-        """Return the dry friction (n,) [Nm] that a joint can take at rest, in either direction."""
+        """Return the largest dry friction (n,) [Nm] at rest, in either direction."""
         return np.asarray(self._dry + self._share * np.abs(load))
 
 
@@ -75,17 +71,17 @@ _FROZEN = 0.2  # [s] in which the position of a moving joint changes
 
 
 class EncoderWatch:
-    """Looks for joints whose velocity says that they move while their position stays the same.
+    """Detect joints whose velocity is not zero while their position stays constant.
 
     Parameters
     ----------
     names : tuple of str
-        Of the joints.
+        Names of the joints.
 
     Attributes
     ----------
     problem : str
-        What is wrong, '' if nothing.
+        Description of the problem; empty if there is none.
     """
 
     def __init__(self, names: tuple[str, ...]) -> None:
@@ -95,7 +91,7 @@ class EncoderWatch:
         self.problem = ''
 
     def update(self, state: ArmState, dt: float) -> None:
-        """Take a state, `dt` [s] after the one before."""
+        """Process a state, `dt` [s] after the previous one."""
         stuck = (state.q == self._before) & (np.abs(state.dq) > _SLOW)
         self._before = np.array(state.q)
         self._same = np.where(stuck, self._same + dt, 0.0)
@@ -104,20 +100,20 @@ class EncoderWatch:
         if len(frozen):
             names = ', '.join(self._names[index] for index in frozen)
             self.problem = (
-                f'position of {names} stays {state.q[frozen[0]]:.4g} rad at '
-                f'{state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
+                f'position of {names} stays at {state.q[frozen[0]]:.4g} rad while its velocity '
+                f'is {state.dq[frozen[0]]:.2g} rad/s: check the encoder and its cable'
             )
 
 
 class Unexplained(NamedTuple):
-    """What the model leaves of one state.
+    """Unexplained joint torque of one state.
 
     Attributes
     ----------
     residual : (n,) ndarray
-        Torque on the joints beyond drives, model and friction [Nm], positive along +q.
+        Joint torque beyond drives, model and friction [Nm], positive along +q.
     features : (n, 6) ndarray
-        Of the bound of the residual of free motion, see `FEATURES` [Nm or rad/s].
+        Features for the bound of the residual in free motion, see `FEATURES` [Nm or rad/s].
     friction : (n,) ndarray
         Modelled friction, as a magnitude [Nm].
     dry : (n,) ndarray
@@ -131,18 +127,17 @@ class Unexplained(NamedTuple):
 
 
 class ExternalTorque:
-    """The momentum observer with what its error depends on.
+    """Momentum observer, with the features on which its error depends.
 
-    An error of friction near zero velocity, of inertia or of the time at which torque was measured
-    stays in the observer for some of its time constants, so features decay as slowly.
+    Errors of friction near zero velocity, of inertia and of the torque's timing decay in the
+    observer within some time constants. So the features decay equally slowly.
 
     Parameters
     ----------
-    arm : KnownArm
     gain : float
-        Of the observer, K [1/s].
+        Gain K of the observer [1/s].
     dynamics : MovingBaseDynamics, optional
-        Of this arm; a new one by default. Give it to add a payload.
+        Model of this arm, by default a new one. Pass it to set a payload.
 
     Raises
     ------
@@ -161,14 +156,14 @@ class ExternalTorque:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all past states."""
+        """Reset the observer and its features."""
         self._observer.reset()
         self._momentum: Array | None = None
         self._lagging = self._change = np.zeros(self.n)
         self._held = np.zeros((self.n, 3))
 
     def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Unexplained:
-        """Take the state at the end of a cycle of `dt` [s] and return what is unexplained."""
+        """Process the state at the end of a cycle of `dt` [s]; return the unexplained torque."""
         q, dq, _ = state
         residual = self._observer.update(state, dt, base)
         momentum = self.dynamics.fixed.inertia_matrix(q) @ dq
@@ -197,7 +192,7 @@ class ExternalTorque:
     def over(
         self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
     ) -> Iterator[tuple[float, ArmState, Unexplained]]:
-        """Yield time [s], state and result for each sample of a recording of a still base.
+        """Yield time [s], state and result for each sample of a recording on a still base.
 
         Raises
         ------
@@ -206,8 +201,8 @@ class ExternalTorque:
         """
         if recording.dq is None:
             raise IdentificationError(
-                f'{recording.name}: no velocities, which the observer needs: record them with the '
-                'positions'
+                f'{recording.name} has no velocities, which the observer needs: record them with '
+                'the positions'
             )
         self.reset()
         last = float(recording.time[0])
@@ -222,10 +217,10 @@ class ExternalTorque:
             yield time, state, self.update(state, dt)
 
 
-_STATIC = 1.25  # static friction over that at creeping speed, at least
-_ASYNCHRONOUS = 1.25  # of the jerk: torque and velocity of a sample may belong to other instants
-_SETTLED = 10.0  # time constants of the observer after which its start has decayed
-_FEWEST = 200  # states to learn from
+_STATIC = 1.25  # smallest ratio of static friction to friction at low speed
+_ASYNCHRONOUS = 1.25  # of the jerk: torque and velocity of a sample may differ in time
+_SETTLED = 10.0  # time constants of the observer until its start has decayed
+_FEWEST = 200  # smallest number of states to learn from
 _RESTING = 0.005  # [rad/s]
 _FLOOR = 1e-9  # [Nm]
 _LEAST = 0.05  # of the residual's RMS, for the constant part
@@ -233,11 +228,11 @@ _LEAST = 0.05  # of the residual's RMS, for the constant part
 
 @dataclass(frozen=True, eq=False)
 class ResidualBound:
-    """A bound of what the model leaves unexplained in free motion, by joint and motion.
+    """Bound of the unexplained torque in free motion, by joint and motion.
 
     `|residual| <= margin (shares @ features) + friction_spread |friction|`. The shares are the
-    smallest that contain every residual of a free motion (a linear program per joint). Friction
-    changes with temperature and time by more than one recording shows: that is the last term.
+    smallest that bound every residual of a free motion (one linear program per joint). Friction
+    varies with temperature and time more than one recording shows; the last term covers this.
 
     Attributes
     ----------
@@ -246,13 +241,13 @@ class ResidualBound:
     noise : (n,) ndarray
         RMS of the residual's changes at rest [Nm].
     gain : float
-        Of the observer that it was learnt with [1/s].
+        Gain of the observer during learning [1/s].
     margin : float
-        Other motions leave more than the one that was learnt from.
+        Factor for motions that differ from the learnt one.
     friction_spread : float
-        By which friction may differ from the model, relative.
+        Relative deviation of friction from the model.
     rest_share : float
-        Change of torque at rest, over dry friction, that motions that begin by themselves reach.
+        Change of torque at rest at the start of a free motion, over dry friction.
     """
 
     shares: Array
@@ -269,9 +264,9 @@ class ResidualBound:
         Parameters
         ----------
         rows : iterable of Unexplained
-            Of a motion in which nothing touches the arm.
+            Results of a motion without contact.
         gain : float
-            Of the observer [1/s].
+            Gain of the observer [1/s].
 
         Raises
         ------
@@ -281,7 +276,7 @@ class ResidualBound:
         kept = list(rows)
         if len(kept) < _FEWEST:
             raise IdentificationError(
-                f'{len(kept)} states of free motion are too few to learn thresholds from: give at '
+                f'{len(kept)} states of free motion are too few to learn thresholds: record at '
                 f'least {_FEWEST}, and 20 s of motion that covers the workspace'
             )
         residual = np.array([row.residual for row in kept])
@@ -296,7 +291,7 @@ class ResidualBound:
         """Return the largest residual (n,) [Nm] that free motion explains."""
         features = unexplained.features
         bound = np.einsum('jf,jf->j', features, self.shares)
-        dry = features[:, 1] * self.shares[:, 1]  # it has its own margin
+        dry = features[:, 1] * self.shares[:, 1]  # dry friction has its own margin
         spread = self.friction_spread * unexplained.friction
         return np.asarray(self.margin * (bound - dry) + dry + spread)
 
@@ -317,14 +312,14 @@ class ResidualBound:
     def from_dict(
         cls, values: Mapping[str, Any], joint_names: tuple[str, ...], name: str
     ) -> 'ResidualBound':
-        """Return what `to_dict` has described; raises ValueError with what to check."""
-        advice = 'learn it again with contact_estimator --free'
+        """Create a bound from the values of `to_dict`; raises ValueError."""
+        advice = 'learn the bound again with contact_estimator --free'
         if values.get('features') != list(FEATURES):
-            raise ValueError(f'{name}: is no bound of residuals: {advice}')
+            raise ValueError(f'{name} is not a bound of residuals: {advice}')
         if values.get('joint_names') != list(joint_names):
             raise ValueError(
-                f'{name}: is of joints {values.get("joint_names")}, not {", ".join(joint_names)}: '
-                f'each arm has its own; {advice}'
+                f'{name} belongs to joints {values.get("joint_names")}, not to '
+                f'{", ".join(joint_names)}: {advice} for this arm'
             )
         n = len(joint_names)
         try:
@@ -335,17 +330,17 @@ class ResidualBound:
                 for key in ('observer_gain', 'margin', 'friction_spread', 'rest_share')
             )
         except (KeyError, TypeError, ValueError):
-            raise ValueError(f'{name}: a value is missing or is no number: {advice}') from None
+            raise ValueError(f'a value of {name} is missing or is not a number: {advice}') from None
         numbers = np.concatenate([shares.ravel(), noise, [gain, margin, spread, rest]])
         if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and gain * margin > 0.0):
-            raise ValueError(f'{name}: values must be finite and not negative: {advice}')
+            raise ValueError(f'values of {name} must be finite and not negative: {advice}')
         return cls(shares, noise, gain, margin, spread, rest)
 
 
 def free_rows(
     external: ExternalTorque, recording: Recording, is_stopped: Callable[[], bool]
 ) -> Iterator[Unexplained]:
-    """Yield what is unexplained of a free motion, once the observer has settled."""
+    """Yield the unexplained torque of a free motion, once the observer has settled."""
     begin = float(recording.time[0]) + _SETTLED / external.gain
     for time, _, row in external.over(recording, is_stopped):
         if time > begin:
@@ -353,7 +348,7 @@ def free_rows(
 
 
 def _noise(residual: Array, speed: Array) -> Array:
-    """Return the RMS (n,) of fast changes of the residual, at rest if there was a rest."""
+    """Return the RMS (n,) of fast changes of the residual, preferably at rest."""
     steps = np.diff(residual, axis=0)
     rests = speed[1:] < _RESTING
     if rests.sum() >= _FEWEST // 4:
@@ -362,13 +357,13 @@ def _noise(residual: Array, speed: Array) -> Array:
 
 
 def _tightest(size: Array, features: Array) -> Array:
-    """Return the shares whose bound contains every size and is the smallest in the mean."""
+    """Return the shares whose bound contains every size and has the smallest mean."""
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
     least[1], least[5] = _STATIC, _ASYNCHRONOUS
     scaled = features / scale
-    # A bound that the least shares already keep is no constraint.
+    # A bound that the least shares already satisfy is no constraint.
     kept = size > features @ least
     if not kept.any():
         return least
@@ -381,6 +376,7 @@ def _tightest(size: Array, features: Array) -> Array:
     )
     if solution.x is None:
         raise IdentificationError(
-            'no thresholds follow from the free motion: its effort or velocity is not usable'
+            'no thresholds can be learnt from the free motion, because its effort or '
+            'velocity is unusable: record it again'
         )
     return np.asarray(solution.x / scale)

@@ -1,4 +1,4 @@
-"""The equation of motion, low-passed, as rows that are linear in what is looked for."""
+"""The low-passed equation of motion, as rows that are linear in the unknown parameters."""
 
 from typing import NamedTuple
 
@@ -12,29 +12,29 @@ from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState, Array
 
 WINDOW = 5e-3
-"""[s] after which momentum is taken again: motion is much slower, torque is a mean over it."""
+"""[s] Interval of the momentum samples, over which torque is averaged; motion is much slower."""
 SLOW = 0.03
-"""[rad/s]: slower joints may be held by dry friction, in either direction."""
-_SETTLED = 6.6  # time constants after which a step has come to 99 %
+"""[rad/s] Below this speed dry friction may act in either direction."""
+_SETTLED = 6.6  # time constants after which a step response has reached 99 %
 _TORQUE, _DOUBT, _MODELLED = -3, -2, -1  # columns
 _NO_SPIN = np.zeros(3)
-_WIDTH = 0.01  # [rad/s] in which dry friction turns round
+_WIDTH = 0.01  # [rad/s] width of dry friction's change of direction
 
 
 class MotionRow(NamedTuple):
-    """What one instant says.
+    """Equation of motion at one instant.
 
     Attributes
     ----------
     regressor : (n, 10 + 3 n) ndarray
-        Torque by the ten parameters of what is carried, then by viscous, Coulomb and load friction
-        of each joint.
+        Torque by the ten parameters of the payload, then by viscous, Coulomb and load-dependent
+        friction of each joint.
     torque : (n,) ndarray
-        What drive, arm and known friction leave [Nm].
+        Torque that drive, arm and known friction do not explain [Nm].
     doubt : (n,) ndarray
-        Dry friction whose direction isn't known [Nm].
+        Dry friction of unknown direction [Nm].
     modelled : (n,) ndarray
-        What the model of the arm says of gravity and inertia, as magnitudes [Nm].
+        Gravity and inertia torque of the arm's model, as magnitudes [Nm].
     """
 
     regressor: Array
@@ -46,24 +46,24 @@ class MotionRow(NamedTuple):
 class FilteredMotion:
     """Both sides of the equation of motion through two equal first-order low-passes.
 
-    With the momentum form of `MomentumRegressor` nothing measured is differentiated twice: the
-    change of momentum over a window is the mean force in it, as the drives' torque is a mean, and
-    the change of the base's rate is its mean angular acceleration. The
-    second low-pass takes away what the first makes of noise in the velocities.
+    The momentum form of `MomentumRegressor` needs no second derivative of a measurement. The
+    change of momentum over a window is the mean force in it, as the drives' torque is a mean. The
+    change of the base's angular rate is its mean angular acceleration. The second low-pass removes
+    the velocity noise that the first one amplifies.
 
     Parameters
     ----------
     dynamics : MovingBaseDynamics
-        Of the arm, carrying nothing.
+        Model of the arm without payload.
     viscous, coulomb, load_share : (n,) array_like
-        Friction that is known: [Nms/rad], [Nm], per torque that the gear passes on [-].
+        Known friction: [Nms/rad], [Nm], per transmitted torque [-].
     bandwidth : float
-        Of each low-pass [1/s].
+        Bandwidth of each low-pass [1/s].
 
     Raises
     ------
     ValueError
-        If a friction is negative, or their number isn't n.
+        If a friction is negative, or their number is not n.
     """
 
     def __init__(
@@ -78,17 +78,17 @@ class FilteredMotion:
         self.n = n
         self.viscous = non_negative('viscous friction', viscous, n)
         self.coulomb = non_negative('Coulomb friction', coulomb, n)
-        self.load_share = non_negative('load share', load_share, n)
+        self.load_share = non_negative('load-dependent friction', load_share, n)
         self._dynamics = dynamics
         self._regressor = MomentumRegressor(dynamics.robot)
         self._bandwidth = bandwidth
         self._joints = np.arange(n)
-        # Columns: the regressor's, the torque that is left, the doubt, what is modelled.
+        # Columns: the regressor's, the remaining torque, the doubt, the modelled torque.
         self._instant = np.zeros((n, 13 + 3 * n))
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything, as after a gap."""
+        """Reset the filter, as after a gap."""
         self._first: Array | None = None
         self._filtered: Array | None = None
         self._before: Array | None = None
@@ -100,11 +100,11 @@ class FilteredMotion:
 
     @property
     def is_settled(self) -> bool:
-        """Whether what was before the last `reset` has decayed to 1 %."""
+        """Whether the effect of earlier data has decayed to 1 % since the last `reset`."""
         return self._age * self._bandwidth > _SETTLED
 
     def update(self, state: ArmState, dt: float, base: BaseMotion) -> bool:
-        """Take the state at the end of a cycle of `dt` [s]; tell whether a window has ended.
+        """Process the state at the end of a cycle of `dt` [s]; return whether a window has ended.
 
         `state.tau` is the drives' torque during the cycle.
         """
@@ -116,7 +116,7 @@ class FilteredMotion:
         return True
 
     def row(self) -> MotionRow:
-        """Return the newest row; there must have been two windows."""
+        """Return the newest row; requires two complete windows."""
         if self._filtered is None:
             raise RuntimeError('no window has ended yet')
         values = self._filtered
@@ -151,10 +151,10 @@ class FilteredMotion:
         self._elapsed = 0.0
 
     def _of_turning(self, q: Array, dq: Array, base: BaseMotion) -> Array | float:
-        """Return the torque that turns the arm with its base (n,), its mean over the window.
+        """Return the torque that rotates the arm with its base (n,), as a mean over the window.
 
-        The base's angular acceleration is the change of its rate: one that was differentiated
-        before, for an instant, has the noise of much higher frequencies.
+        The base's angular acceleration is the change of its rate. An instantaneous derivative
+        would contain noise of much higher frequencies.
         """
         if not (base.angular_velocity.any() or self._rate.any()):
             return 0.0
@@ -166,7 +166,7 @@ class FilteredMotion:
         return np.asarray(moved - unmoved)
 
     def _evaluate(self, q: Array, dq: Array, tau: Array, base: BaseMotion) -> Array:
-        """Return what holds at an instant, but for the payload's columns."""
+        """Return the values at an instant, without the payload's columns."""
         instant, joints, n = self._instant, self._joints, self.n
         coriolis = self._dynamics.fixed.coriolis_matrix(q, dq)
         turning = base._replace(angular_acceleration=_NO_SPIN)

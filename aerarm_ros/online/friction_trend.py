@@ -1,4 +1,4 @@
-"""How friction changes over days and weeks of use."""
+"""Changes of friction over days and weeks of use."""
 
 from bisect import insort
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.online.payload_estimator import FRICTION_NAMES
 
 MOST = 500
-"""Records that are kept."""
+"""Largest number of records."""
 WEEK = 7 * 86400.0
 """[s]"""
 _CLEAR = 3.0  # standard deviations
@@ -38,18 +38,18 @@ class FrictionRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class FrictionChange:
-    """Change of one coefficient.
+    """Change of one friction coefficient.
 
     Attributes
     ----------
     name : str
         Such as 'Coulomb [Nm] of joint2'.
     old, new : float
-        At the first and at the last record, on the line that fits all of them best.
+        Values of the best-fit line at the first and at the last record.
     deviations : float
-        Of the slope of that line from zero, in standard deviations.
+        Slope of that line, in standard deviations.
     rate, rate_std : float
-        Slope and its standard deviation [a week].
+        Slope and its standard deviation [per week].
     """
 
     name: str
@@ -61,22 +61,22 @@ class FrictionChange:
 
     @property
     def is_clear(self) -> bool:
-        """Whether it is more than uncertainty explains."""
+        """Whether the change is significant."""
         return abs(self.deviations) > _CLEAR
 
 
 class FrictionTrend:
     """Records of friction, oldest first.
 
-    When there are too many, every second one of the older half goes: the first and the newest
-    stay, and long ago is kept as coarsely as it needs.
+    If there are too many, every second record of the older half is deleted. The first and the
+    newest records stay, and old records become sparse.
 
     Parameters
     ----------
     joint_names : sequence of str
         n joints.
     records : iterable of FrictionRecord, optional
-        From earlier days.
+        Records of earlier days.
     """
 
     def __init__(self, joint_names: Sequence[str], records: Iterable[FrictionRecord] = ()) -> None:
@@ -90,12 +90,12 @@ class FrictionTrend:
         return tuple(self._records)
 
     def add(self, record: FrictionRecord) -> None:
-        """Take a record, of whatever time: clocks may have been wrong."""
+        """Add a record of any time, because clocks may have been wrong."""
         insort(self._records, record, key=lambda one: one.time)
         self._thin()
 
     def changes(self) -> list[FrictionChange]:
-        """Return what became of each coefficient; nothing before there are two records."""
+        """Return the change of each coefficient; an empty list with fewer than two records."""
         if len(self._records) < 2 or self._records[0].time == self._records[-1].time:
             return []
         time = np.array([record.time for record in self._records])
@@ -122,7 +122,7 @@ def _change(name: str, time: Array, value: Array, std: Array) -> FrictionChange:
     mean = float(weight @ value / weight.sum())
     rate = float(weight @ (since * (value - mean)) / moment)
     left = value - mean - rate * since
-    # Where records scatter by more than they say, as with the temperature, that counts.
+    # If records scatter more than their deviations, as with temperature, use the scatter.
     scatter = float(weight @ left**2) / max(len(time) - 2, 1)
     rate_std = float(np.sqrt(max(scatter, 1.0) / moment))
     old, new = (mean + rate * float(since[index]) for index in (0, -1))
@@ -130,11 +130,11 @@ def _change(name: str, time: Array, value: Array, std: Array) -> FrictionChange:
 
 
 _KINDS = ('viscous', 'coulomb', 'load')
-_LARGEST = 1000 * MOST  # bytes: so many records of some joints are smaller
+_LARGEST = 1000 * MOST  # bytes; larger than any trend with the largest number of records
 
 
 class TrendFileError(ValueError):
-    """File without a trend of this arm; the message states what to check."""
+    """The file does not contain a trend of this arm; the message states what to check."""
 
 
 def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> FrictionTrend:
@@ -144,27 +144,29 @@ def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> Friction
     ----------
     path : Path
     joint_names : sequence of str, optional
-        Of the arm; whatever the file names if not given, and then there has to be one.
+        Joints of the arm; by default those of the file, which must then exist.
 
     Raises
     ------
     TrendFileError
-        If it holds anything else, or is of another arm.
+        If the file has other content, or belongs to another arm.
     OSError
-        If it can't be read.
+        If the file cannot be read.
     """
     if joint_names is not None and not path.exists():
         return FrictionTrend(joint_names)
     if path.stat().st_size > _LARGEST:
-        raise TrendFileError(f'{path}: is too large for a trend of friction: give another file')
+        raise TrendFileError(f'{path} is too large for a friction history: name another file')
     lines = path.read_text(errors='replace').splitlines()
     names = _names(lines[0] if lines else '')
     if not names or lines[0] != _header(names):
-        raise TrendFileError(f'{path}: is no trend of friction: give a new file, or that of before')
+        raise TrendFileError(
+            f'{path} is not a friction history: name a new file, or the earlier one'
+        )
     if joint_names is not None and names != tuple(joint_names):
         raise TrendFileError(
-            f'{path}: is of joints {", ".join(names)}, not {", ".join(joint_names)}: each arm has '
-            'a file of its own'
+            f'{path} belongs to joints {", ".join(names)}, not to {", ".join(joint_names)}: name '
+            'a separate file for each arm'
         )
     records = []
     for number, line in enumerate(lines[1:], 2):
@@ -172,13 +174,13 @@ def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> Friction
             records.append(_record(line, len(names)))
         except ValueError:
             raise TrendFileError(
-                f'{path}: line {number} is no record of friction: take the line out'
+                f'line {number} of {path} is not a friction record: remove the line'
             ) from None
     return FrictionTrend(names, records)
 
 
 def write_trend(path: Path, trend: FrictionTrend) -> None:
-    """Put a trend into the file's place, whole or not at all; raises OSError."""
+    """Replace a trend file atomically; raises OSError."""
     lines = [_header(trend.joint_names)]
     for record in trend.records:
         date = datetime.fromtimestamp(record.time, UTC).isoformat(timespec='seconds')
@@ -205,5 +207,5 @@ def _record(line: str, n: int) -> FrictionRecord:
         when = when.replace(tzinfo=UTC)
     values = np.array(columns, dtype=float).reshape(2, 3, n)
     if not np.isfinite(values).all() or not (values[1] > 0.0).all():
-        raise ValueError('no numbers that can be used')
+        raise ValueError('the numbers are unusable')
     return FrictionRecord(when.timestamp(), values[0], values[1])

@@ -1,4 +1,4 @@
-"""Recursive Bayesian regression that forgets toward what was known at first."""
+"""Recursive Bayesian regression that forgets toward its prior."""
 
 from typing import NamedTuple
 
@@ -26,13 +26,13 @@ class Belief(NamedTuple):
 
 
 class InformationFilter:
-    """Parameters in units of their prior's standard deviations, about a mean of zero.
+    """Recursive estimate of parameters in units of their prior's standard deviations.
 
-    Forgetting takes information away in favour of the prior's, `L <- D L D + (1 - D^2)`, for every
-    parameter at its own rate: where motion says nothing, mean and spread go back to the prior and
-    stay there, instead of growing without bound (Kulhavy, Kraus: On duality of regularized
-    exponential and linear forgetting, 1996). The information is the sum of a prior and of
-    squares, so it is positive definite in every step.
+    The prior mean is zero. Forgetting replaces information by the prior's, `L <- D L D + (1 -
+    D^2)`, for every parameter at its own rate. Parameters that the motion does not excite return
+    to the prior's mean and spread, instead of growing without bound (Kulhavy, Kraus: On duality of
+    regularized exponential and linear forgetting, 1996). The information is the sum of a prior and
+    of squares, so it is positive definite in every step.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class InformationFilter:
         self.belief = Belief(np.zeros(size), np.eye(size), np.eye(size))
 
     def update(self, rows: Array, values: Array, variances: Array, kept: Array) -> None:
-        """Forget, and take measurements.
+        """Forget, and add measurements.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class InformationFilter:
         values, variances : (k,) ndarray
             `rows @ parameters`, with noise of these variances.
         kept : (m,) ndarray
-            D^2, what is kept of the information, 0 to 1.
+            D^2, the kept fraction of the information, 0 to 1.
         """
         mean, information, _ = self.belief
         root = np.sqrt(kept)
@@ -73,7 +73,7 @@ class InformationFilter:
         self.belief = Belief(covariance @ known, information, covariance)
 
     def forget(self, which: slice) -> None:
-        """Reset some parameters to the prior; the others keep their information."""
+        """Reset some parameters to the prior; the other parameters keep their information."""
         mean, _, covariance = self.belief
         mean, covariance = mean.copy(), covariance.copy()
         mean[which] = 0.0
@@ -84,44 +84,45 @@ class InformationFilter:
 
 
 SPECK = 1e-6
-"""Mass [kg] of what stands for nothing: it is a body, too."""
+"""Mass [kg] that represents no payload and is still a physical body."""
 _ITERATIONS = 6
-_DENSITY = 1000.0  # [kg/m^3] of the prior's ball: what is handled is about as dense as water
+_DENSITY = 1000.0  # [kg/m^3] of the prior's ball: objects are about as dense as water
 _ENTROPY = 0.5  # weight of the prior against a squared standard deviation
-_FARTHEST = 4.0  # of a body's centre from the last joint, over the size
+_FARTHEST = 4.0  # largest distance of a body's centre from the last joint, over the size
 _BASIS = pseudo_inertia(np.eye(10)).reshape(10, 16)
 
 
 def ball(mass: float, centre: npt.ArrayLike, radius: float) -> Array:
-    """Return the parameters (10,) of a mass [kg] about a centre (3,) [m], as wide as a ball."""
+    """Return the parameters (10,) of a ball with mass [kg], centre (3,) [m] and radius."""
     point = np.append(np.asarray(centre, dtype=float), 1.0)
     spread = np.diag([*[0.2 * radius**2] * 3, 0.0])
     return from_pseudo_inertia(mass * (np.outer(point, point) + spread))
 
 
 def nearest_body(mean: Array, information: Array, size: float) -> Array:
-    """Return the inertial parameters (10,) of a body that has some, near an estimate.
+    """Return physically consistent inertial parameters (10,) near an estimate.
 
-    It minimises the squared deviation from `mean` by `information`, plus the entropic divergence
-    from a ball of water of the estimate's mass and centre (`solve_entropic`), which keeps the 4x4
-    pseudo-inertia P inside the cone of bodies: its part `-log det P` grows without bound at the
-    border. Newton's method from the ball on never leaves the cone, so that P is positive definite
-    however few steps it takes.
+    The parameters minimize the squared deviation from `mean` weighted by `information`, plus an
+    entropic divergence (`solve_entropic`). The divergence is that from a ball of water with the
+    estimate's mass and centre. The divergence keeps the 4x4 pseudo-inertia P in the cone of
+    physical bodies, because its part `-log det P` grows without bound at the border. Newton's
+    method starts at the ball and never leaves the cone, so P is positive definite after any number
+    of steps.
 
     Parameters
     ----------
     mean : (10,) ndarray
-        Estimate that no body need have, in the order of thesis (3.3).
+        Estimate, possibly not physical, in the order of thesis (3.3).
     information : (10, 10) ndarray
         Inverse of its covariance.
     size : float
-        Of what is carried [m].
+        Size of the payload [m].
     """
     mass = float(mean[0])
     if not mass > SPECK:
         return ball(SPECK, np.zeros(3), size)
     centre = np.clip(mean[1:4] / mass, -_FARTHEST * size, _FARTHEST * size)
-    # In units of the mass and the size, where all entries are of one order.
+    # In units of mass and size, in which all entries have one order of magnitude.
     scale = mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
     radius = np.cbrt(0.75 * mass / (np.pi * _DENSITY))
     start = ball(1.0, centre / size, radius / size)
@@ -140,7 +141,7 @@ def _minimised(start: Array, mean: Array, information: Array) -> Array:
         decrement = -float(slope @ step)
         if decrement < 1e-4:
             break
-        # Self-concordant: a step this short cannot leave the cone.
+        # Self-concordance: so short a step cannot leave the cone.
         length = np.sqrt(decrement / _ENTROPY)
         candidate = body + step / (1.0 + length)
         if length > 0.5 and _is_inside(body + step):

@@ -1,4 +1,4 @@
-"""What the last link carries, found while the arm moves."""
+"""Payload estimation while the arm moves."""
 
 from collections import deque
 from dataclasses import dataclass, fields
@@ -23,7 +23,7 @@ from aerarm_ros.online.information_filter import (
 )
 
 FRICTION_NAMES = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
-"""Of the rows of `OnlineEstimate.friction`."""
+"""Names of the rows of `OnlineEstimate.friction`."""
 
 _UNKNOWN = 0.5  # of the prior's standard deviation
 
@@ -35,18 +35,18 @@ class OnlineEstimate:
     Attributes
     ----------
     time : float
-        Of the state that it follows [s].
+        Time of its state [s].
     payload : Payload
-        Beyond what the arm's model has; a speck of 1e-6 kg stands for nothing. Its covariance is
-        that before it is known that the payload is a body.
+        Payload beyond the arm's model; 1e-6 kg means none. The covariance is that before the
+        constraint to physical bodies.
     carries : bool
-        Whether something is carried.
+        Whether the arm carries a payload.
     since : float
-        Time [s] of the last pick-up or put-down that was found; minus infinity before the first.
+        Time [s] of the last detected pick-up or put-down; minus infinity before the first.
     prior_std : (10,) ndarray
-        Of the payload's parameters, before there was a motion.
+        Standard deviations of the payload's parameters before any motion.
     friction, friction_std : (3, n) ndarray
-        Viscous [Nms/rad], Coulomb [Nm] and load friction [-] of the joints, as they are by now.
+        Present viscous [Nms/rad], Coulomb [Nm] and load-dependent friction [-] of the joints.
     residual : (n,) ndarray
         RMS torque that remains unexplained [Nm].
     """
@@ -62,7 +62,7 @@ class OnlineEstimate:
 
     @property
     def unexcited(self) -> tuple[str, ...]:
-        """Names of the parameters that the motion hardly excites: they are near the prior."""
+        """Names of the parameters that the motion hardly excites, and that are near the prior."""
         known = self.payload.std < _UNKNOWN * self.prior_std
         return tuple(
             name for name, is_known in zip(PARAMETER_NAMES, known, strict=True) if not is_known
@@ -76,24 +76,24 @@ class EstimatorSettings:
     Attributes
     ----------
     bandwidth : float
-        Of the low-passes on both sides of the equation of motion [1/s]. What is faster is noise;
-        what is picked up shows after some of its time constants.
+        Bandwidth of the low-passes on both sides of the equation of motion [1/s]. Faster signals
+        are noise. A payload appears after some time constants.
     correlation_time : float
-        For how long an error of the model stays what it is [s]. Errors within it count as one.
+        Correlation time of model errors [s]. Errors within it count as one.
     payload_mass, payload_size : float
-        Standard deviation of what may be picked up: its mass [kg], and the distance of its parts
-        from the last joint [m].
+        Standard deviation of a payload's mass [kg], and the distance of its parts from the last
+        joint [m].
     tare_mass : float
-        Standard deviation of the mass [kg] by which the arm's model may be wrong at its last link.
+        Standard deviation of the mass error [kg] of the arm's model at the last link.
     friction_spread : float
-        Standard deviation of friction from what the model says, relative.
+        Standard deviation of friction from the model, relative.
     torque_noise : float
-        RMS torque [Nm] that the model leaves unexplained at first; it is measured from then on.
+        Initial RMS torque [Nm] that the model leaves unexplained; measured from then on.
     model_error : float
-        Standard deviation of gravity and inertia from what the model says, relative. What it may
-        explain is no change of the payload.
+        Standard deviation of gravity and inertia from the model, relative. Torques within it do
+        not count as a change of the payload.
     memory, friction_memory : float
-        Time constants of forgetting [s], of payload and tare, and of friction.
+        Time constants of forgetting [s], of payload and bias, and of friction.
     """
 
     bandwidth: float = 30.0
@@ -108,28 +108,28 @@ class EstimatorSettings:
     friction_memory: float = 120.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check that every setting is positive."""
         for field in fields(self):
             positive(field.name, getattr(self, field.name))
 
     def body_scale(self, mass: float) -> np.ndarray:
-        """Return standard deviations (10,) of a body of a mass [kg] and `payload_size`."""
+        """Return standard deviations (10,) of a body with a mass [kg] and `payload_size`."""
         size = self.payload_size
         return mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
 
 
 class ChangeTest:
-    """A cumulative sum of how much larger errors are than they should be.
+    """Cumulative sum test for errors that are larger than expected.
 
-    Page: Continuous inspection schemes (1954). An error counts by its square over its variance,
-    less `allowed`, and up to a limit: one sample that is mad finds nothing.
+    Page: Continuous inspection schemes (1954). The sum adds each squared error over its variance,
+    minus `allowed`, up to a limit, so that a single outlier causes no detection.
 
     Parameters
     ----------
     allowed : float
-        Mean of squared errors over their variance that is still in order.
+        Normal mean of squared errors over their variance.
     threshold : float
-        Sum that tells a change.
+        Sum that indicates a change.
     """
 
     def __init__(self, allowed: float = 5.0, threshold: float = 60.0) -> None:
@@ -138,32 +138,32 @@ class ChangeTest:
         self._sum = 0.0
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset the sum."""
         self._sum = 0.0
 
     def update(self, square: float) -> bool:
-        """Take a squared error over its variance, and tell whether there was a change."""
+        """Add a squared error over its variance, and return whether a change is detected."""
         change = min(square, 0.5 * self._threshold) - self._allowed
         self._sum = max(0.0, self._sum + change)
         return self._sum > self._threshold
 
 
-_FROZEN = 0.2  # [s] in which a measured torque of a moving joint changes
+_FROZEN = 0.2  # [s] in which the measured torque of a moving joint changes
 _MOVING = 0.05  # [rad/s]
 
 
 class EffortWatch:
-    """Looks for joints that move while their torque stays the same to the last bit.
+    """Detect joints that move while their torque stays constant to the last bit.
 
     Parameters
     ----------
     names : tuple of str
-        Of the joints.
+        Names of the joints.
 
     Attributes
     ----------
     problem : str
-        What is wrong, '' if nothing.
+        Description of the problem; empty if there is none.
     """
 
     def __init__(self, names: tuple[str, ...]) -> None:
@@ -173,7 +173,7 @@ class EffortWatch:
         self.problem = ''
 
     def update(self, state: ArmState, dt: float) -> None:
-        """Take a state, `dt` [s] after the one before."""
+        """Process a state, `dt` [s] after the previous one."""
         is_same = state.tau == self._before
         self._before = np.array(state.tau)
         if not is_same.any() and not self.problem:
@@ -185,65 +185,64 @@ class EffortWatch:
         if len(frozen):
             names = ', '.join(self._names[index] for index in frozen)
             self.problem = (
-                f'effort of {names} stays {state.tau[frozen[0]]:.3g} Nm while it moves: check that '
-                'joint_states has measured torques'
+                f'effort of {names} stays at {state.tau[frozen[0]]:.3g} Nm while the joint '
+                'moves: check that joint_states has measured torques'
             )
 
 
 PERIOD = 0.02
-"""[s] between estimates, at least."""
-# A longer silence [s] may hide anything.
+"""[s] Shortest interval between estimates."""
+# [s] A longer silence may hide any event.
 _LONGEST_GAP = 0.05
 _TARE, _LOAD = slice(0, 10), slice(10, 20)
-_UNDONE = 0.3  # [s] before a change was found, it may have happened
-_SETTLING = 0.15  # [s] after a change was found, in which the filter still holds what was before
-_DECISION = 0.35  # [s] in which it shows whether a change was a put-down
-_FAST = 2.0  # [s] after a change, in which nothing is forgotten and noise isn't measured
-_TARE_TIME = 1.0  # [s] of motion without a sign of a payload, by which there is none
-_SIGNIFICANT = 3.0  # standard deviations by which a payload must be more than nothing
+_UNDONE = 0.3  # [s] before its detection in which a change may have happened
+_SETTLING = 0.15  # [s] after a change in which the filter still contains earlier data
+_DECISION = 0.35  # [s] after a change in which the test for a put-down decides
+_FAST = 2.0  # [s] after a change without forgetting and without measuring noise
+_TARE_TIME = 1.0  # [s] of motion without a sign of a payload, after which there is none
+_SIGNIFICANT = 3.0  # standard deviations by which a payload must exceed zero
 _NOISE_TIME = 3.0  # [s] over which the unexplained torque is measured
-_LARGEST = 5.0  # standard deviations from which on an error counts less
-_SMALL_SHARE = 0.02  # standard deviation of load friction, where the model has none
-_SMALL_FRICTION = 0.01  # [Nm], [Nms/rad]: the same of the others
-_LEAST_NOISE = 0.25  # of the noise that was assumed
+_LARGEST = 5.0  # standard deviations above which an error has less weight
+_SMALL_SHARE = 0.02  # standard deviation of load-dependent friction if the model has none
+_SMALL_FRICTION = 0.01  # [Nm], [Nms/rad]: standard deviation of other friction
+_LEAST_NOISE = 0.25  # of the assumed noise
 
 
 class _Phase(NamedTuple):
-    """What the estimator takes the arm to do, and since when [s]."""
+    """Phase of the estimation, and its start [s]."""
 
     carries: bool
     since: float
 
 
 class PayloadEstimator:
-    """Payload and friction from states at 1 kHz, in a fiftieth of a second each.
+    """Estimate payload and friction from states at 1 kHz, with one estimate per 20 ms.
 
-    A linear Bayesian filter in three blocks: the *tare*, a body by which the arm's model is wrong
-    at its last link, learnt while nothing is carried; the *payload*, in the same columns while
-    something is; and friction's deviation from the model, slowly. Payload and tare are told apart
-    by time alone, so that an error of the arm's model that is the same before and after the
-    pick-up is not weighed.
+    The estimator is a linear Bayesian filter with three blocks. The *bias* block is a body that
+    corrects the arm's model at its last link, learnt without payload. The *payload* block has
+    equal columns and is learnt with a payload. The *friction* block follows friction's deviation
+    from the model slowly. Only time separates bias and payload, so a constant model error does not
+    enter the payload.
 
-    What is picked up or put down shows in the innovations: their squares over their variance are
-    summed up (`ChangeTest`). Then the belief of a moment before is taken back, and the payload
-    begins anew from its wide prior (the fast phase), or ends. What is told is the body nearest to
-    the payload's block (`nearest_body`), so its 4x4 pseudo-inertia is positive definite in every
-    step.
+    A pick-up or put-down appears in the innovations. The filter sums up their squares over their
+    variance (`ChangeTest`). After a detection, the filter restores its state from just before. The
+    payload then either starts from its wide prior (the fast phase), or ends. The published payload
+    is the physical body nearest to the payload block (`nearest_body`). So its 4x4 pseudo-inertia
+    is positive definite in every step.
 
     Parameters
     ----------
     dynamics : MovingBaseDynamics
-        Of the arm, carrying nothing.
+        Model of the arm without payload.
     viscous, coulomb, load_share : (n,) array_like
-        Friction as it is known, see `FilteredMotion`.
-    settings : EstimatorSettings, optional
+        Known friction, see `FilteredMotion`.
 
     Attributes
     ----------
     estimate : OnlineEstimate or None
-        The last good one; none before the first.
+        The last valid estimate; None before the first.
     changes : int
-        Pick-ups and put-downs that were found.
+        Number of detected pick-ups and put-downs.
     """
 
     def __init__(
@@ -267,7 +266,7 @@ class PayloadEstimator:
         self._filter = InformationFilter(20 + len(self._friction))
         self._efforts = EffortWatch(dynamics.robot.joint_names)
         self._change = ChangeTest()
-        # An error that stays for a while is one error, not one a period.
+        # A persistent error is one error, not one per period.
         self._repeated = 2.0 * s.correlation_time
         self.estimate: OnlineEstimate | None = None
         self.changes = 0
@@ -278,25 +277,24 @@ class PayloadEstimator:
 
     @property
     def problem(self) -> str:
-        """Reason why the arm cannot be estimated, '' if it can."""
+        """Reason why estimation is impossible; empty otherwise."""
         return self._efforts.problem or self._fault
 
     @property
     def is_tared(self) -> bool:
-        """Whether the arm has moved for a second and shown no payload, so that one is news."""
+        """Whether the arm has moved for a second without a payload."""
         return self._bare_time >= _TARE_TIME
 
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> OnlineEstimate | None:
-        """Take the state of `now` [s], and return an estimate if a new one is due.
+        """Process the state at `now` [s], and return an estimate if a new one is due.
 
-        A state with a number missing counts as lost. After a gap, or while something is wrong
-        (`problem`), the last good estimate stays.
+        A state with a missing number counts as lost. After a gap, or while there is a `problem`,
+        the last valid estimate stays.
 
         Parameters
         ----------
-        state : ArmState
         now : float
             [s]
         base : BaseMotion, optional
@@ -319,14 +317,15 @@ class PayloadEstimator:
             return None
         if self._elapsed < PERIOD - 1e-4 or not self._motion.is_settled:
             return None
-        # States that come more seldom than 200 times a second make longer periods.
+        # States below 200 Hz make longer periods.
         self._period, self._elapsed = min(self._elapsed, _LONGEST_GAP + PERIOD), 0.0
         return self._learn(self._motion.row(), now)
 
     def pause(self) -> None:
-        """Stop learning while the base's motion is unknown, or something holds the arm.
+        """Stop learning while the base's motion is unknown, or another object holds the arm.
 
-        That shows late: what was learnt in the 0.3 s before is taken back. The rest stays.
+        Such an event is detected late, so the last 0.3 s of learning are undone. Earlier data
+        stay.
         """
         if self._history:
             self._filter.belief = self._history[0]
@@ -337,7 +336,7 @@ class PayloadEstimator:
         self._interrupt()
 
     def _interrupt(self) -> None:
-        """Take note that states are missing."""
+        """Handle missing states."""
         self._motion.reset()
         self._elapsed = 0.0
         self._last = None
@@ -364,7 +363,7 @@ class PayloadEstimator:
             self._decide(rows, row, now)
             return self._tell(now)
         if self._rests(row):
-            # A push at rest looks like a payload; a payload shows as soon as the arm moves.
+            # A push at rest looks like a payload; a payload appears as soon as the arm moves.
             self._change.reset()
             return self._tell(now)
         error, square = self._innovation(rows, row)
@@ -377,18 +376,18 @@ class PayloadEstimator:
             self._take(rows, row, error, now)
         told = self._tell(now)
         if told.carries and now - told.since > _FAST and _is_nothing(told.payload):
-            # Something else was felt: a knock, or an error of the model.
+            # Another cause of the torque: a knock, or an error of the model.
             self._begin(False, now)
             told = self._tell(now)
         return told
 
     def _rests(self, row: MotionRow) -> bool:
-        """Whether no joint moves, so that friction and a push explain any torque."""
+        """Return whether all joints rest, so that friction and a push explain any torque."""
         n = self._motion.n
         return bool(np.abs(row.regressor[:, 10 : 10 + n]).max() < SLOW)
 
     def _rows(self, row: MotionRow) -> Array:
-        """Return what the n torques are, by the filter's parameters."""
+        """Return the rows of the n torques for the filter's parameters."""
         body, friction = row.regressor[:, :10], row.regressor[:, 10:]
         load = self._load_scale if self._phase.carries else np.zeros(10)
         return np.hstack([body * self._tare_scale, body * load, friction * self._friction_scale])
@@ -401,7 +400,7 @@ class PayloadEstimator:
         return error, float(np.max(error**2 / (self._variance(row) + spread)))
 
     def _variance(self, row: MotionRow) -> Array:
-        """Return the variance (n,) [Nm^2] of what noise, dry friction and the model leave."""
+        """Return the variance (n,) [Nm^2] due to noise, dry friction and model errors."""
         return self._noise + row.doubt**2 + (self.settings.model_error * row.modelled) ** 2
 
     def _take(self, rows: Array, row: MotionRow, error: Array, now: float) -> None:
@@ -414,17 +413,17 @@ class PayloadEstimator:
         self._filter.update(rows, row.torque, variance, self._kept(now))
 
     def _kept(self, now: float) -> Array:
-        """Return what is kept of the information, for each parameter."""
+        """Return the kept fraction of the information, for each parameter."""
         s, kept = self.settings, np.ones(20 + len(self._friction))
         if now - self._phase.since < _FAST:
             return kept
-        # While something is carried nothing is learnt of the arm without.
+        # With a payload, the bias of the bare arm is not learnt.
         kept[_LOAD if self._phase.carries else _TARE] = np.exp(-self._period / s.memory)
         kept[20:] = np.exp(-self._period / s.friction_memory)
         return kept
 
     def _measure_noise(self, error: Array, rows: Array, row: MotionRow) -> None:
-        """Follow the torque that stays unexplained, where its friction is known."""
+        """Update the unexplained torque where friction is known."""
         square = np.minimum(error**2, _LARGEST**2 * self._noise)
         share = np.where(row.doubt**2 > 0.1 * self._noise, 0.0, self._period / _NOISE_TIME)
         least = (_LEAST_NOISE * self.settings.torque_noise) ** 2
@@ -443,12 +442,12 @@ class PayloadEstimator:
             self._begin(True, now)
         else:
             self._fault = (
-                'the arm has a payload since the start, or its model is wrong: start without a '
+                'the arm carried a payload at the start, or its model is wrong: start without a '
                 'payload and move, set payload.inertial_parameters, or identify the arm'
             )
 
     def _decide(self, rows: Array, row: MotionRow, now: float) -> None:
-        """See whether the arm without payload explains what is felt now."""
+        """Decide whether the arm without payload explains the present torques."""
         assert self._found is not None
         bare = rows.copy()
         bare[:, _LOAD] = 0.0
@@ -468,13 +467,13 @@ class PayloadEstimator:
         self.changes += 1
 
     def _look_again(self, rows: Array, row: MotionRow) -> None:
-        """Reset once the arm without payload explains the torques."""
+        """Reset the filter once the arm without payload explains the torques."""
         _, square = self._innovation(rows, row)
         self._quiet = self._quiet + self._period if square < 3.0 else 0.0
         if self._quiet > 1.0:
             self._start_anew()
 
-    # What is told.
+    # Published estimates.
 
     def _tell(self, now: float) -> OnlineEstimate:
         belief, carries = self._filter.belief, self._phase.carries
@@ -501,6 +500,6 @@ class PayloadEstimator:
 
 
 def _is_nothing(payload: Payload) -> bool:
-    """Whether the body that was found explains no more than noise does."""
+    """Return whether the estimated body is within the noise."""
     body = payload.inertial
     return float(body @ np.linalg.solve(payload.covariance, body)) < _SIGNIFICANT**2

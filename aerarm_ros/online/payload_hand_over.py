@@ -6,46 +6,46 @@ from aerarm_ros.control.checks import positive
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.online.information_filter import SPECK
 
-_WORSE = 0.3  # [s] for which the unexplained torque has to be larger with the payload than without
-_SMALL = 0.1  # [Nm] by which it may be
+_WORSE = 0.3  # [s] for which the unexplained torque must be larger with the payload than without
+_SMALL = 0.1  # [Nm] tolerated difference
 
 
 class PayloadHandOver:
     """Payload of a model, on its way to an estimate.
 
-    The ten inertial parameters move along a straight line to the estimate, times a share. The
-    bodies are a convex cone, so that what is carried is one at every instant. Mass and first moment
-    change at limited rates, and with them the torque of gravity, so the torque never steps.
+    The ten inertial parameters move along a straight line to the estimate times `share`. Physical
+    bodies are a convex cone, so the payload is physical at every instant. Mass and first moment
+    change at limited rates, so the torque of gravity never steps.
 
-    If for 0.3 s a model without the payload would explain the torques better than with it, what was
-    handed over goes back to nothing at the same rates, and nothing is handed over until something
-    else is estimated: the hand-over is undone.
+    If a model without the payload explains the torques better for 0.3 s, the compensation is
+    undone: the payload returns to zero at limited rates. The payload stays zero until a different
+    estimate arrives.
 
     Parameters
     ----------
     share : float
-        Of the estimate, 0 (nothing is handed over) to 1.
+        Fraction of the estimate, 0 (no compensation) to 1.
     mass_rate : float
         Largest rate of the mass [kg/s].
     centre_rate : float
-        Largest rate of the centre of mass [m/s], of a payload of the mass that it has.
+        Largest rate of the centre of mass [m/s], at the estimated mass.
 
     Attributes
     ----------
     carried : (10,) ndarray
-        What the model shall carry now.
+        Present payload of the model.
     is_undone : bool
-        Whether the last estimate was found wrong.
+        Whether the last estimate proved wrong.
 
     Raises
     ------
     ValueError
-        If the share isn't in 0 .. 1 or a rate isn't positive.
+        If the share is not in 0 .. 1 or a rate is not positive.
     """
 
     def __init__(self, share: float, mass_rate: float, centre_rate: float) -> None:
         if not 0.0 <= share <= 1.0:
-            raise ValueError(f'share = {share} of the payload must lie in 0 .. 1')
+            raise ValueError(f'payload fraction = {share} must lie in 0 .. 1')
         self.share = share
         self._mass_rate = positive('mass_rate', mass_rate)
         self._centre_rate = positive('centre_rate', centre_rate)
@@ -56,11 +56,11 @@ class PayloadHandOver:
         self._worse = 0.0
 
     def offer(self, estimate: Array) -> None:
-        """Take a new estimate (10,), of a body; a speck is nothing."""
+        """Set a new estimate (10,) of a body; a tiny mass means no payload."""
         given = estimate if estimate[0] > 2.0 * SPECK else np.zeros(10)
         if self._refused is not None:
             if abs(given[0] - self._refused[0]) < 0.5 * self._refused[0]:
-                return  # still what was found wrong
+                return  # still the estimate that proved wrong
             self._refused, self.is_undone = None, False
         self._estimate = given
 
@@ -71,8 +71,8 @@ class PayloadHandOver:
         if not way.any():
             return self.carried
         mass = max(float(target[0]), float(self.carried[0]))
-        # As far along the line as both rates allow; the first moment of a mass that comes or goes
-        # follows that mass.
+        # The largest step along the line within both rates; the first moment of an added or
+        # removed mass follows that mass.
         own = np.linalg.norm(way[1:4] - way[0] * _centre(target, self.carried))
         part = 1.0
         if way[0]:
@@ -83,21 +83,21 @@ class PayloadHandOver:
         return self.carried
 
     def judge(self, residual: Array, share: Array, dt: float) -> bool:
-        """See whether the payload in the model makes its errors larger; tell if it is undone now.
+        """Check whether the payload increases the model's errors; return whether it is now undone.
 
         Parameters
         ----------
         residual : (n,) ndarray
             Torque that the model with the payload leaves unexplained [Nm].
         share : (n,) ndarray
-            Torque that the model asks for the payload [Nm].
+            Torque of the payload in the model [Nm].
         dt : float
-            Since the last call [s].
+            Time since the last call [s].
         """
         if not self._estimate[0]:
             self._worse = 0.0
-            return False  # it is on its way out
-        # What the model doesn't know of a payload is a negative disturbance.
+            return False  # compensation is being removed
+        # A payload that the model lacks appears as a negative disturbance.
         without = np.linalg.norm(residual - share)
         is_worse = np.linalg.norm(residual) > without + _SMALL
         self._worse = self._worse + dt if is_worse else 0.0

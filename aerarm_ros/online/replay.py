@@ -1,4 +1,4 @@
-"""Recorded motion through the estimator that learns while an arm works."""
+"""Playback of recordings through the payload estimator."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,17 +21,16 @@ _ELSEWHERE = (*_FOLLOWED, TermKind.ROTOR, *COUPLED)
 
 @dataclass(frozen=True, eq=False)
 class KnownArm:
-    """Model and friction that a `PayloadEstimator` is built from.
+    """Model and friction for a `PayloadEstimator`.
 
     Attributes
     ----------
-    robot : Robot
     rotor_inertia : (n,) ndarray
         At the joints [kg m^2].
     friction : (3, n) ndarray
-        Viscous [Nms/rad], Coulomb [Nm] and load friction [-].
+        Viscous [Nms/rad], Coulomb [Nm] and load-dependent friction [-].
     others : tuple of (int, JointTerm, float)
-        Joint, term and coefficient of what else is known of the joints' torque.
+        Joint, term and coefficient of further joint torques.
     """
 
     robot: Robot
@@ -70,8 +69,8 @@ class KnownArm:
         return torque
 
 
-_SHORTEST = 1.0  # [s] for which a payload is carried: what is shorter was a knock
-_BETWEEN = 1.0  # [s] between two recordings, as far as the estimator knows
+_SHORTEST = 1.0  # [s] shortest time of a payload; a shorter event is a knock
+_BETWEEN = 1.0  # [s] assumed between two recordings
 
 
 class LoadChange(NamedTuple):
@@ -82,7 +81,7 @@ class LoadChange(NamedTuple):
     time : float
         Since the recording's beginning [s].
     carries : bool
-        Whether something is carried from then on.
+        Whether the arm carries a payload from then on.
     """
 
     time: float
@@ -90,17 +89,16 @@ class LoadChange(NamedTuple):
 
 
 class Replay:
-    """Plays recordings of one arm, one after the other, to a `PayloadEstimator`.
+    """Play recordings of one arm, one after the other, to a `PayloadEstimator`.
 
-    The first one begins with an arm that carries nothing. The base stands still.
+    The first recording must begin without payload. The base stands still.
 
     Parameters
     ----------
-    arm : KnownArm
     estimator : PayloadEstimator
-        Made from this arm.
+        Estimator of this arm.
     is_stopped : callable, optional
-        Asked now and then; raises KeyboardInterrupt if it says so.
+        Called from time to time; if it returns True, KeyboardInterrupt is raised.
 
     Attributes
     ----------
@@ -126,12 +124,13 @@ class Replay:
         Raises
         ------
         IdentificationError
-            If it has no velocities, is too short, or the estimator can tell nothing from it.
+            If the recording has no velocities, is too short, or yields no estimate.
         """
         if recording.dq is None:
             raise IdentificationError(
-                f'{recording.name}: no velocities: they are taken as they come while an arm works; '
-                'record them, or weigh with identifier --payload, which differentiates positions'
+                f'{recording.name} has no velocities, which the payload estimator needs: record '
+                'them, or estimate the payload with identifier --payload, which differentiates '
+                'positions'
             )
         tau = recording.tau - self._arm.other_torque(recording.dq)
         offset = self._now + _BETWEEN - float(recording.time[0])
@@ -158,8 +157,9 @@ class Replay:
         if not heard:
             gap = float(np.median(np.diff(recording.time)))
             raise IdentificationError(
-                f'{recording.name}: {recording.duration:.2g} s at {1.0 / gap:.3g} Hz are too '
-                'little to learn from: give a longer motion, recorded at 25 Hz or more'
+                f'{recording.name} is too short or too slow to learn from '
+                f'({recording.duration:.2g} s at {1.0 / gap:.3g} Hz): record a longer motion at '
+                '25 Hz or more'
             )
 
 

@@ -1,5 +1,5 @@
-"""The look of every report: one template, one theme of plots, one file that needs no network.
+"""Common layout of all reports: one template, one plot theme, one self-contained file.
 
-In come titles, texts, tables and figures of the rooms that have something to tell; out goes a page,
-light or dark as its reader likes, with what it was made of and how at its top.
+A page is composed of titles, texts, tables and figures of other packages. It is light or dark by
+the reader's preference, and states its origin at the top.
 """

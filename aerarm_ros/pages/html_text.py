@@ -1,4 +1,4 @@
-"""Elements of an HTML page, made by the templates in `elements.html`."""
+"""Elements of an HTML page, from the templates in `elements.html`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from typing import Any
 from markupsafe import Markup, escape
 
 Html = Markup
-"""Text that is HTML already and isn't escaped again."""
+"""Text that is already HTML and is not escaped again."""
 
-# As wide as a digit, and as a point.
+# Spaces as wide as a digit, and as a decimal point.
 _DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'
-_LONG = 24  # characters of a text that is not to be one word a line on a phone
-_FEW = 3  # sections that need no list of contents
+_LONG = 24  # characters above which a text wraps on a phone
+_FEW = 3  # sections up to which no table of contents is needed
 _HEADING = re.compile('<h2>(.*?)</h2>', re.DOTALL)
 
 
@@ -30,8 +30,8 @@ _FOLDER = Path(__file__).parent
 
 @cache
 def macros(path: Path) -> Any:
-    """Return the macros of a template; each returns `Html`, in which texts are escaped."""
-    # It takes 0.1 s, which no program without a page has to wait for.
+    """Return the macros of a template; each returns `Html` with escaped texts."""
+    # Local import, because it takes 0.1 s that programs without pages do not need.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -49,22 +49,22 @@ def _elements() -> Any:
 
 
 def paragraph(text: object, kind: str = '') -> Html:
-    """Return a paragraph."""
+    """Return an HTML paragraph."""
     return Html(_elements().paragraph(text, kind))
 
 
 def section(title: str, *parts: str) -> Html:
-    """Return a heading with what belongs to it."""
+    """Return a heading with its content."""
     return Html(_elements().section(title, parts))
 
 
 def folded(title: str, *parts: str) -> Html:
-    """Return parts that the reader opens by a click."""
+    """Return parts that open on a click."""
     return Html(_elements().folded(title, parts))
 
 
 def bullets(items: Iterable[object], kind: str = '') -> Html:
-    """Return an unordered list."""
+    """Return an unordered HTML list."""
     return Html(_elements().bullets(items, kind))
 
 
@@ -76,20 +76,22 @@ def markup(value: object) -> Html:
 def table(
     headings: Sequence[object], rows: Iterable[Sequence[object]], best: Sequence[int] = ()
 ) -> Html:
-    """Return a table.
+    """Return an HTML table.
 
     Parameters
     ----------
     headings : sequence
+        Column headings.
     rows : iterable of sequences
-        Numbers are shown with four digits, to the right, point below point; texts to the left.
+        Cells. Numbers have four digits and are aligned at the decimal point; texts are
+        left-aligned.
     best : sequence of int
-        Rows to emphasise.
+        Indices of the rows to emphasize.
     """
     rows = list(rows)
     shown = zip(*map(_aligned, zip(*rows, strict=True)), strict=True)
     first = rows[0] if rows else [None] * len(headings)
-    # Names of joints and bags may break in a heading.
+    # Allow line breaks in headings with names of joints and bags.
     head = [
         (markup(heading).replace('_', Html('_<wbr>')), 'text' if _is_text(value) else '')
         for heading, value in zip(headings, first, strict=False)
@@ -102,25 +104,25 @@ def table(
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number for reading, a dash for None and what isn't finite."""
+    """Return a number as text, with a dash for None and non-finite values."""
     if value is None or not math.isfinite(value):
         return '–'
     return f'{value:.{digits}g}'
 
 
 def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | None = None) -> str:
-    """Return a complete document.
+    """Return a complete HTML document.
 
     Parameters
     ----------
     title
-        Of the page.
+        Title of the page.
     head
-        HTML, such as scripts.
+        HTML of the head, for example scripts.
     body
-        What it shows; what `section` made is in the list of contents.
+        Content; elements made by `section` appear in the table of contents.
     facts
-        What stands at the top, by name, such as when and how it was made.
+        Texts at the top by name, for example date and command line.
     """
     text = ''.join(body)
     titles = [Html(title) for title in _HEADING.findall(text)]
@@ -133,7 +135,7 @@ def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | 
 
 
 def _aligned(column: Sequence[object]) -> list[object]:
-    """Return a column's cells, its numbers filled up so that their points lie below each other."""
+    """Return a column's cells, with numbers padded so that their decimal points align."""
     texts = [number(x) if x is None or isinstance(x, float) else None for x in column]
     tails = [len(x.partition('.')[2]) for x in texts if x and '.' in x and 'e' not in x]
     longest = max(tails, default=0)
@@ -168,7 +170,7 @@ _PACKAGE = 'aerarm_ros'
 
 
 def origin(arguments: Sequence[str] | None = None) -> dict[str, str]:
-    """Return date, version and command line of this run; of `arguments`, by default its own."""
+    """Return date, version and command line of this run, or of given `arguments`."""
     program, *rest = sys.argv if arguments is None else arguments
     try:
         version = metadata.version(_PACKAGE)

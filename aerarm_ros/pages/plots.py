@@ -1,4 +1,4 @@
-"""Plots of a page, drawn in the browser by the plotting library that the page carries."""
+"""Plots of a page, drawn in the browser by an embedded plotting library."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from aerarm_ros.pages.html_text import Html
 
 
 def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str, Any]) -> Html:
-    """Return a division and the script that draws traces into it.
+    """Return an HTML division and the script that draws traces into it.
 
     Parameters
     ----------
     identifier : str
-        Of the division; letters, digits and hyphens.
+        Identifier of the division; letters, digits and hyphens.
     traces, layout
-        As the plotting script takes them.
+        Traces and layout in the plotting script's format.
     """
     options = {'responsive': True, 'displaylogo': False}
     arguments = ', '.join(_script(value) for value in (identifier, traces, layout, options))
@@ -32,23 +32,25 @@ def figure_html(identifier: str, traces: list[dict[str, Any]], layout: dict[str,
 
 
 def plotly_figure(figure: Any) -> Html:
-    """Return a figure that was made by plotly as a part of a page."""
+    """Return a plotly figure as part of a page."""
     drawn = figure.to_html(full_html=False, include_plotlyjs=False)
     return Html(f'<div class="figure">{drawn}</div>\n')
 
 
 def plotting_script() -> Html:
-    """Return the plotting library as an inline script, so that the page needs no network.
+    """Return the plotting library as an inline script, so that the page opens offline.
 
     Raises
     ------
     ValueError
-        If plotly isn't installed.
+        If plotly is not installed.
     """
-    # Looked up, not imported: only its JavaScript is needed, and importing takes a while.
+    # Located without import, because only its JavaScript is needed and the import is slow.
     found = importlib.util.find_spec('plotly')
     if found is None or not found.submodule_search_locations:
-        raise ValueError('plotly is not installed: install the package again')
+        raise ValueError(
+            'plotly is not installed: install this package again, with its dependencies'
+        )
     path = Path(found.submodule_search_locations[0]) / 'package_data' / 'plotly.min.js'
     packed = base64.b64encode(_compressed(path)).decode()
     script = Path(__file__).with_name('plots.js').read_text(encoding='utf-8')
@@ -57,16 +59,16 @@ def plotting_script() -> Html:
 
 @lru_cache(maxsize=1)
 def _compressed(path: Path) -> bytes:
-    # A higher level takes half as long again for 0.2 % less.
+    # A higher level takes 50 % longer for 0.2 % less size.
     return gzip.compress(path.read_bytes(), compresslevel=6, mtime=0)
 
 
 def plain_text(text: str) -> str:
-    """Return a text that the plotting script shows as it is: it reads some HTML tags itself."""
+    """Return a text escaped for the plotting script, which interprets some HTML tags."""
     return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')
 
 
 def _script(value: object) -> str:
-    """Return JSON that may stand inside a script element, whatever strings it holds."""
+    """Return JSON that is safe inside a script element, for any strings in the value."""
     text = json.dumps(value, separators=(',', ':'))
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')

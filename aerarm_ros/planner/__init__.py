@@ -1,5 +1,5 @@
-"""Motions from rest to rest that cost little, within every limit.
+"""Planner of rest-to-rest motions with low cost within all limits.
 
-In come an arm's model with friction and payload, its limits, and where it is to go: joints or a
-place of the tool; out go a motion, what it will take, and its margins in a dense check.
+The inputs are an arm's model with friction and payload, its limits, and a goal (joint positions or
+a tool position). The planner returns a motion, its energy, and its margins in a dense check.
 """

@@ -15,14 +15,14 @@ from aerarm_ros.planner.spline_basis import SplineBasis
 
 
 class TermValue(NamedTuple):
-    """An integral over a motion, and its derivatives by what the motion does at each instant.
+    """Integral over a motion, with its derivatives by the motion at each instant.
 
     Attributes
     ----------
     value : float
+        Value of the integral.
     by_q, by_dq, by_ddq : (M, n) ndarray
-        The sum over the instants is the integral's change with positions, velocities and
-        accelerations.
+        Derivatives with respect to positions, velocities and accelerations at each instant.
     """
 
     value: float
@@ -32,26 +32,26 @@ class TermValue(NamedTuple):
 
 
 class CostTerm(Protocol):
-    """An integral over time of something that the motion is at each instant."""
+    """Integral over time of a function of the motion."""
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the integral over M instants that stand for `dt` [s] each."""
+        """Return the integral over M instants, each representing `dt` [s]."""
         ...
 
 
-# A penalty gives way a little, and between two instants a motion may be faster than at both.
-_BEGIN = 0.97  # share of a limit
+# A penalty yields slightly, and between instants a motion may be faster than at both.
+_BEGIN = 0.97  # fraction of a limit at which the penalty begins
 
 
 class Excess(NamedTuple):
-    """A penalty, summed up, and its slope (M, n) by each value."""
+    """Sum of a penalty, with its slope (M, n) by each value."""
 
     value: float
     slope: Array
 
 
 def excess(values: Array, limit: Array, penalty: float) -> Excess:
-    """Return the penalty of values (M, n) beyond limits (n,), infinite ones being none."""
+    """Return the penalty of values (M, n) beyond limits (n,); infinite limits have none."""
     beyond = np.maximum(np.abs(values) / limit - _BEGIN, 0.0)
     slope = (2.0 * penalty) * beyond * np.sign(values) / limit
     return Excess(penalty * float((beyond**2).sum()), slope)
@@ -62,9 +62,8 @@ class LimitTerm:
 
     Parameters
     ----------
-    limits : MotionLimits
     penalty : float
-        Of (excess / limit)^2 [1/s].
+        Weight of (excess / limit)^2 [1/s].
     """
 
     def __init__(self, limits: MotionLimits, penalty: float) -> None:
@@ -72,7 +71,7 @@ class LimitTerm:
         self._penalty = penalty
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the term, see `CostTerm`."""
+        """Return the penalty and its derivatives, see `CostTerm`."""
         velocity = excess(motion.dq, self._limits.velocity, self._penalty)
         acceleration = excess(motion.ddq, self._limits.acceleration, self._penalty)
         value = dt * (velocity.value + acceleration.value)
@@ -81,28 +80,28 @@ class LimitTerm:
         )
 
 
-_ROOM = 0.01  # [m] beyond the required distance: postures between two instants may be nearer
+# [m] in addition to the required distance, because postures between instants may be closer
+_ROOM = 0.01
 _SCALE = 0.05  # [m]
 
 
 class ClearanceTerm:
-    """Penalty of distances below what is required.
+    """Penalty of distances below the required ones.
 
     Parameters
     ----------
-    clearance : ClearanceChecker
     penalty : float
-        Of (missing distance / 50 mm)^2 [1/s].
+        Weight of (missing distance / 50 mm)^2 [1/s].
     """
 
     def __init__(self, clearance: ClearanceChecker, penalty: float) -> None:
         self._clearance = clearance
         self._penalty = penalty / _SCALE**2
-        # Postures that were looked at (M, n) [rad], and their margins [m].
+        # Evaluated postures (M, n) [rad], and their margins [m].
         self._seen: tuple[Array, Array] | None = None
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the term, see `CostTerm`."""
+        """Return the penalty and its derivatives, see `CostTerm`."""
         nothing = np.zeros_like(motion.q)
         by_q, value = nothing.copy(), 0.0
         for k in np.flatnonzero(self._may_be_near(motion.q)).tolist():
@@ -115,7 +114,7 @@ class ClearanceTerm:
         return TermValue(value, by_q, nothing, nothing)
 
     def _may_be_near(self, q: Array) -> npt.NDArray[np.bool_]:
-        """Return the rows whose margin is not known to suffice by a posture seen before."""
+        """Return the rows whose margin is not known to suffice from evaluated postures."""
         if self._seen is None:
             self._seen = np.array(q), np.full(len(q), -np.inf)
         before, margin = self._seen
@@ -130,21 +129,20 @@ class ClearanceTerm:
 
 
 class DisturbanceTerm:
-    """Moment of a motion's reaction on the base, its peak above all.
+    """Cost of the moment that a motion exerts on the base, dominated by its peak.
 
-    The reaction is what links and rotors take to be moved, `M_bj ddq + c_b` of the free-base
-    model: weight is left out, since where the arm is, is not the motion's to choose. The integral
-    of ``scale^2 (|m| / scale)^(2 power)``.
+    The reaction is the wrench that accelerates links and rotors, `M_bj ddq + c_b` of the free-base
+    model. The weight is excluded, because it depends on the posture and not on the motion. The term
+    is the integral of ``scale^2 (|m| / scale)^(2 power)``.
 
     Parameters
     ----------
-    body : WholeBodyDynamics
     price : float
-        [J/(Nm)^2/s], at a moment of `scale`.
+        Price [J/(Nm)^2/s] at a moment of `scale`.
     scale : float
-        Moment beyond which the price rises steeply [Nm].
+        Moment above which the price rises steeply [Nm].
     power : int
-        The higher, the more the peak counts and the less the rest.
+        Exponent; higher values give more weight to the peak.
     """
 
     def __init__(self, body: WholeBodyDynamics, price: float, scale: float, power: int = 3) -> None:
@@ -154,7 +152,7 @@ class DisturbanceTerm:
         self._power = power
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the term, see `CostTerm`."""
+        """Return the cost and its derivatives, see `CostTerm`."""
         count, n = motion.q.shape
         moment, slopes = np.empty((count, 3)), np.empty((3, count, 3, n))
         for k, row in enumerate(zip(*motion, strict=True)):
@@ -169,32 +167,32 @@ class DisturbanceTerm:
 
 
 def peak_moment(body: WholeBodyDynamics, motion: JointReference) -> float:
-    """Return the largest moment of a motion's reaction on the base [Nm], of M instants."""
+    """Return the largest moment of a motion's reaction on the base [Nm] over M instants."""
     still = np.zeros(3)
     rows: list[Array] = [body.forces(*row, still)[3:6] for row in zip(*motion, strict=True)]
     return float(np.linalg.norm(rows, axis=1).max())
 
 
-# Over these a sign becomes smooth: of velocity [rad/s], of power [W].
+# Widths over which a sign is smoothed: of velocity [rad/s], of power [W].
 _FRICTION_WIDTH = 0.03
 _POWER_WIDTH = 0.05
 
 
 class DriveTerm:
-    """Energy that the supply gives [J], and a penalty of too much torque.
+    """Energy drawn from the supply [J], and a penalty of excessive torque.
 
-    Analytic by the derivatives of inverse dynamics. Dry friction and the end of recovery, where a
-    motor begins to brake, are rounded off over small velocities and powers.
+    The derivatives are analytic, from the derivatives of inverse dynamics. Dry friction and the
+    onset of recuperation, where a motor begins to brake, are smoothed over small velocities and
+    powers.
 
     Parameters
     ----------
-    model : EnergyModel
     effort_max : (n,) ndarray
         Usable torque [Nm].
     price : float
-        Of a joule [-]; 0 leaves the penalty alone.
+        Price per joule [-]; 0 means only the penalty.
     penalty : float
-        Of (excess / limit)^2 [1/s].
+        Weight of (excess / limit)^2 [1/s].
     """
 
     def __init__(self, model: EnergyModel, effort_max: Array, price: float, penalty: float) -> None:
@@ -206,7 +204,7 @@ class DriveTerm:
         self._penalty = penalty
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the term, see `CostTerm`."""
+        """Return the cost and its derivatives, see `CostTerm`."""
         q, dq, ddq = motion
         shape = q.shape
         rigid, slopes = np.empty(shape), np.empty((3, *shape, shape[1]))
@@ -215,7 +213,7 @@ class DriveTerm:
                 q[k], dq[k], ddq[k]
             )
         rotors = self._dynamics.rotor_inertia
-        load = rigid - rotors * ddq  # what turns the rotors does not go through the gears
+        load = rigid - rotors * ddq  # rotor torque is not transmitted by the gears
         tau = rigid + self._friction.torque(dq, load)
         value, by_tau, by_dq = self._density(tau, dq)
         friction_by_dq, friction_by_load = self._friction.slopes(dq, load)
@@ -226,10 +224,10 @@ class DriveTerm:
         return TermValue(dt * value, by_q, by_dq, by_ddq - by_load * rotors)
 
     def _density(self, tau: Array, dq: Array) -> tuple[float, Array, Array]:
-        """Return the sum over the instants of cost a second, and its slopes by torque, velocity."""
+        """Return the summed cost per second, and its slopes by torque and velocity."""
         drives = self._drives
         power = drives.electrical(tau, dq)
-        # From the supply comes power + (1 - recovery) max(-power, 0).
+        # Power from the supply: power + (1 - recovery) max(-power, 0).
         root = np.sqrt(power**2 + _POWER_WIDTH**2)
         lost = 1.0 - drives.recovery
         taken = power + lost * 0.5 * (root - power)
@@ -241,57 +239,58 @@ class DriveTerm:
 
 
 class SmoothnessTerm:
-    """Integral of the accelerations squared.
+    """Integral of the squared accelerations.
 
-    How a light joint goes its way makes hardly a difference to energy, so a search leaves it
-    anywhere: creeping so slowly that dry friction holds the joint beside its reference. With a
-    price of acceleration such a joint moves evenly.
+    The motion of a light joint hardly affects the energy. Without this term the search may
+    therefore return very slow motions, in which dry friction keeps the joint away from its
+    reference. A price on acceleration makes such a joint move evenly.
 
     Parameters
     ----------
     price : (n,) ndarray
-        Of each joint [J s^3/rad^2], see `prices_by_lightness`.
+        Price of each joint [J s^3/rad^2], see `prices_by_lightness`.
     """
 
     def __init__(self, price: Array) -> None:
         self._price = price
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the term, see `CostTerm`."""
+        """Return the cost and its derivatives, see `CostTerm`."""
         slope = 2.0 * self._price * dt * motion.ddq
         nothing = np.zeros_like(motion.q)
         return TermValue(0.5 * float((slope * motion.ddq).sum()), nothing, nothing, slope)
 
 
 def prices_by_lightness(price: float, inertia: Array) -> Array:
-    """Return what acceleration costs each joint, (n,) [J s^3/rad^2].
+    """Return the price of acceleration for each joint, (n,) [J s^3/rad^2].
 
-    Of a wrong torque a light joint takes more acceleration and, feedback of computed torque being
-    an acceleration too, more error: both over its inertia. So does the price go; where there is
-    little to move, evenness costs little energy.
+    A torque error causes an acceleration inversely proportional to the joint's inertia, and a
+    tracking error as well, because computed torque control feeds back accelerations. The price is
+    therefore inversely proportional to the inertia. For light joints a high price costs little
+    energy.
 
     Parameters
     ----------
     price : float
-        Of the joint that moves most inertia [J s^3/rad^2].
+        Price of the joint with the largest inertia [J s^3/rad^2].
     inertia : (n,) ndarray
-        That the joints move, each alone [kg m^2].
+        Inertia moved by each joint alone [kg m^2].
     """
     lightness: Array = inertia.max() / inertia
     return price * lightness
 
 
 class MotionCost:
-    """The sum of some terms, as a function of a spline's free points and maybe its duration.
+    """Sum of cost terms as a function of a spline's free points and optionally its duration.
 
     Parameters
     ----------
-    basis : SplineBasis
     start, end : (n,) ndarray
         Postures at rest [rad].
     terms : sequence of CostTerm
+        Cost terms to add.
     second : float
-        What a second costs, where the duration is free.
+        Price of a second, if the duration is free.
     """
 
     def __init__(
@@ -313,16 +312,16 @@ class MotionCost:
         Parameters
         ----------
         points : (K, n) ndarray
-            [rad]
+            Free control points [rad].
         duration : float
-            [s]
+            Duration of the motion [s].
         """
         motion = self._basis.motion(points, *self._ends, duration)
         dt = duration / self._basis.samples
         parts = [term(motion, dt) for term in self._terms]
         value = sum(part.value for part in parts)
-        # Slower by a part in a thousand: so much longer, all velocities so much less, and
-        # accelerations twice that.
+        # A relative change of the duration by e changes all velocities by -e and all accelerations
+        # by -2 e.
         by_log = self._second * duration + value
         by_points = np.zeros_like(points)
         rows = ([getattr(part, name) for part in parts] for name in ('by_q', 'by_dq', 'by_ddq'))

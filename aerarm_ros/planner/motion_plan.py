@@ -1,4 +1,4 @@
-"""A motion that was planned, and what is known of it."""
+"""Planned motion with its predicted energy and margins, and planner settings."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class PlanError(ValueError):
-    """Goal that cannot be reached; the message names the binding limit."""
+    """Goal that cannot be reached; the message names the violated limit."""
 
 
 ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 'disturbance')
@@ -18,35 +18,35 @@ ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 
 
 @dataclass(frozen=True, slots=True)
 class PlanSettings:
-    """Objective of a motion, and usable share of the limits.
+    """Objective of a motion, and usable fraction of the limits.
 
     Attributes
     ----------
     objective : str
-        'energy': least energy; 'time': the quickest; 'quintic': straight in joint space, for
-        comparison; 'disturbance': least peak of the reaction's moment on the base.
+        'energy': least energy; 'time': shortest duration; 'quintic': straight in joint space, for
+        comparison; 'disturbance': least peak moment on the base.
     duration : float
-        [s]; 0 for as long as is best: where energy is priced, that at which a second more saves
-        less than it costs, and for a quintic the shortest.
+        Duration [s]; 0 for the optimum: with an energy price, the duration at which a further
+        second saves less than it costs; for a quintic, the shortest.
     time_price : float
-        What a second costs besides the arm's energy [W], as the power at which the drone hovers.
+        Price of a second in addition to the arm's energy [W], for example the drone's hover power.
     smoothness : float
-        Price of acceleration squared, of the joint that moves most inertia [J s^3/rad^2], where
-        energy is saved; lighter ones pay more, see `prices_by_lightness`.
+        Price of squared acceleration for the joint with the largest inertia [J s^3/rad^2], if
+        energy is minimized; lighter joints have a higher price, see `prices_by_lightness`.
     disturbance_price : float
-        Price of the reaction's moment on the base, see `DisturbanceTerm` [J/(Nm)^2/s], where energy
-        is saved; 0 for none.
+        Price of the moment on the base [J/(Nm)^2/s], if energy is minimized, see `DisturbanceTerm`;
+        0 for none.
     velocity_share, effort_share : float
-        Usable share of velocity and acceleration limits, and of torque and current limits.
+        Usable fraction of velocity and acceleration limits, and of torque and current limits.
     knots : int
-        Free points of each joint's spline.
+        Number of free points of each joint's spline.
     samples : int
-        Instants at which a motion is looked at while it is planned.
+        Number of instants at which a motion is evaluated during planning.
 
     Raises
     ------
     ConfigError
-        If a value lies outside its range.
+        If a value is outside its range.
     """
 
     objective: str = ENERGY
@@ -60,7 +60,7 @@ class PlanSettings:
     samples: int = 32
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Validate all values."""
         check_choice('plan', 'objective', self.objective, OBJECTIVES)
         check_range('plan', 'duration', self.duration, 0.0, 60.0, 's')
         check_range('plan', 'time_price', self.time_price, 0.0, 1e5, 'W')
@@ -75,15 +75,14 @@ class PlanSettings:
 
 @dataclass(frozen=True, eq=False)
 class MotionPlan:
-    """A motion from rest to rest within every limit.
+    """Planned motion from rest to rest within all limits.
 
     Attributes
     ----------
-    path : PolynomialPath
     balance : EnergyBalance
-        What it will take.
+        Predicted energy.
     report : FeasibilityReport
-        Its margins at every control cycle; clearance between them too.
+        Margins at every control cycle; clearance also between cycles.
     """
 
     path: PolynomialPath
@@ -92,11 +91,11 @@ class MotionPlan:
 
     @property
     def goal(self) -> Array:
-        """(n,) where it ends [rad]."""
+        """Final joint positions (n,) [rad]."""
         return self.path.evaluate(self.path.duration).q
 
     def as_text(self) -> str:
-        """Return one line: how long, how much, and which limit is nearest."""
+        """Return one line with duration, energy and the limit with the smallest margin."""
         return (
             f'{self.path.duration:.2f} s, motors {self.balance.motors.sum():.2f} J, nearest limit '
             f'{self.report.binding}'

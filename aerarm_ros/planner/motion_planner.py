@@ -1,4 +1,4 @@
-"""Plans motions of least energy, of least reaction on the base, or the quickest."""
+"""Planner of motions with least energy, least reaction on the base, or shortest duration."""
 
 from __future__ import annotations
 
@@ -42,33 +42,33 @@ from aerarm_ros.planner.motion_plan import (
 from aerarm_ros.planner.spline_basis import SplineBasis
 from aerarm_ros.planner.tool_postures import ToolPostures
 
-_SHORTEST, _LONGEST = 0.05, 60.0  # [s]
-# Penalties of broken limits [1/s], tried one after the other.
+_SHORTEST, _LONGEST = 0.05, 60.0  # [s] bounds of the duration
+# Penalties of violated limits [1/s], tried in order.
 _PENALTIES = (1e3, 3e4, 1e6)
 _ITERATIONS = 60
-_CHANGE = 1e-6  # relative, at which the search ends
-_QUICK = 1e3  # price of a second where nothing else counts
-_STRETCH = 1.02  # by which a motion of free duration gives way, step by step
+_CHANGE = 1e-6  # relative change at which the search ends
+_QUICK = 1e3  # price of a second if nothing else counts
+_STRETCH = 1.02  # factor by which a motion of free duration is slowed per step
 _STRETCHES = 40
 _LEAST_MOMENT = 1e-3  # [Nm]
-_NOTHING_ELSE = 1e3  # [J/(Nm)^2/s] price of moments beside which energy counts for nothing
-# Share of a peak from which on moments cost, and the power to which: first wherever they are large,
-# so that the search finds its way, then at the peak.
+_NOTHING_ELSE = 1e3  # [J/(Nm)^2/s] price of moments that makes energy negligible
+# Fraction of a peak above which moments cost, and the exponent: first for all large moments, so
+# that the search converges, then for the peak.
 _BLUNT, _SHARP = (0.5, 3), (0.9, 20)
-_LEAST_FREEDOM = (12, 48)  # points and instants of a motion whose peak is to be low
-_GLANCES = 5  # postures of the straight way whose inertia tells which joints are light
-# How far a motion that breaks a limit by a little gives way to the straight one.
+_LEAST_FREEDOM = (12, 48)  # points and instants of a motion with minimized peak
+_GLANCES = 5  # postures on the straight path used to determine the joints' inertia
+# Blending factors towards the straight motion, for a motion that slightly violates a limit.
 _TOWARD_QUINTIC = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-_CANDIDATES = 2  # postures whose motion is planned
-_TYPICAL = 2.0  # [s] of a motion whose duration is not known yet
+_CANDIDATES = 2  # number of postures for which a motion is planned
+_TYPICAL = 2.0  # [s] assumed duration before it is known
 
 
 class MotionPlanner:
-    """Plans motions from rest to rest on splines.
+    """Planner of motions from rest to rest, represented by splines.
 
-    The search (L-BFGS-B) sees a motion at some instants, and limits as penalties; bounds of
-    positions it keeps exactly. What it finds is then checked at every control cycle by
-    `FeasibilityChecker`, which knows nothing of the search, and given only if no limit is broken.
+    The search (L-BFGS-B) evaluates a motion at discrete instants, with limits as penalties;
+    position limits are exact bounds. `FeasibilityChecker` then checks the result independently at
+    every control cycle, and the planner returns it only if no limit is violated.
 
     Parameters
     ----------
@@ -76,7 +76,6 @@ class MotionPlanner:
         Model with friction and payload.
     setup : ExcitationSetup
         Limits, clearances and surroundings of the same arm.
-    settings : PlanSettings
     """
 
     def __init__(
@@ -86,7 +85,7 @@ class MotionPlanner:
         self._setup = setup
         rotors = model.dynamics.rotor_inertia
         self._body = WholeBodyDynamics(setup.robot, rotors)
-        # What was identified counts for the check, too.
+        # Use identified values for the check as well.
         self._efforts = EffortModel(
             setup.robot, rotors, setup.torque_per_ampere, model.load_friction
         )
@@ -104,18 +103,18 @@ class MotionPlanner:
         self._basis = SplineBasis.of(*map(max, (settings.knots, settings.samples), least))
 
     def with_settings(self, **changes: object) -> MotionPlanner:
-        """Return a planner of the same arm, with what it carries, and other settings."""
+        """Return a planner for the same arm and payload with other settings."""
         other = copy(self)
         other._set(replace(self.settings, **changes))  # type: ignore[arg-type]
         return other
 
     @property
     def limits(self) -> MotionLimits:
-        """The usable share of the limits."""
+        """Usable part of the limits."""
         return self._limits
 
     def carry(self, payload: ArrayLike) -> None:
-        """Add a body (10,) to the last link, see `Dynamics.carry`; ValueError if none has it."""
+        """Add a payload (10,) to the last link, see `Dynamics.carry`; ValueError if impossible."""
         self._model.carry(payload)
         self._efforts.carry(payload)
         self._body.carry(payload)
@@ -123,25 +122,25 @@ class MotionPlanner:
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
     ) -> MotionPlan:
-        """Return a motion that brings the tool to a place, by the posture that costs least there.
+        """Return a motion that moves the tool to a point, with the posture of least cost.
 
-        Of the postures of `ToolPostures` the motions to the best ones are planned.
+        Motions are planned to the best postures of `ToolPostures`.
 
         Parameters
         ----------
         start : (n,) array_like
-            [rad]
+            Initial posture [rad].
         point : (3,) array_like
-            In the base frame [m].
+            Target point in the base frame [m].
         frame : str
-            Of the tool.
+            Name of the tool frame.
         hold_time : float
-            How long the arm is to stay there [s].
+            Time that the arm will stay at the target [s].
 
         Raises
         ------
         PlanError
-            If no posture or no motion has been found; names what is in the way.
+            If no posture or motion was found; the message names the obstacle.
         """
         q0 = self._posture('start', start)
         kinematics = Kinematics(self._setup.robot, frame)
@@ -169,15 +168,18 @@ class MotionPlanner:
         Raises
         ------
         PlanError
-            If start or goal cannot be rested at, or the motion not be made in the given duration;
-            names the limit.
+            If the arm cannot rest at start or goal, or the motion is impossible in the given
+            duration; the message names the limit.
         """
         q0, q1 = self._posture('start', start), self._posture('goal', goal)
         settings = self.settings
         if settings.objective == QUINTIC:
             return self._quintic(q0, q1)
         if settings.objective == DISTURBANCE and not settings.duration:
-            raise PlanError('least disturbance needs a duration: the longer a motion, the less')
+            raise PlanError(
+                'least disturbance needs a duration, because longer motions always disturb '
+                'less: set duration'
+            )
         if settings.duration and settings.objective in (ENERGY, DISTURBANCE):
             return self._of_duration(q0, q1, settings.duration)
         price = _QUICK if settings.objective == TIME else settings.time_price + self._standby
@@ -191,7 +193,7 @@ class MotionPlanner:
         posture = np.array(q, dtype=float)
         n = self._model.n
         if posture.shape != (n,) or not np.isfinite(posture).all():
-            raise PlanError(f'{what}: {n} finite joint angles are needed, not {posture.tolist()}')
+            raise PlanError(f'{what} needs {n} finite joint angles, but has {posture.tolist()}')
         self._require(self._checker.check(standstill(posture)), f'the {what}')
         return posture
 
@@ -204,7 +206,7 @@ class MotionPlanner:
                 break
             path = PolynomialPath.rest_to_rest(q0, q1, _STRETCH * path.duration)
             report = self._checker.check(path)
-        self._require(report, f'a quintic of {path.duration:.3g} s')
+        self._require(report, f'a quintic motion of {path.duration:.3g} s')
         return self._made(path, report)
 
     def _quintic_duration(self, q0: Array, q1: Array) -> float:
@@ -230,14 +232,14 @@ class MotionPlanner:
             report = self._checker.check(path, stop_early=True)
             if report.feasible:
                 return self._made(path, report)
-            # Distances take most of the time: most motions need none.
+            # Skip distances if possible, because they take most of the time.
             looks_around = looks_around or 'clearance' in report.binding.limit
         for share in _TOWARD_QUINTIC:
             path = self._basis.path(points + share * (first - points), q0, q1, duration)
             if self._checker.check(path, stop_early=True).feasible:
                 return self._made(path, self._checker.check(path))
         self._require(report, f'a motion of {duration:.3g} s', self._advice(q0, q1, duration))
-        raise AssertionError  # it was infeasible
+        raise AssertionError  # infeasible motions were rejected before
 
     def _of_free_duration(self, q0: Array, q1: Array, second: float) -> MotionPlan:
         duration = 1.2 * self._quintic_duration(q0, q1)
@@ -253,15 +255,15 @@ class MotionPlanner:
             path, report = self._stretched(points, q0, q1, duration)
             if report.feasible:
                 return self._made(path, report)
-            # Distances take most of the time: most motions need none.
+            # Skip distances if possible, because they take most of the time.
             looks_around = looks_around or 'clearance' in report.binding.limit
-        self._require(report, 'every motion that was tried')
+        self._require(report, 'every motion that the planner tried')
         raise AssertionError
 
     def _stretched(
         self, points: Array, q0: Array, q1: Array, duration: float
     ) -> tuple[PolynomialPath, FeasibilityReport]:
-        """Return the motion at the least duration, from this one on, that keeps the limits."""
+        """Return the motion with the least duration, from this one on, that keeps the limits."""
         for _ in range(_STRETCHES):
             path = self._basis.path(points, q0, q1, duration)
             report = self._checker.check(path, stop_early=True)
@@ -286,9 +288,9 @@ class MotionPlanner:
         return _NOTHING_ELSE if is_all else settings.disturbance_price
 
     def _terms_beside_energy(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
-        """Return prices of acceleration and of moments on the base, where `near` may lead.
+        """Return terms for acceleration and for moments on the base, near a given motion.
 
-        Sharp ones count moments near its peak alone.
+        Sharp terms count only moments close to the peak.
         """
         smoothness, price = self.settings.smoothness, self._disturbance_price
         terms: list[CostTerm] = []
@@ -307,7 +309,7 @@ class MotionPlanner:
     def _searched(
         self, cost: MotionCost, points: Array, duration: float, is_free: bool = False
     ) -> tuple[Array, float]:
-        """Return the best points (K, n), and the best duration if it is free."""
+        """Return the optimal points (K, n), and the optimal duration if it is free."""
         shape, size = points.shape, points.size
         bounds = list(
             zip(
@@ -341,15 +343,15 @@ class MotionPlanner:
         return MotionPlan(path, self._model.balance(path), report)
 
     def _advice(self, q0: Array, q1: Array, duration: float) -> str:
-        """Return how long the motion would have to be, '' if that is not what is in the way."""
+        """Return a hint on the required duration, '' if the duration is not the obstacle."""
         try:
             quickest = self.with_settings(objective=TIME, duration=0.0).plan(q0, q1)
         except PlanError:
             return ''
         needed = quickest.path.duration
-        return f': the quickest takes {needed:.2f} s' if needed > duration else ''
+        return f'; the fastest motion takes {needed:.2f} s' if needed > duration else ''
 
     @staticmethod
     def _require(report: FeasibilityReport, what: str, advice: str = '') -> None:
         if not report.feasible:
-            raise PlanError(f'{what} is out of reach: {report.binding}{advice}')
+            raise PlanError(f'{what} is infeasible: {report.binding}{advice}')

@@ -1,4 +1,4 @@
-"""Splines from rest to rest, and how they depend on their free points."""
+"""Rest-to-rest splines as linear functions of their free points."""
 
 from functools import lru_cache
 
@@ -9,26 +9,26 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference
 
 _DEGREE = 5
-_AT_REST = 3  # control points at each end that rest takes: position, velocity, acceleration
+_AT_REST = 3  # control points at each end fixed by rest: position, velocity, acceleration
 
 
 class SplineBasis:
-    """Quintic B-splines on [0, 1] with even knots, at rest at both ends.
+    """Quintic B-splines on [0, 1] with uniform knots, at rest at both ends.
 
-    A motion is linear in its (K, n) free control points. It lies within their range, start and end
-    included, so that bounds on them are bounds on positions.
+    A motion is linear in its (K, n) free control points. It lies within the range of the control
+    points, start and end, so bounds on the points are bounds on positions.
 
     Parameters
     ----------
     free : int
-        K, number of free control points.
+        Number K of free control points.
     samples : int
-        M, number of even intervals in whose middles it is evaluated.
+        Number M of uniform intervals; the spline is evaluated at their centres.
 
     Attributes
     ----------
     matrices : (3, M, K) ndarray
-        From free points to positions and their first two derivatives by x = t / T.
+        Maps from free points to positions and their first two derivatives by x = t / T.
     """
 
     def __init__(self, free: int, samples: int) -> None:
@@ -40,7 +40,7 @@ class SplineBasis:
         ends = np.ones(_DEGREE)
         knots = np.concatenate([0.0 * ends, self._breaks, ends])
         self._spline = scipy.interpolate.BSpline(knots, np.eye(count), _DEGREE)
-        # Where each control point acts: points on a line at these x are that line.
+        # Abscissas of the control points: points on a line at these x reproduce that line.
         places = [knots[i + 1 : i + 1 + _DEGREE].mean() for i in range(count)]
         self._places = np.array(places[_AT_REST:-_AT_REST])
         middles = (np.arange(samples) + 0.5) / samples
@@ -50,37 +50,37 @@ class SplineBasis:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, free: int, samples: int) -> 'SplineBasis':
-        """Return the basis of these sizes, made once."""
+        """Return the basis of a given size, cached."""
         return cls(free, samples)
 
     def points_near(self, motion: PolynomialPath) -> Array:
-        """Return free points (K, n) of a spline near a motion."""
+        """Return free points (K, n) of a spline close to a motion."""
         return motion.evaluate(self._places * motion.duration).q
 
     def motion(self, points: Array, start: Array, end: Array, duration: float) -> JointReference:
-        """Return the motion in the middles of the intervals, (M, n) each.
+        """Return the motion at the interval centres, (M, n) each.
 
         Parameters
         ----------
         points : (K, n) ndarray
-            [rad]
+            Free control points [rad].
         start, end : (n,) ndarray
-            [rad]
+            Postures at rest [rad].
         duration : float
-            [s]
+            Duration of the motion [s].
         """
         parts = (self._first, self.matrices, self._last)
         return JointReference(*_scaled(parts, points, start, end, duration))
 
     def path(self, points: Array, start: Array, end: Array, duration: float) -> PolynomialPath:
-        """Return the same motion as a path."""
+        """Return the spline motion as a path."""
         q, dq, ddq = _scaled(self._at_breaks, points, start, end, duration)
         q[0], q[-1] = start, end
         dq[[0, -1]] = ddq[[0, -1]] = 0.0
         return PolynomialPath.quintic(self._breaks * duration, q, dq, ddq)
 
     def _split(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return what start (3, len(x)), free points and end contribute at x."""
+        """Return the contributions of start (3, len(x)), free points and end at x."""
         rows = np.array([self._spline.derivative(d)(x) if d else self._spline(x) for d in range(3)])
         first, last = rows[:, :, :_AT_REST].sum(axis=2), rows[:, :, -_AT_REST:].sum(axis=2)
         return first, rows[:, :, _AT_REST:-_AT_REST], last
@@ -93,7 +93,7 @@ def _scaled(
     end: Array,
     duration: float,
 ) -> Array:
-    """Return position, velocity and acceleration (3, M, n) by time."""
+    """Return position, velocity and acceleration (3, M, n) over time."""
     first, matrices, last = parts
     rate = duration ** -np.arange(3.0)
     by_x = matrices @ points + first[:, :, np.newaxis] * start + last[:, :, np.newaxis] * end

@@ -1,4 +1,4 @@
-"""Postures that put the tool somewhere, the cheap ones first."""
+"""Postures that place the tool at a point, sorted by cost."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ from aerarm_ros.planner.motion_plan import PlanError
 
 _SEEDS = 24
 _STEPS = 30
-_NEAR = 1e-4  # [m] of the tool from its place
-_DAMPING = 1e-3  # [m/rad] below which a singular value is of no use
+_NEAR = 1e-4  # [m] tolerated distance of the tool from its target
+_DAMPING = 1e-3  # [m/rad] below which a singular value is ignored
 _LARGEST_STEP = 0.4  # [rad]
-_SAME = 0.05  # [rad] between postures that count as one
-_TRAVEL_PRICE = 0.5  # [J/rad^2] of a way that is not planned yet
-_LOSS_CURVATURE = 20.0  # [W/rad^2] about the largest of the holding loss, for the step's size
-_GLANCE = 24  # instants of a way that is judged
+_SAME = 0.05  # [rad] within which postures count as equal
+_TRAVEL_PRICE = 0.5  # [J/rad^2] assumed price of a path that is not planned yet
+# [W/rad^2] approximate largest curvature of the holding loss, for the step size
+_LOSS_CURVATURE = 20.0
+_GLANCE = 24  # number of instants at which a path is evaluated
 
 
 class ToolPostures:
-    """Inverse kinematics of a tool's position that leaves joints free.
+    """Inverse kinematics of a tool position with redundant joints.
 
-    From many seeds (Gauss-Newton steps toward the place) each posture slides along what the place
-    leaves free, down the loss of holding it and the way to it.
+    Gauss-Newton steps lead from many random postures to the target. Each posture then moves along
+    its null space, down the gradient of holding loss and path cost.
 
     Parameters
     ----------
-    model : EnergyModel
     kinematics : Kinematics
-        Of the tool's frame.
+        Kinematics of the tool frame.
     limits : MotionLimits
+        Limits of the joints.
     hold_time : float
-        How long the arm is to stay there [s].
+        Time that the arm will stay at the target [s].
     """
 
     def __init__(
@@ -49,31 +50,31 @@ class ToolPostures:
         self._hold_time = hold_time
 
     def holding(self, q: Array) -> float:
-        """Return the energy of staying at q (n,) for the hold time [J]."""
+        """Return the energy for holding q (n,) for the hold time [J]."""
         return self._hold_time * self._loss.watts(q)
 
     def find(self, point: ArrayLike, start: Array, duration: float) -> list[Array]:
-        """Return different postures (n,) [rad], those first that cost least with their way.
+        """Return different postures (n,) [rad], sorted by cost including the path.
 
         Parameters
         ----------
         point : (3,) array_like
-            Where the tool shall be, in the base frame [m].
+            Target of the tool in the base frame [m].
         start : (n,) ndarray
-            Where the arm is [rad].
+            Present posture [rad].
         duration : float
-            Of the way [s].
+            Duration of the path [s].
 
         Raises
         ------
         PlanError
-            If no posture within the limits has been found.
+            If no posture within the limits was found.
         """
         place = np.array(point, dtype=float)
         if place.shape != (3,) or not np.isfinite(place).all():
-            raise PlanError(f'tool goal: three finite numbers are needed, not {place.tolist()}')
+            raise PlanError(f'tool goal needs three finite numbers [m], but has {place.tolist()}')
         low, high = self._range(start)
-        random = np.random.default_rng(0)  # the same goal, the same answer
+        random = np.random.default_rng(0)  # equal goals give equal results
         seeds = [start, *random.uniform(low, high, (_SEEDS, len(start)))]
         found: list[Array] = []
         for seed in seeds:
@@ -82,13 +83,13 @@ class ToolPostures:
                 found.append(q)
         if not found:
             raise PlanError(
-                f'tool goal ({place[0]:.3f}, {place[1]:.3f}, {place[2]:.3f}) m is out of reach: no '
-                'posture within the position limits puts the tool there'
+                f'tool goal ({place[0]:.3f}, {place[1]:.3f}, {place[2]:.3f}) m is out of reach: '
+                'choose a position that the tool reaches within the position limits'
             )
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 
     def _range(self, start: Array) -> tuple[Array, Array]:
-        """Return the position limits (n,), a turn about the start where there is none."""
+        """Return the position limits (n,), one turn about the start if unlimited."""
         low, high = self._limits.position_min, self._limits.position_max
         return (
             np.where(np.isfinite(low), low, start - np.pi),
@@ -103,7 +104,7 @@ class ToolPostures:
         low: Array,
         high: Array,
     ) -> Array | None:
-        """Return the posture to which a seed leads, None if the tool is not there."""  # fmt: skip
+        """Return the posture reached from a seed, None if the tool misses the goal."""  # fmt: skip
         q, error = np.array(seed), np.inf
         steepness = self._hold_time * _LOSS_CURVATURE + 2.0 * _TRAVEL_PRICE
         for step in range(_STEPS):
@@ -112,7 +113,7 @@ class ToolPostures:
             square = jacobian @ jacobian.T + _DAMPING**2 * np.eye(3)
             inverse = jacobian.T @ np.linalg.inv(square)
             slope = self._hold_time * self._loss.gradient(q) + 2.0 * _TRAVEL_PRICE * (q - start)
-            # Less and less, so that it comes to rest on the place.
+            # Decreasing steps, so that the tool converges to the target.
             slide = (step / _STEPS - 1.0) / steepness * slope
             change = inverse @ away + slide - inverse @ (jacobian @ slide)
             q = q + change * min(1.0, _LARGEST_STEP / (np.abs(change).max() + 1e-12))
@@ -121,7 +122,7 @@ class ToolPostures:
         return q if error < _NEAR else None
 
     def _way(self, start: Array, q: Array, duration: float) -> float:
-        """Return what the straight way takes [J], coarsely."""
+        """Return an estimate of the straight path's cost [J]."""
         straight = PolynomialPath.rest_to_rest(start, q, duration)
         times = (np.arange(_GLANCE) + 0.5) * duration / _GLANCE
         power = self._model.drives.from_supply(self._model.power(straight, times))

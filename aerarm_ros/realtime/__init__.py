@@ -1,5 +1,5 @@
-"""Time: loops with deadlines, and what they ask of the operating system.
+"""Real time: periodic loops with deadlines, and requests to the operating system.
 
-In comes a function to call; out go calls on a grid of deadlines, or at the pace of an emulated
-world, and statistics of how well that went.
+A loop calls a function on a grid of deadlines, or in simulation time, and collects statistics of
+the timing.
 """

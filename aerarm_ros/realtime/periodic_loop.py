@@ -30,9 +30,9 @@ _clock_nanosleep = getattr(ctypes.CDLL(None), 'clock_nanosleep', None)
 def sleep_until(deadline_ns: int) -> None:
     """Sleep until the monotonic clock reaches `deadline_ns` [ns].
 
-    A relative sleep is late by whatever happens between reading the clock and falling
-    asleep; this one isn't. Signal handlers run during the sleep, and what they raise
-    (KeyboardInterrupt) comes out of here.
+    A relative sleep is delayed by the time between reading the clock and falling asleep; this
+    sleep is not. Signal handlers run during the sleep; their exceptions (KeyboardInterrupt) end
+    it.
 
     Parameters
     ----------
@@ -42,57 +42,57 @@ def sleep_until(deadline_ns: int) -> None:
     Raises
     ------
     OSError
-        If the system refuses the call.
+        If the system call fails.
     """
     if _clock_nanosleep is None:  # not Linux
         time.sleep(max(0, deadline_ns - time.monotonic_ns()) / _NANOSECONDS)
         return
     until = ctypes.byref(_Timespec(*divmod(deadline_ns, _NANOSECONDS)))
-    # An interrupted sleep comes back here, so that Python runs its signal handlers.
+    # An interrupted sleep returns here, so that Python runs its signal handlers.
     while (error := _clock_nanosleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, until, None)) != 0:
         if error != errno.EINTR:
             raise OSError(error, f'clock_nanosleep: {os.strerror(error)}')
 
 
-_PATIENCE = 5e-3  # [s] some cycles: nobody has to wait for a loop that stands still
+_PATIENCE = 5e-3  # [s], a few cycles: a thread need not wait for a stopped loop
 
 
 class CycleSlack:
-    """Lets another thread begin its work where a loop has just ended a cycle.
+    """Let another thread start its work when a loop has just ended a cycle.
 
-    Two threads of Python share one interpreter, and a loop that wakes while the other one
-    computes gets it back late, at each of its own system calls anew. A piece of work that
-    begins with the slack is over, if it is short, before the loop wakes.
+    Two Python threads use one interpreter. A loop that wakes while the other thread computes waits
+    for the interpreter after each system call. A short piece of work that starts with the slack
+    ends before the loop wakes.
     """
 
     def __init__(self) -> None:
         self._begun = Event()
 
     def begin(self) -> None:
-        """Say that a cycle is over; for the loop, takes 0.1 us if nobody waits."""
+        """Signal the end of a cycle; takes the loop 0.1 us if no thread waits."""
         if not self._begun.is_set():
             self._begun.set()
 
     def wait(self) -> None:
-        """Wait for the end of a cycle, 5 ms at most."""
+        """Wait for the end of a cycle, at most 5 ms."""
         self._begun.clear()
         self._begun.wait(_PATIENCE)
 
 
-# How fast the clock follows the system time: 500 ppm, what NTP slews at most (decision 9).
+# Fastest correction toward the system time: 500 ppm, the limit of NTP (decision 9).
 _SLEW = 500e-6
-# A larger correction is the clock being set, as on a board without a clock of its own that
-# has just found a time server: to follow it slowly would take too long.
+# A larger correction means that the clock was set, as on a board without battery clock that has
+# just found a time server. Following it slowly would take too long.
 _STEP_NS = 500_000_000
 
 
 class SteadyClock:
     """Stamps for a stream whose receivers differentiate and integrate over time.
 
-    The system time is corrected in steps of tens of milliseconds, backwards too, by time
-    servers and hypervisors. This clock runs with the monotonic one and is led towards the
-    system time by at most 500 ppm. A difference of half a second is followed at once, but only
-    while `may_step`: an arm that moves by these stamps would jump, or end its motion.
+    Time servers and hypervisors correct the system time in steps of tens of milliseconds, even
+    backwards. This clock follows the monotonic clock and approaches the system time by at most 500
+    ppm. A difference of half a second is corrected at once, but only while `may_step`, because an
+    arm that moves by these stamps would jump.
 
     Parameters
     ----------
@@ -102,9 +102,9 @@ class SteadyClock:
     Attributes
     ----------
     may_step
-        Whether a large difference may be followed at once.
+        Whether a large difference may be corrected at once.
     behind
-        How far the system time was ahead when the time was last asked for [s].
+        System time minus this clock's time at the last call [s].
     """
 
     def __init__(
@@ -134,11 +134,11 @@ class SteadyClock:
 
 
 class PeriodicLoop:
-    """Calls a function at every multiple of a period.
+    """Call a function at every multiple of a period.
 
-    Deadlines lie on a grid from the start of `run`, so lateness doesn't add up. A cycle
-    whose deadline has passed when the one before it ends is skipped and counted: catching
-    up by a burst would send a motor several commands at once.
+    Deadlines lie on a grid from the start of `run`, so lateness does not accumulate. A cycle whose
+    deadline passes during the previous cycle is skipped and counted, because catching up would
+    send several commands to a motor at once.
 
     Parameters
     ----------
@@ -150,25 +150,25 @@ class PeriodicLoop:
     period_ns
         Period [ns].
     cycles
-        Cycles run.
+        Number of cycles run.
     missed
-        Cycles skipped.
+        Number of cycles skipped.
     lateness
-        Wake-up behind deadline.
+        Wake-up time minus deadline.
     execution
-        Time the function took.
+        Duration of the function.
     interval
-        Time from one wake-up to the next; its mean is the period that was really kept.
+        Time between two wake-ups; its mean is the actual period.
 
     Raises
     ------
     ValueError
-        If the period isn't between 10 us and 1000 s.
+        If the period is not between 10 us and 1000 s.
     """
 
     def __init__(self, period: float) -> None:
         if not 10e-6 <= period <= 1000.0:
-            raise ValueError(f'period must lie between 10 us and 1000 s, not {period} s')
+            raise ValueError(f'period {period} s must lie between 10 us and 1000 s')
         self.period_ns = round(period * 1e9)
         span = max(20 * period, 1e-3)
         resolution = max(1e-6, span / 20_000)
@@ -185,19 +185,19 @@ class PeriodicLoop:
         return self._stopped
 
     def stop(self) -> None:
-        """End the loop, for good, after the present cycle; may be called from anywhere."""
+        """End the loop permanently after the present cycle; callable from anywhere."""
         self._stopped = True
 
     def run(self, function: Callable[[int, int], None]) -> None:
         """Call `function(now_ns, index)` every period until `stop`.
 
-        The first call is one period from now. What the function raises ends the loop.
+        The first call is one period from now. An exception of the function ends the loop.
 
         Parameters
         ----------
         function
-            Takes the monotonic time of the wake-up [ns] and the number of the deadline,
-            0, 1, 2...; a skipped cycle leaves its number out.
+            Receives the monotonic time of the wake-up [ns] and the number of the deadline, 0, 1,
+            2...; a skipped cycle leaves its number out.
         """
         clock = time.monotonic_ns
         period_ns = self.period_ns
@@ -221,7 +221,7 @@ class PeriodicLoop:
             deadline += (1 + behind) * period_ns
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
-        """Return a level of `timing_assessment`, and what it is about.
+        """Return a level of `timing_assessment`, and its reason.
 
         Parameters
         ----------
@@ -231,28 +231,28 @@ class PeriodicLoop:
         return assess_timing(self.period_ns * 1e-9, interval, execution)
 
     def account(self) -> str:
-        """Return one line for the log's end."""
+        """Return one summary line for the end of the log."""
         total = self.cycles + self.missed
         share = 100.0 * self.missed / total if total else 0.0
         lateness = self.lateness.summary()
         return (
-            f'{self.cycles} cycles, {self.missed} missed ({share:.3f} %), woken '
-            f'{lateness.p50 * 1e6:.0f} us late (median), {lateness.p999 * 1e6:.0f} us (99.9 %)'
+            f'{self.cycles} cycles, {self.missed} missed ({share:.3f} %), wake-up latency '
+            f'{lateness.p50 * 1e6:.0f} us (median), {lateness.p999 * 1e6:.0f} us (p99.9)'
         )
 
 
 @dataclass(frozen=True)
 class TimingSummary:
-    """Durations [s] in a few numbers; all zero where nothing was measured.
+    """Statistics of durations [s]; all zero without measurements.
 
     Attributes
     ----------
     count
-        Durations measured.
+        Number of durations.
     mean, std
         Mean and standard deviation [s].
     minimum, p50, p99, p999, maximum
-        Smallest, median, 99 % and 99.9 % quantile, largest [s].
+        Smallest, median, p99 and p99.9, largest [s].
     """
 
     count: int = 0
@@ -272,28 +272,30 @@ class TimingSummary:
 
 
 class TimingStatistics:
-    """Collects durations in a histogram; `add` takes about 0.3 us and allocates nothing.
+    """Collect durations in a histogram; `add` takes about 0.3 us without allocation.
 
-    Mean and standard deviation are exact (Welford's recursion), and so are the smallest
-    and the largest; quantiles are exact to one bin. What lies beyond the last bin is known
-    by number and by its largest value only.
+    Mean, standard deviation (Welford's recursion), minimum and maximum are exact; quantiles are
+    exact to one bin. Of durations beyond the last bin, only their number and maximum are known.
 
     Parameters
     ----------
     resolution
         Width of a bin [s].
     span
-        Largest duration that has a bin of its own [s].
+        Largest duration with its own bin [s].
 
     Raises
     ------
     ValueError
-        If resolution isn't positive or span isn't larger than resolution.
+        If resolution is not positive or span is not larger than resolution.
     """
 
     def __init__(self, resolution: float = 1e-6, span: float = 20e-3) -> None:
         if not 1e-9 <= resolution < span < math.inf:
-            raise ValueError(f'1 ns <= resolution < span is needed, not {resolution}, {span} [s]')
+            raise ValueError(
+                f'resolution {resolution} and span {span} [s] must satisfy 1 ns <= '
+                'resolution < span'
+            )
         self._width = round(resolution * _NANOSECONDS)
         self._last = math.ceil(span / resolution)
         self._bins = array('Q', repeat(0, self._last + 1))
@@ -305,7 +307,7 @@ class TimingStatistics:
 
     @property
     def count(self) -> int:
-        """How many durations were added."""
+        """Number of durations."""
         return self._count
 
     def add(self, duration_ns: int) -> None:
@@ -326,7 +328,7 @@ class TimingStatistics:
         self._bins[index] += 1
 
     def summary(self) -> TimingSummary:
-        """Return the statistics of what was added so far, in seconds."""
+        """Return the statistics so far, in seconds."""
         count = self._count
         if not count:
             return TimingSummary()
@@ -343,7 +345,7 @@ class TimingStatistics:
         )
 
     def _quantile(self, cumulative: NDArray[np.int64], share: float) -> float:
-        """Return the upper edge of the bin that holds a quantile [s], within the extremes."""
+        """Return the upper edge of a quantile's bin [s], within the extremes."""
         index = int(np.searchsorted(cumulative, math.ceil(share * cumulative[-1])))
         edge = self._maximum if index == self._last else (index + 1) * self._width
         return min(max(edge, self._minimum), self._maximum) / _NANOSECONDS
@@ -359,7 +361,7 @@ class TimingThresholds:
     Attributes
     ----------
     rate_error
-        Deviation of the mean rate from the wanted one [Hz].
+        Deviation of the mean rate from the desired one [Hz].
     execution_mean, execution_std
         Mean and standard deviation of the execution time [s].
     """
@@ -375,12 +377,12 @@ def assess_timing(
     execution: TimingSummary,
     thresholds: TimingThresholds | None = None,
 ) -> tuple[int, str]:
-    """Return the worst level and what it is about.
+    """Return the worst level and its reason.
 
     Parameters
     ----------
     period
-        Wanted period [s].
+        Desired period [s].
     interval, execution
         Measured periods and execution times.
     thresholds
@@ -400,7 +402,7 @@ def assess_timing(
         (
             execution.std,
             limits.execution_std,
-            f'cycle times spread by {execution.std * 1e6:.0f} us',
+            f'execution times of cycles have a standard deviation of {execution.std * 1e6:.0f} us',
         ),
     )
     levels = [
@@ -409,5 +411,5 @@ def assess_timing(
     ]
     worst = max(level for level, _ in levels)
     if worst == OK:
-        return OK, f'{rate:.1f} Hz, {execution.mean * 1e6:.0f} us a cycle'
+        return OK, f'{rate:.1f} Hz, {execution.mean * 1e6:.0f} us per cycle'
     return worst, '; '.join(text for level, text in levels if level == worst)

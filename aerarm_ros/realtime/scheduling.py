@@ -1,10 +1,11 @@
-"""What a loop asks of the operating system, each with advice when it is refused.
+"""Real-time requests to the operating system, each with advice if it is refused.
 
-Every function returns None when it worked, otherwise a warning for the user: a robot on a
-desk should run without these rights, and say what that costs.
+Every function returns None on success, otherwise a warning for the user: a robot on a desk should
+run without these rights, with a notice of the consequences.
 
-An arm's matrices are small. Threads that share one fight over it: beside a loop at real-time
-priority, the solution of four equations took milliseconds on them instead of microseconds.
+An arm's matrices are small. Several threads for one matrix only wait for each other: next to a
+real-time loop, solving four equations took milliseconds on several threads instead of
+microseconds.
 """
 
 import ctypes
@@ -21,7 +22,7 @@ THREAD_VARIABLES = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'
 
 
 def use_one_thread(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Let the linear algebra of this process use one thread, unless the user says otherwise."""
+    """Restrict this process's linear algebra to one thread, unless the user sets otherwise."""
     for name in THREAD_VARIABLES:
         environment.setdefault(name, '1')
 
@@ -33,12 +34,12 @@ _LIMITS_FILE = '/etc/security/limits.d/realtime.conf'
 
 
 def set_fifo(priority: int) -> str | None:
-    """Run this process under SCHED_FIFO, ahead of all ordinary ones.
+    """Run this process under SCHED_FIFO, ahead of all ordinary processes.
 
-    The calling thread gets `priority`, every other thread that exists by now the one below
-    (threads started later inherit from theirs). Raising the caller alone is not enough: the
-    middleware's threads deliver its messages, and whichever thread holds the interpreter's
-    or a writer's lock must not be kept waiting by an ordinary process.
+    The calling thread gets `priority`, every other existing thread the next lower one; later
+    threads inherit their creator's. Raising only the caller is not enough. The middleware's
+    threads deliver its messages, and an ordinary process must not delay a thread with the
+    interpreter's or a writer's lock.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def set_fifo(priority: int) -> str | None:
         If the priority is out of range.
     """
     if not 2 <= priority <= 99:
-        raise ValueError(f'a SCHED_FIFO priority lies between 2 and 99, not {priority}')
+        raise ValueError(f'SCHED_FIFO priority {priority} must lie in 2 .. 99')
     caller = threading.get_native_id()
     try:
         os.sched_setscheduler(caller, os.SCHED_FIFO, os.sched_param(priority))
@@ -61,10 +62,10 @@ def set_fifo(priority: int) -> str | None:
                     os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority - 1))
     except OSError as error:
         return (
-            f'SCHED_FIFO priority {priority} was refused ({error.strerror}): the loop competes '
-            f'with every other process. Put the line "@realtime - rtprio 98" into {_LIMITS_FILE}, '
-            'add the user to the group realtime and log in again; in a container add '
-            '--cap-add=SYS_NICE.'
+            f'SCHED_FIFO priority {priority} was refused ({error.strerror}), so the loop '
+            'competes with every other process. Put the line "@realtime - rtprio 98" into '
+            f'{_LIMITS_FILE}, add the user to the group realtime and log in again; in a '
+            'container add --cap-add=SYS_NICE.'
         )
     return None
 
@@ -78,7 +79,8 @@ def lock_memory() -> str | None:
         'add --ulimit memlock=-1.'
     )
     if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
-        # The call might succeed now and make a later allocation fail: worse than not locking.
+        # The call might succeed now and make a later allocation fail, which is worse than not
+        # locking.
         return f'memory was not locked (the limit is {limit} bytes): {advice}'
     if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
         return f'memory was not locked ({os.strerror(ctypes.get_errno())}): {advice}'
@@ -86,50 +88,49 @@ def lock_memory() -> str | None:
 
 
 def set_affinity(cpus: Collection[int]) -> str | None:
-    """Keep all threads of this process, present and future, on the given CPUs."""
+    """Restrict all present and future threads of this process to the given CPUs."""
     before = os.sched_getaffinity(0)
     _try_affinity(cpus)
     if set(cpus) == os.sched_getaffinity(0):
         return None
     _try_affinity(before)
     return (
-        f'CPUs {sorted(cpus)} were refused, this process stays on {sorted(before)}: check the CPU '
-        'numbers, the isolcpus boot option and the cpuset of the container.'
+        f'CPUs {sorted(cpus)} were refused, so this process stays on {sorted(before)}: check the '
+        'CPU numbers, the isolcpus boot option and the cpuset of the container.'
     )
 
 
 def keep_cpus_awake() -> str | None:
-    """Keep idle CPUs from sleeping as long as this process lives (kernel's PM QoS interface).
+    """Keep idle CPUs from sleeping during this process (kernel's PM QoS interface).
 
-    A CPU that has to be woken from an idle state costs 10 to 50 us at every wake-up, several
-    times a cycle. Staying awake costs power and heat.
+    A CPU in an idle state takes 10 to 50 us for every wake-up, several times per cycle. An awake
+    CPU needs more power and cooling.
     """
     try:
         _latency_request()
     except OSError as error:
         return (
-            f'CPUs may sleep between cycles ({_LATENCY_FILE}: {error.strerror}), which delays '
-            'every wake-up. Add the user to the group realtime and put the line '
+            f'CPUs may sleep between cycles and delay every wake-up ({_LATENCY_FILE}: '
+            f'{error.strerror}). Add the user to the group realtime and put the line '
             '\'KERNEL=="cpu_dma_latency", GROUP="realtime", MODE="0660"\' into '
-            '/etc/udev/rules.d/99-realtime.rules; in a container add '
-            f'--device={_LATENCY_FILE}.'
+            f'/etc/udev/rules.d/99-realtime.rules; in a container add --device={_LATENCY_FILE}.'
         )
     return None
 
 
 @cache
 def _latency_request() -> int:
-    """Return the file of the request, one a process; it holds while the file is open."""
+    """Return the process's request file; the request is valid while the file is open."""
     file = os.open(_LATENCY_FILE, os.O_WRONLY)
     os.write(file, struct.pack('=i', 0))
     return file
 
 
 def freeze_garbage_collector() -> str | None:
-    """Collect once, then switch Python's cyclic collector off.
+    """Collect once, then switch Python's cyclic garbage collector off.
 
-    Its pauses grow with the number of objects and come at any time. Reference counting
-    goes on, so a loop that makes no reference cycles doesn't grow.
+    The collector's pauses grow with the number of objects and occur at any time. Reference
+    counting continues, so a loop without reference cycles does not grow.
     """
     gc.collect()
     gc.freeze()
@@ -144,5 +145,5 @@ def _try_affinity(cpus: Collection[int]) -> None:
 
 
 def _threads() -> list[int]:
-    """Return the threads of this process; one may end before it is dealt with."""
+    """Return the threads of this process; one may end before it is used."""
     return [int(name) for name in os.listdir('/proc/self/task')]

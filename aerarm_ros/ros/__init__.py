@@ -1,23 +1,23 @@
-"""What the nodes are made of: everything that ROS needs, and nothing that computes.
+"""Parts of the nodes that need ROS; equations are in the other packages.
 
-In come topics, services, parameters and signals; out go calls of the pure rooms, and what these
-return as messages. The rooms, in the order of their imports:
+These modules turn topics, services, parameters and signals into calls of the ROS-free packages,
+and publish the results. The packages, in the order of their imports:
 
-- parameters: what a user can set
+- parameters: settings of the user
 - process: an executable's command line, start, signals and end
-- executors: who runs callbacks beside a loop
-- graph: who publishes what
-- diagnostics: what people are told
-- states: joint states and IMU samples as they come
-- bridge: the boards' cycle as a node
-- emulation: the same on emulated boards, in a time of its own
-- requests: what one node asks of another
+- executors: threads for callbacks next to a loop
+- graph: publishers and subscribers of topics
+- diagnostics: messages for people
+- states: joint states and IMU samples
+- bridge: the node around the cycle of the boards
+- emulation: the bridge on emulated boards, in simulation time
+- requests: requests from one node to another
 - controllers: nodes that answer every state
 - playback: planned motions
 - recording: from topics to a bag
 - page: the arm in a browser
 - programs: runs of the identifier, the designer and the demo
-- library: what `import aerarm_ros` offers to a program or a notebook
+- library: the functions of `import aerarm_ros` for programs and notebooks
 
-Beside `aerarm_ros.nodes` only this room imports rclpy.
+Only this package and `aerarm_ros.nodes` import rclpy.
 """

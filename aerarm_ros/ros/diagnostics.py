@@ -11,26 +11,26 @@ from rclpy.node import Node
 from aerarm_msgs_py import topics
 
 PERIOD = 1.0
-'[s]; reporting period of a node without news.'
+"""[s] Reporting period of a node without changes."""
 
 
 class DiagnosticsPublisher:
-    """Makes statuses in the node's name, and publishes them.
+    """Create and publish diagnostic statuses in a node's name.
 
     Parameters
     ----------
     node
         Owner of the publisher.
     arm
-        Name of the arm that it works for, '' if it knows of none (yet).
+        Name of the node's arm, '' if it is unknown.
     now_ns
-        Returns the time for the stamp [ns], None where it is not known; the node's clock is asked
-        then, and if this is not given.
+        Returns the time for the stamp [ns], None if unknown. Then, and without this argument, the
+        stamp is the node's clock.
 
     Attributes
     ----------
     arm
-        As given; may change.
+        Name of the arm; may be set later.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class DiagnosticsPublisher:
     def status(
         self, part: str, level: bytes, text: str, values: Mapping[str, object]
     ) -> DiagnosticStatus:
-        """Return a status of a part of the node; its hardware is NAMESPACE/ARM."""
+        """Return the status of a part of the node; its hardware id is NAMESPACE/ARM."""
         namespace = self._node.get_namespace().strip('/')
         return DiagnosticStatus(
             level=level,
@@ -57,7 +57,7 @@ class DiagnosticsPublisher:
         )
 
     def publish(self, statuses: Sequence[DiagnosticStatus]) -> None:
-        """Publish statuses, stamped now."""
+        """Publish statuses with the present time as stamp."""
         message = DiagnosticArray(status=statuses)
         message.header.stamp = self._stamp()
         self._publisher.publish(message)
@@ -76,24 +76,24 @@ class DiagnosticsPublisher:
         self.publish([self.status(part, level, problem or 'in order', values)])
 
 
-# Shorter waits are ordinary [s]; what goes on is repeated as often as a person looks [s].
+# [s] Shorter waits are not reported; longer ones are repeated with this period.
 PATIENCE, REPETITION = 2.0, 5.0
 
 
 class WaitingNotice:
-    """Turns what is missing into a line now and then.
+    """Return a notice about a missing input from time to time.
 
     Parameters
     ----------
     now
-        When the wait begins [s].
+        Start of the wait [s].
     """
 
     def __init__(self, now: float) -> None:
         self._due = now + PATIENCE
 
     def update(self, missing: Sequence[str], now: float) -> str:
-        """Return what to say at the time `now` [s], '' if nothing."""
+        """Return the notice for the time `now` [s], or an empty text."""
         if not missing or now < self._due:
             return ''
         self._due = now + REPETITION

@@ -1,4 +1,4 @@
-"""Executors: a small one for a background thread, timers and spinning."""
+"""Executors: a small executor for a background thread, timers and spinning."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from rclpy.waitable import NumberOfEntities, Waitable
 
 
 class WaitedEntity:
-    """A timer, subscription, guard condition, client or service.
+    """A timer, subscription, guard condition, client or service in a wait set.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ class WaitedEntity:
     handle
         Its handle, a context that keeps it from being destroyed.
     run
-        Takes what has come and calls the callback.
+        Takes the received data and calls the callback.
 
     Attributes
     ----------
     count
-        Room that it takes in a wait set.
+        Number of entries in a wait set, by kind.
     """
 
     def __init__(self, kind: str, handle: Any, run: Callable[[], None]) -> None:
@@ -59,11 +59,11 @@ class WaitedEntity:
         self._index = 0
 
     def add_to(self, wait_set: Any) -> None:
-        """Enter it into a wait set that was cleared."""
+        """Add the entity to an empty wait set."""
         self._index = getattr(wait_set, self._add)(self.handle)
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Whether the wait that has ended found it ready."""
+        """Return whether the last wait found the entity ready."""
         return bool(wait_set.is_ready(self._kind, self._index))
 
 
@@ -77,14 +77,16 @@ class WaitedWaitable:
         self.is_ready = waitable.is_ready
 
     def run(self) -> None:
-        """Take what has come and call the callback, which may not wait."""
+        """Take the data and call the callback, which must not wait."""
         coroutine = self.handle.execute(self.handle.take_data())
         try:
             coroutine.send(None)
         except StopIteration:
             return
         coroutine.close()
-        raise RuntimeError(f'a callback of {self.handle} waits: this executor does not go on')
+        raise RuntimeError(
+            f'a callback of {self.handle} awaits, which this executor does not support'
+        )
 
 
 def waited_entities(node: Node) -> Iterator[WaitedEntity | WaitedWaitable]:
@@ -128,7 +130,7 @@ def _run_client(client: Client) -> None:
     try:
         future = client.get_pending_request(header.request_id.sequence_number)
     except KeyError:
-        return  # nobody waits for it any more
+        return  # no task waits for it any more
     future.set_result(response)
 
 
@@ -138,7 +140,7 @@ def _run_service(service: Service) -> None:
         service.send_response(service.callback(request, service.srv_type.Response()), header)
 
 
-# What is used of rclpy's implementation module, which is not public.
+# Functions of rclpy's private implementation module that this executor uses.
 _CALLS = {
     'WaitSet': ('clear_entities', 'wait', 'is_ready', 'add_guard_condition'),
     'Subscription': ('take_message',),
@@ -149,20 +151,20 @@ _CALLS = {
 
 
 class LeanExecutor:
-    """Waits for one node's entities with a wait set that lasts until they change.
+    """Run one node's callbacks, with a wait set that is rebuilt only after changes.
 
-    rclpy's executors build several wait sets for each callback, which they hand over as a
-    task: a request for a parameter costs 0.5 to 1 ms of the interpreter's time, here a third
-    of it. Callbacks run one after the other, whatever their group; entities of a group that
-    lets nothing run, as those of a RawReader, are left alone. Callbacks must not be
-    coroutines; what an action server executes may be one.
+    rclpy's executors build several wait sets for each callback. A parameter request in rclpy's
+    executor takes 0.5 to 1 ms of the interpreter's time, in this executor a third of that.
+    Callbacks run one after the other, in any group. Entities in a group that permits no callback,
+    such as those of a RawReader, are ignored. Callbacks must not be coroutines, but the function
+    of an action server may be one.
 
     Parameters
     ----------
     node
-        Its callbacks run.
+        Node whose callbacks run.
     before_work
-        Called before each callback, if given; may block until it is a good time.
+        Called before each callback; may block to delay the callback.
     """
 
     def __init__(self, node: Node, before_work: Callable[[], None] | None = None) -> None:
@@ -183,72 +185,72 @@ class LeanExecutor:
 
     @staticmethod
     def available() -> bool:
-        """Tell whether this rclpy has the calls used here."""
+        """Return whether the installed rclpy has the required functions."""
         return all(
             hasattr(getattr(rclpy_implementation, name, None), call)
             for name, calls in _CALLS.items()
             for call in calls
         )
 
-    # What a node asks of its executor.
+    # Methods that a node calls on its executor.
 
     def add_node(self, node: Node) -> None:
-        """Take note of a node; there is only the one of the constructor."""
+        """Do nothing: the constructor already set the only node."""
 
     def remove_node(self, node: Node) -> None:
-        """Take note that the node has left."""
+        """Note that the node has been removed."""
 
     def create_task(self, callback: Callable[..., Any], *args: Any) -> Task:
-        """Begin a function or coroutine after the present callback; to be called from one.
+        """Start a function or coroutine after the present callback; only a callback may call this.
 
-        A coroutine goes on after each wait, so that what it waits for should come from a callback.
+        A coroutine continues after each wait, so a callback should provide its result.
         """
         task = Task(callback, args, executor=None)
         self._tasks.append(task)
         return task
 
     def wake(self) -> None:
-        """End a wait, because entities have changed or something else has."""
+        """End a wait after a change of the entities or of other data."""
         self._changed = True
         with suppress(InvalidHandle):  # after `shutdown`
             self._guards[0].trigger()
 
-    # What its owner does.
+    # Methods that the executor's owner calls.
 
     def spin_once(self, timeout_sec: float) -> None:
-        """Wait up to a time [s] for something to do, and do it.
+        """Wait up to `timeout_sec` [s] for an entity to become ready, and run its callback.
 
-        Raises ExternalShutdownException if the context has gone, and what callbacks raise; what
-        else was ready then is done by the next call.
+        Raises ExternalShutdownException if the context was shut down, and all exceptions of
+        callbacks. The next call runs the other callbacks that were ready.
         """
-        # A guard condition is ready only once, so it must not be forgotten.
+        # A guard condition is ready only once, so it must not be lost.
         if not self._ready:
             self._wait(timeout_sec)
         while self._ready:
             entity = self._ready.popleft()
             if not _exists(entity):
-                continue  # a callback before has destroyed it
+                continue  # destroyed by an earlier callback
             if self._before_work is not None:
                 self._before_work()
             entity.run()
             self._go_on()
 
     def _go_on(self) -> None:
-        """Let tasks do what they can, in the order in which they came."""
+        """Continue all tasks in the order of their start."""
         for task in self._tasks:
             task()
         if self._tasks:
             self._tasks = [task for task in self._tasks if not task.done()]
 
     def shutdown(self) -> None:
-        """Leave the node; call it once, from no callback."""
+        """Remove the node; must be called once, outside callbacks."""
         self._node.executor = None
         self._held.close()
         for guard in self._guards:
             guard.destroy()
 
     def _wait(self, timeout_sec: float) -> None:
-        """Wait up to a time [s] and note what is ready."""
+        """Wait up to `timeout_sec` [s] and store the ready entities."""
         if self._changed:
             self._changed = False
             self._gather()
@@ -260,7 +262,7 @@ class LeanExecutor:
             for entity in self._entities:
                 entity.add_to(wait_set)
         except InvalidHandle:
-            self._changed = True  # another thread has just destroyed it
+            self._changed = True  # another thread has just destroyed the entity
             return
         wait_set.wait(int(timeout_sec * 1e9))
         if not self._context.ok():
@@ -268,8 +270,8 @@ class LeanExecutor:
         self._ready.extend(entity for entity in self._entities if entity.is_ready(wait_set))
 
     def _gather(self) -> None:
-        """Build a wait set of what the node has now."""
-        self._held.close()  # what was destroyed meanwhile may go
+        """Build a wait set of the node's present entities."""
+        self._held.close()  # releases entities that were destroyed meanwhile
         self._entities = [entity for entity in waited_entities(self._node) if self._hold(entity)]
         count = NumberOfEntities(num_gcs=len(self._guards))
         for entity in self._entities:
@@ -286,7 +288,7 @@ class LeanExecutor:
             )
 
     def _hold(self, entity: WaitedEntity | WaitedWaitable) -> bool:
-        """Keep an entity from being destroyed while it is waited for; False if it has been."""
+        """Keep an entity from being destroyed during a wait; return False if it already was."""
         try:
             self._held.enter_context(entity.handle)
         except InvalidHandle:
@@ -295,7 +297,7 @@ class LeanExecutor:
 
 
 def _exists(entity: WaitedEntity | WaitedWaitable) -> bool:
-    """Whether an entity has not been destroyed."""
+    """Return whether an entity has not been destroyed."""
     try:
         with entity.handle:
             return True
@@ -303,33 +305,33 @@ def _exists(entity: WaitedEntity | WaitedWaitable) -> bool:
         return False
 
 
-# A thread that wakes for its cycle gets the interpreter back after this long at most,
-# instead of Python's 5 ms; shorter makes the two threads trade it for nothing.
+# [s] after which a thread that wakes for its cycle gets the interpreter at the latest; Python's
+# default is 5 ms. With a shorter interval the threads switch too often.
 SWITCH_INTERVAL = 50e-6
-# Work that begins in the slack of a cycle may end there, and the cycle is not disturbed by a
-# thread that wakes only to wait for the slack.
+# Work that begins in the slack of a cycle may end in that slack. A thread that only wakes to wait
+# for the slack does not disturb the cycle.
 SWITCH_INTERVAL_IN_SLACK = 500e-6  # decision 16
-WAIT = 5.0  # [s] each time it ends costs the loop beside it half a millisecond
+WAIT = 5.0  # [s]; each wake-up costs the main loop half a millisecond
 
 
 class BackgroundExecutor:
     """Context that spins a node in a second thread.
 
-    Enter it before `set_fifo`, which then puts the thread one priority below the loop.
+    Enter it before `set_fifo`, which then gives this thread a priority one below the loop's.
 
     Parameters
     ----------
     node
-        Subscriptions of a RawReader are not touched: they belong to their loop.
+        Node to spin. Subscriptions of a RawReader are ignored, because they belong to their loop.
     before_work
-        Called before each callback; blocks until a cycle of the loop is over, so that the
-        callback has the interpreter for itself. If not given, callbacks run at any time.
+        Called before each callback; blocks until a cycle of the loop is over, so that the callback
+        does not disturb the loop. Without it, callbacks run at any time.
     """
 
     def __init__(self, node: Node, before_work: Callable[[], None] | None = None) -> None:
         self._node = node
         self._context = node.context
-        # Executor.wake() of rclpy only makes spin_once wait again; this ends it.
+        # rclpy's Executor.wake() only restarts the wait; this guard condition ends it.
         self._end = node.create_guard_condition(lambda: None)
         self._executor = _executor(node, before_work)
         self._switch_interval = SWITCH_INTERVAL_IN_SLACK if before_work else SWITCH_INTERVAL
@@ -349,8 +351,8 @@ class BackgroundExecutor:
         self._node.destroy_guard_condition(self._end)
 
     def _spin(self) -> None:
-        # Executor.spin() can miss a shutdown that comes while it prepares to wait, and then
-        # waits for ever; this one looks again.
+        # Executor.spin() can miss a shutdown that arrives while it prepares to wait, and then
+        # waits for ever. This loop checks again.
         with contextlib.suppress(KeyboardInterrupt):
             while not self._stopped:
                 try:
@@ -358,10 +360,10 @@ class BackgroundExecutor:
                 except ExternalShutdownException:
                     return
                 except Exception:
-                    # A shutdown can take the context away in the middle of a call.
+                    # A shutdown can invalidate the context in the middle of a call.
                     if not self._context.ok():
                         return
-                    # A defect in one callback must not take the e-stop service with it.
+                    # An error in one callback must not stop the e-stop service.
                     traceback.print_exc()
 
 
@@ -379,7 +381,7 @@ _SPIN = 0.05  # [s]
 
 
 def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> bool:
-    """Spin a node that no executor holds until a condition is true; False after `timeout` [s]."""
+    """Spin a node without executor until a condition is true; return False after `timeout` [s]."""
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:
@@ -389,7 +391,7 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
 
 
 def this_domain() -> str:
-    """Return where a node looks for others, for messages about one that it did not find."""
+    """Return the node's ROS domain and discovery range, for messages about missing nodes."""
     domain = os.environ.get('ROS_DOMAIN_ID', '0')
     where = '' if os.environ.get('AERARM_NETWORK') == 'open' else ', this host only'
     return f'this ROS domain (ROS_DOMAIN_ID={domain}{where})'
@@ -398,21 +400,21 @@ def this_domain() -> str:
 def create_steady_timer(
     node: Node, period: float, act: Callable[[], None], autostart: bool = True
 ) -> Timer:
-    """Return a timer of a node on the monotonic clock.
+    """Create a timer of a node on the monotonic clock.
 
-    rclpy's default is the node's clock, which is the system clock: set back by 2 s, a timer of
-    20 ms is silent for 2 s.
+    rclpy's default is the system clock: after it is set back by 2 s, a timer of 20 ms pauses for 2
+    s.
 
     Parameters
     ----------
     node
         Owner of the timer.
     period
-        Between two calls [s].
+        Period of the calls [s].
     act
         Called by the node's executor.
     autostart
-        Whether it runs now, and not from its first `reset` on.
+        Whether the timer starts now; otherwise it starts with its first `reset`.
     """
     clock = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period, act, clock=clock, autostart=autostart)

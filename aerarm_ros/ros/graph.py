@@ -12,50 +12,50 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from aerarm_msgs_py.topics import Topic
 
-_UNKNOWN = '_NODE_NAME_UNKNOWN_'  # an endpoint that was found before its node
+_UNKNOWN = '_NODE_NAME_UNKNOWN_'  # name of an endpoint that was discovered before its node
 
 
 def endpoint_name(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of an endpoint's node, '' while that is not known."""
+    """Return the full name of an endpoint's node, or an empty text while it is unknown."""
     if endpoint.node_name == _UNKNOWN:
         return ''
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 
 def endpoint_problem(publisher: TopicEndpointInfo, topic: Topic) -> str:
-    """Return why a publisher's messages never come, '' if they do.
+    """Return why a publisher's messages do not arrive, or an empty text.
 
-    The middleware is silent about another type, and what it says about another quality of
-    service goes to executors that run the subscription.
+    The middleware does not report different types. The middleware reports different qualities of
+    service only to executors that run the subscription.
     """
     if publisher.topic_type != topic.type_name:
-        return f'it is {publisher.topic_type}, expected is {topic.type_name}'
+        return f'its type is {publisher.topic_type} instead of {topic.type_name}'
     compatibility, reason = qos_check_compatible(publisher.qos_profile, topic.qos)
     if compatibility == QoSCompatibility.ERROR:
-        return f'its quality of service does not fit: {reason}'
+        return f'its quality of service is incompatible: {reason}'
     return ''
 
 
 _PATIENCE = 10.0  # [s] for an emulated arm whose host pauses
-_LOOKS = 0.1  # [s]
-_PROCESS = 12  # bytes of a DDS GUID that are those of its participant
+_LOOKS = 0.1  # [s] between two checks
+_PROCESS = 12  # bytes of a DDS GUID that identify its participant
 _CLOCK = 'rosgraph_msgs/msg/Clock'
 
 
 def is_emulated(node: Node, topic: str) -> bool:
-    """Return whether each node that publishes a topic publishes a clock too, under any name.
+    """Return whether each node that publishes a topic also publishes a clock, under any name.
 
-    An arm that does has a time of its own, which stands still when its host is busy. False if
-    nobody publishes the topic. Takes milliseconds at most.
+    Such a node is an emulated arm, whose simulation time pauses when its host is busy. The result
+    is False if the topic has no publisher. The call takes a few milliseconds at most.
 
     Parameters
     ----------
     node
-        Looks from its place in the graph.
+        Node whose place in the graph is used.
     topic
-        Full name, of joint_states for example.
+        Full name, for example of joint_states.
     """
-    # By type: of two arms each has a clock with a name of its own, which only its bridge is told.
+    # Search by type: each emulated arm has its own clock topic, whose name only its bridge has.
     names = [name for name, types in node.get_topic_names_and_types() if _CLOCK in types]
     clocks = [clock for name in names for clock in node.get_publishers_info_by_topic(name)]
     ends = node.get_publishers_info_by_topic(topic)
@@ -66,17 +66,17 @@ def _is_of_one_node(one: TopicEndpointInfo, other: TopicEndpointInfo) -> bool:
     names = endpoint_name(one), endpoint_name(other)
     if all(names):
         return names[0] == names[1]
-    # Who an endpoint belongs to is told apart from it, and may come seconds later.
+    # Discovery reports an endpoint and its node separately, possibly seconds apart.
     return bytes(one.endpoint_gid[:_PROCESS]) == bytes(other.endpoint_gid[:_PROCESS])
 
 
 class SilencePatience:
-    """How long an arm may be silent: one whose own time may stand still for longer than others.
+    """Longest silence of an arm; an emulated arm may be silent for longer.
 
     Parameters
     ----------
     node, topic
-        As of `is_emulated`.
+        See `is_emulated`.
     """
 
     def __init__(self, node: Node, topic: str) -> None:
@@ -86,10 +86,10 @@ class SilencePatience:
         self._is_emulated = False
 
     def limit(self, timeout: float) -> float:
-        """Return how long [s] the arm may be silent, if `timeout` [s] is for one in real time.
+        """Return the longest silence [s] of this arm; `timeout` [s] applies to a real arm.
 
-        To be asked while it is silent; looks in the graph ten times a second at most. A bridge
-        that has ended publishes nothing any more, and is not waited for.
+        To be called while the arm is silent; checks the graph at most ten times per second. An
+        ended bridge no longer publishes, so its limit is `timeout`.
         """
         now = time.monotonic()
         if now - self._looked > _LOOKS:
@@ -98,15 +98,7 @@ class SilencePatience:
 
 
 class PublisherCheck:
-    """Compares publishers with what is subscribed to; the middleware is silent about types.
-
-    Parameters
-    ----------
-    node
-        Owner of the subscriptions.
-    topics
-        What is subscribed to, as it is.
-    """
+    """Compare publishers with subscriptions: the middleware does not report different types."""
 
     def __init__(self, node: Node, topics: Sequence[Topic]) -> None:
         self._node = node
@@ -114,19 +106,19 @@ class PublisherCheck:
         self._told: set[str] = set()
 
     def news(self, matched: Sequence[int]) -> list[str]:
-        """Return what has been found since the last time.
+        """Return the problems that are new since the last call.
 
         Parameters
         ----------
         matched
-            How many publishers each subscription is matched with, in the topics' order.
+            Number of matched publishers per subscription, in the topics' order.
         """
         found = [
             text
             for (name, topic), count in zip(self._topics, matched, strict=True)
             if self._node.count_publishers(name) > count
             for endpoint in self._node.get_publishers_info_by_topic(name)
-            if endpoint_name(endpoint)  # else soon
+            if endpoint_name(endpoint)  # otherwise with one of the next calls
             for text in _problems(name, topic, endpoint)
         ]
         news = [text for text in dict.fromkeys(found) if text not in self._told]
@@ -139,51 +131,55 @@ def _problems(name: str, topic: Topic, publisher: TopicEndpointInfo) -> Iterator
     qos, wanted = publisher.qos_profile, topic.qos
     if publisher.topic_type != topic.type_name:
         yield (
-            f'{name} of {node} is not recorded: it is {publisher.topic_type}, expected is '
+            f'{name} of {node} is not recorded: its type is {publisher.topic_type} instead of '
             f'{topic.type_name}'
         )
     elif (
         wanted.reliability == ReliabilityPolicy.RELIABLE
         and qos.reliability == ReliabilityPolicy.BEST_EFFORT
     ):
-        yield f'{name} of {node} is not recorded: it is best effort, make it reliable'
+        yield (
+            f'{name} of {node} is not recorded, because it is best effort: make the '
+            'publisher reliable'
+        )
     elif (
         wanted.durability == DurabilityPolicy.TRANSIENT_LOCAL
         and qos.durability == DurabilityPolicy.VOLATILE
     ):
-        yield f'{name} of {node} is not recorded: it is volatile, make it transient local'
+        yield (
+            f'{name} of {node} is not recorded, because it is volatile: make the publisher '
+            'transient local'
+        )
 
 
-_CYCLES = 100  # between two polls for a reason to look
+_CYCLES = 100  # [cycles] between two checks
 UNNAMED = 'a new node'
-"""In place of the name of a publisher that was found before its node."""
+"""Name of a publisher that was discovered before its node."""
 
 
 class PublisherWatch:
-    """Reports the full names of a topic's publishers.
+    """Report the full names of a topic's publishers.
 
-    Looking takes up to a millisecond of the interpreter's time, a whole cycle of a loop
-    beside it, so it is done when the number of publishers changes, while a name is unknown,
-    and when `look_soon` asks for it. The middleware's event of a new publisher would not do:
-    a thread that waits for it is woken by every message of the topic as well.
+    Reading the graph takes up to a millisecond of the interpreter's time, a whole cycle of a loop.
+    So the graph is read only after a change of the number of publishers, while a name is unknown,
+    and after `look_soon`. The middleware's event of a new publisher is not suitable, because every
+    message of the topic would wake the waiting thread.
 
     Parameters
     ----------
     node
-        Looks from its place in the graph; its executor's thread does.
-    topic
-        The topic.
+        Node whose executor's thread reads the graph.
     report
-        Takes the names of those that reach a subscription, by their GIDs.
+        Receives the names of the publishers that reach a subscription, by their GIDs.
     cycles
-        Calls of `poll` between two polls for a reason to look.
+        Number of calls of `poll` between two checks.
     known
-        Number of publishers that are no reason to look.
+        Number of publishers that is normal.
 
     Attributes
     ----------
     problems
-        One text for each publisher that does not reach it, with the reason.
+        One text with the reason for each publisher that does not reach the subscription.
     """
 
     def __init__(
@@ -206,7 +202,7 @@ class PublisherWatch:
         self._reason = node.create_guard_condition(self._look)
 
     def poll(self) -> None:
-        """Notice a change; to be called in every cycle, costs a microsecond."""
+        """Detect a change; to be called in every cycle, takes a microsecond."""
         self._cycle += 1
         if self._cycle % self._cycles:
             return
@@ -216,11 +212,11 @@ class PublisherWatch:
             self._reason.trigger()
 
     def look_soon(self) -> None:
-        """Look after some cycles."""
+        """Read the graph after some cycles."""
         self._wanted = True
 
     def destroy(self) -> None:
-        """Look no longer."""
+        """Stop watching."""
         self._node.destroy_guard_condition(self._reason)
 
     def _look(self) -> None:
@@ -232,33 +228,33 @@ class PublisherWatch:
             name = endpoint_name(endpoint) or UNNAMED
             problem = endpoint_problem(endpoint, self._topic)
             if problem:
-                problems.append(f'{self._name} of {name} is not heard: {problem}')
+                problems.append(f'{self._name} of {name} is not received: {problem}')
             else:
                 names[bytes(endpoint.endpoint_gid)] = name
         self.problems = tuple(problems)
         self._report(names)
 
 
-OF_AN_ARM = ': stop all but one, or give each arm a namespace or ROS_DOMAIN_ID of its own'
-"""What to do about a topic that an arm has."""
+OF_AN_ARM = ': stop all but one, or give each arm its own namespace or ROS_DOMAIN_ID'
+"""Advice for duplicate publishers of an arm's topic."""
 
 
 def several_publishers(topic: str, names: Sequence[str], advice: str = OF_AN_ARM) -> str:
-    """Return who publishes a topic beside whom and what to do, '' if nobody does."""
+    """Return a warning with the publishers of a topic if there are several, else an empty text."""
     if len(names) < 2:
         return ''
     return f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}{advice}'
 
 
 class SolePublisher:
-    """Looks for a second publisher: with two bridges a node would follow both arms in turns.
+    """Detect a duplicate publisher: with two bridges a node would follow both arms in turns.
 
     Parameters
     ----------
     node
-        Looks from its place in the graph.
+        Node whose place in the graph is used.
     topic
-        The topic that only one node should publish.
+        Topic that only one node should publish.
     """
 
     def __init__(self, node: Node, topic: Topic) -> None:
@@ -267,9 +263,9 @@ class SolePublisher:
         self._told = ''
 
     def problem(self) -> str:
-        """Return who publishes beside whom and what to do, '' if nobody does.
+        """Return a warning with the duplicate publishers, or an empty text.
 
-        Cheap as long as there is one publisher; names take up to a millisecond.
+        Quick while there is one publisher; reading names takes up to a millisecond.
         """
         if self._node.count_publishers(self._topic) < 2:
             return ''
@@ -278,31 +274,31 @@ class SolePublisher:
         return several_publishers(self._topic, names)
 
     def news(self) -> str:
-        """Return the problem if it is another one than the last time, else ''."""
+        """Return the problem if it differs from the last one, else an empty text."""
         problem = self.problem()
         is_new, self._told = problem != self._told, problem
         return problem if is_new else ''
 
 
-_DUPLICATE_CYCLES = 1000  # between two polls: it is a person who has to act
+_DUPLICATE_CYCLES = 1000  # [cycles] between two checks; the user's reaction takes longer
 
 
 class RivalWatch:
-    """Warns, once per change, while a topic has another publisher than its node.
+    """Warn once per change while a topic has another publisher than its node.
 
     Parameters
     ----------
     node
-        Publishes the topic; its executor's thread looks.
+        Publisher of the topic; its executor's thread reads the graph.
     topic
-        The topic that only this node should publish.
+        Topic that only this node should publish.
     advice
-        What to do about several publishers, as `several_publishers` ends.
+        Advice at the end of the warning, as for `several_publishers`.
 
     Attributes
     ----------
     problem
-        Who publishes beside whom and what to do, '' if nobody does.
+        Warning with the duplicate publishers; empty if there are none.
     """
 
     def __init__(self, node: Node, topic: Topic, advice: str = OF_AN_ARM) -> None:
@@ -313,17 +309,17 @@ class RivalWatch:
         self._watch = PublisherWatch(node, topic, self._judge, _DUPLICATE_CYCLES, known=1)
 
     def poll(self) -> None:
-        """Notice a change; to be called in every cycle, costs a microsecond."""
+        """Detect a change; to be called in every cycle, takes a microsecond."""
         self._watch.poll()
 
     def destroy(self) -> None:
-        """Watch no longer."""
+        """Stop watching."""
         self._watch.destroy()
 
     def _judge(self, publishers: Mapping[bytes, str]) -> None:
         names = list(publishers.values())
         if UNNAMED in names:
-            return  # the watch looks again
+            return  # The watch checks again later.
         problem = several_publishers(self._topic, names, self._advice)
         if problem and problem != self.problem:
             self._logger.warning(problem)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
-_INTERVAL_NS = 100_000_000  # between two pictures on a terminal
+_INTERVAL_NS = 100_000_000  # [ns] between two updates on a terminal
 
 
 class ProgressLine:
-    """Rewrites one line on a terminal; elsewhere writes one line a phase.
+    """Update one line on a terminal; in other streams, write one line per phase.
 
     Parameters
     ----------
-    name : what runs, at the front of each line.
-    stream : where to; standard output by default.
+    name : name of the program, at the front of each line.
+    stream : output stream; standard output by default.
     """
 
     def __init__(self, name: str, stream: TextIO | None = None) -> None:
@@ -26,7 +26,7 @@ class ProgressLine:
         self._width = 0
 
     def due(self, now_ns: int, phase: str = '') -> bool:
-        """Return whether a new line is worth composing at `now_ns` [ns, any clock] in a phase."""
+        """Return whether a line in this phase is due at `now_ns` [ns, any clock]."""
         if phase == self._phase and not (self._terminal and now_ns >= self._due_ns):
             return False
         self._phase = phase
@@ -34,7 +34,7 @@ class ProgressLine:
         return True
 
     def show(self, text: str) -> None:
-        """Show `text` in place of the line before."""
+        """Replace the last line by `text`."""
         line = f'{self._name}: {text}'
         if self._terminal:
             self._stream.write('\r' + line.ljust(self._width))
@@ -44,7 +44,7 @@ class ProgressLine:
         self._stream.flush()
 
     def close(self) -> None:
-        """End the line that was being rewritten."""
+        """End the line on the terminal."""
         if self._terminal and self._width:
             self._stream.write('\n')
             self._stream.flush()

@@ -1,4 +1,4 @@
-"""Recording of topics: which ones, their losses, and the feed of the bag."""
+"""Recording of topics: their names, their lost messages, and the bag."""
 
 from __future__ import annotations
 
@@ -46,10 +46,7 @@ _ADVICE = {
         'the network between both hosts lost them: record on the host that publishes (arm record '
         'does so through ground_link)'
     ),
-    DISK: (
-        'the disk was too slow: record to a faster one, fewer topics (parameter topics), or with '
-        'compression zstd'
-    ),
+    DISK: ('the disk was too slow: record to a faster disk, or fewer topics (parameter topics)'),
     PROCESSOR: (
         'this computer was too busy: end other programs, record fewer topics (parameter topics), '
         'or let more messages wait (parameter depth, {depth} now)'
@@ -234,28 +231,28 @@ def find_topics(entries: Sequence[str]) -> list[Topic]:
     Parameters
     ----------
     entries
-        Names of the suite's topics, or 'NAME=TYPE', as 'scan=sensor_msgs/msg/LaserScan'.
+        Names of the suite's topics, or 'NAME=TYPE', such as 'scan=sensor_msgs/msg/LaserScan'.
 
     Raises
     ------
     ParameterError
-        If the list is empty, repeats a topic, or a name or type isn't known.
+        If the list is empty, repeats a topic, or a name or type is unknown.
     """
     topics = [_find_topic(entry.strip()) for entry in entries]
     if not topics or len({topic.name for topic in topics}) != len(topics):
-        raise ParameterError(f'parameter topics = {list(entries)}: give each topic once')
+        raise ParameterError(f'topics = {list(entries)} repeats a topic: name each topic once')
     return topics
 
 
 def for_recording(topic: Topic, depth: int) -> Topic:
-    """Return a topic with a history of `depth` messages, so that a pause loses nothing."""
+    """Return a topic with a queue of `depth` messages, so that a pause loses no messages."""
     qos = topic.qos
     deep = QoSProfile(depth=depth, reliability=qos.reliability, durability=qos.durability)
     return replace(topic, qos=deep)
 
 
 def as_recorded(topic: Topic, full_name: str) -> RecordedTopic:
-    """Return how the bag describes a topic: as it is offered, and as a player should offer it."""
+    """Return a topic's description for the bag, with its offered quality of service."""
     return RecordedTopic(
         full_name,
         topic.type_name,
@@ -273,8 +270,9 @@ def _find_topic(entry: str) -> Topic:
         return Topic(name, _message_class(kind), qos)
     if name not in TOPICS:
         raise ParameterError(
-            f'parameter topics: {name!r} is none of {", ".join(SUITE_TOPICS)}; for another topic '
-            'give NAME=TYPE, as scan=sensor_msgs/msg/LaserScan'
+            f'topic {name!r} in parameter topics is unknown: choose from '
+            f'{", ".join(SUITE_TOPICS)}, or write NAME=TYPE, for example '
+            'scan=sensor_msgs/msg/LaserScan'
         )
     return TOPICS[name]
 
@@ -285,31 +283,31 @@ def _message_class(kind: str) -> Any:
         return getattr(import_module(f'{package}.msg'), name)
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise ParameterError(
-            f'parameter topics: message type {kind!r} is not installed: check its spelling, '
-            'as sensor_msgs/msg/Imu, and its package'
+            f'message type {kind!r} in parameter topics is not installed: check its spelling, '
+            'for example sensor_msgs/msg/Imu, and its package'
         ) from error
 
 
 _STAMP_END = ENCAPSULATION_SIZE + 8
 _HOST = 4  # bytes of a DDS identifier: vendor and host
-_DISORDER = 1_000_000_000  # [ns] at most
+_DISORDER = 1_000_000_000  # [ns] longest correction of a reception time
 
 
 class BagFeed:
-    """Subscriptions and a bag: moves messages from one to the other, and counts them.
+    """Write messages of subscriptions to a bag, and count them.
 
     Parameters
     ----------
     node
         Owner of the subscriptions.
     topics
-        To be recorded, as the bag describes them.
+        Topics to record, as the bag describes them.
     subscribed
-        The same with the history that a subscription shall have.
+        The topics with the queue lengths of the subscriptions.
     directory, compression
-        Of the bag.
+        Directory and compression of the bag.
     losses
-        Takes each gap.
+        Receives each gap.
 
     Attributes
     ----------
@@ -319,7 +317,7 @@ class BagFeed:
     Raises
     ------
     ValueError
-        If the bag can't be made.
+        If the bag cannot be created.
     """
 
     def __init__(
@@ -337,7 +335,7 @@ class BagFeed:
         recorded = map(as_recorded, topics, self.names)
         self._writer = BagWriter(directory, list(recorded), compression)
         self._reader = RawReader(node, *subscribed, identify=True)
-        self._received = [0] * len(topics)  # [ns] of the last message of each topic
+        self._received = [0] * len(topics)  # reception time of each topic's last message [ns]
         self._lost = [0] * len(topics)
         self._is_stream = [
             topic.qos.reliability == ReliabilityPolicy.BEST_EFFORT for topic in topics
@@ -350,13 +348,13 @@ class BagFeed:
         )
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s]; return whether a message came."""
+        """Wait up to `timeout` [s]; return whether a message arrived."""
         return self._reader.wait(timeout)
 
     def take(self, limit: int) -> None:
-        """Move waiting messages into the bag, up to a limit of each topic; raises BagError.
+        """Write waiting messages to the bag, up to `limit` per topic; raises BagError.
 
-        Without a limit a recorder that is too slow would never do anything else.
+        Without a limit, a slow recorder would never return from this call.
         """
         take, write, lost = self._reader.take, self._writer.write, self._reader.lost
         self._note_pass()
@@ -382,7 +380,7 @@ class BagFeed:
                         payload,
                         received,
                         info['source_timestamp'] or received,
-                        # A re-sent state leaves no gap.
+                        # A re-sent state leaves no gap in the numbers.
                         self._number(index, info) - repeats,
                     )
                 )
@@ -417,10 +415,11 @@ class BagFeed:
         return publisher[:_HOST] != self._host
 
     def _in_order(self, index: int, received: int) -> int:
-        """Return the time of reception [ns] of a message, not before that of the last of its topic.
+        """Return a message's reception time [ns], at least that of its topic's last message.
 
-        Bags are read by this time, and numbered as taken: of several publishers a message may be
-        taken after one that came later. A clock that was set back is another matter.
+        Bags are read in the order of this time. With several publishers, messages may be read in
+        another order than they arrived. A larger step means that the clock was set back, and is
+        kept.
         """
         if self._received[index] - received < _DISORDER:
             received = max(received, self._received[index])
@@ -428,10 +427,10 @@ class BagFeed:
         return received
 
     def _number(self, index: int, info: dict[str, Any]) -> int:
-        """Return a message's number in the bag, whose gaps are lost messages.
+        """Return a message's number in the bag; gaps in the numbers are lost messages.
 
-        Each publisher numbers its own. A bag knows nothing of publishers: where they are told
-        apart, their messages are numbered as those of one.
+        Each publisher numbers its own messages. A bag does not store publishers, so the messages
+        of all publishers are numbered in one sequence.
         """
         number: int = info['publication_sequence_number']
         if number in UNNUMBERED or 'publisher' not in info:
@@ -439,16 +438,16 @@ class BagFeed:
         return self._reader.count(index) + (self._reader.lost(index) or 0)
 
     def until(self) -> bytes:
-        """Return the stamp of the newest joint state, a serialized Time; b'' before the first."""
-        # A Time is serialized as the stamp with which a JointState begins.
+        """Return the stamp of the newest joint state as a serialized Time; b'' before the first."""
+        # A serialized Time equals the first bytes of a serialized JointState.
         return self._states.state[:_STAMP_END]
 
     def publishers(self) -> list[int]:
-        """Return how many publishers each topic has."""
+        """Return the number of publishers of each topic."""
         return [self._reader.publishers(k) for k in range(len(self.names))]
 
     def heard(self) -> dict[str, tuple[int, int | None]]:
-        """Return messages, and lost ones (None: not known), of each topic that is heard."""
+        """Return the numbers of received and lost messages (None: unknown) of each topic."""
         read, counts = self._reader, self._writer.counts
         heard = {name: (counts[k], read.lost(k)) for k, name in enumerate(self.names)}
         return {name: numbers for name, numbers in heard.items() if numbers[0]}
@@ -478,11 +477,11 @@ class BagFeed:
         return self._writer.waiting
 
     def written(self) -> tuple[int, int]:
-        """Return how many messages are in the bag, and how many bytes."""
+        """Return the number of messages in the bag and their size in bytes."""
         return sum(self._writer.counts), os.fstat(self._writer.fileno()).st_size
 
     def complete(self) -> None:
-        """Store what is on its way and complete the bag; raises BagError. Twice is no harm."""
+        """Write pending messages and complete the bag; raises BagError. May be called twice."""
         self._writer.close()
 
     def destroy(self) -> None:

@@ -1,6 +1,6 @@
-"""The arm on a physics engine that shares no dynamics with the controllers' model.
+"""Simulation of the arm on a physics engine, independent of the controllers' model.
 
-In come torques of the drives and what the arm is truly made of; out go true joint positions, on a
-base that stands still, moves as told or flies with rotors that are commanded too, and what an IMU
-and an odometry on it would read.
+From drive torques and true parameters, the simulation computes true joint positions. The base is
+fixed, follows a given motion, or flies with commanded rotors. Emulated sensors give the readings
+of an IMU and an odometry on the base.
 """

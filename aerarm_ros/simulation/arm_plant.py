@@ -1,4 +1,4 @@
-"""The arm as a physics engine sees it."""
+"""The simulated arm in a physics engine."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,15 +19,15 @@ from aerarm_ros.model.inertia import (
 )
 from aerarm_ros.motion.signals import Array
 
-# Share of the transmitted torque that a gear loses. Printed plastic; a cycloidal gear moves by
-# friction between its discs (thesis 4.2), so it loses more.
+# Fraction of the transmitted torque that a gear loses, for printed plastic. A cycloidal gear moves
+# by friction between its discs (thesis 4.2), so it loses more.
 LOAD_FRICTION: Mapping[str, float] = {'cycloidal': 0.04, 'herringbone': 0.02}
 _OTHER_GEAR = 0.03
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far a made arm may lie from its drawing; each deviation is uniform in +- its entry.
+    """Largest deviations of a manufactured arm from its drawing, each uniform in +- its entry.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class PlantParameters:
-    """What the simulated arm is really made of; joint side unless the name says motor.
+    """True parameters of the simulated arm, at the joint side unless the name says motor.
 
     Attributes
     ----------
@@ -67,14 +67,14 @@ class PlantParameters:
     motor_torque_constant
         (n,) K_i [Nm/A].
     motor_torque_constant_nominal
-        (n,) the K_i that the configuration states [Nm/A].
+        (n,) K_i of the configuration [Nm/A].
     seed
         Seed of the deviations, None for an arm as drawn.
     backlash
-        (n,) how far each link may turn while its rotor rests [rad]; None for gears without play,
-        and only `BacklashPlant` has any.
+        (n,) angle by which each link may turn while its rotor rests [rad]; None for gears without
+        backlash, required by `BacklashPlant` only.
     backlash_wear
-        Growth of it per energy that the gear passes on [rad/J].
+        Growth of the backlash per transmitted energy [rad/J].
     """
 
     joint_names: tuple[str, ...]
@@ -92,14 +92,14 @@ class PlantParameters:
 
     @classmethod
     def nominal(cls, config: ArmConfig, robot: Robot) -> 'PlantParameters':
-        """Return the parameters that URDF and configuration state.
+        """Return the parameters of URDF and configuration.
 
         Raises ValueError if the two do not name the same joints.
         """
         if config.joint_names != robot.joint_names:
             raise ValueError(
-                f'the configuration has joints {config.joint_names}, the URDF {robot.joint_names}: '
-                'give both for the same arm'
+                f'the configuration has joints {config.joint_names}, but the URDF has '
+                f'{robot.joint_names}: pass files of the same arm'
             )
         torque_constant = config.column('motor.torque_constant')
         kinds = [joint.gear.kind for joint in config.joints]
@@ -116,7 +116,7 @@ class PlantParameters:
         )
 
     def without_friction(self) -> 'PlantParameters':
-        """Return the parameters of an arm whose joints have no friction at all."""
+        """Return the parameters without joint friction."""
         zero = np.zeros(len(self.joint_names))
         return replace(self, viscous=zero, coulomb=zero, load_friction=zero)
 
@@ -130,7 +130,7 @@ class PlantParameters:
         centre
             (3,) in the frame of the last link's joint [m].
         radius
-            Of the ball [m].
+            Radius of the ball [m].
         """
         point = np.append(np.asarray(centre, dtype=float), 1.0)
         ball = np.outer(point, point) + np.diag([*[0.2 * radius**2] * 3, 0.0])
@@ -139,18 +139,18 @@ class PlantParameters:
         return replace(self, inertial_parameters=inertial)
 
     def perturbed(self, seed: int, spread: Spread | None = None) -> 'PlantParameters':
-        """Return an arm that differs from this one as a made arm differs from its drawing.
+        """Return an arm with random manufacturing deviations from this one.
 
-        Each link's matter is stretched and shifted by an affine map x -> A x + b and made
-        denser by a factor s. Its pseudo-inertia becomes s T P T' with T = [[A, b], [0, 1]],
-        which stays positive semidefinite: some real body has the new parameters too.
+        Each link's material is stretched and shifted by an affine map x -> A x + b, and its
+        density scaled by a factor s. The link's pseudo-inertia P becomes s T P T' with T = [[A,
+        b], [0, 1]]. The result stays positive semidefinite, so the new parameters are physical.
 
         Parameters
         ----------
         seed
             Equal seeds give equal arms.
         spread
-            Bounds of the deviations, the defaults of `Spread` if not given.
+            Bounds of the deviations, by default those of `Spread`.
         """
         spread = spread or Spread()
         random = np.random.default_rng(seed)
@@ -179,11 +179,10 @@ class PlantParameters:
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers for a YAML file.
 
-        `parameters` names them as the regressor's columns do: `m_link1`, `fv_joint1`,
-        `fs_joint1`, `Ja_joint1`. `measured_per_true_torque` is the factor by which torques
-        computed from measured currents are too large, because the configuration's torque
-        constant is not the motor's: identification from currents finds the parameters of a
-        joint's torque equation times this factor.
+        `parameters` has the names of the regressor's columns: `m_link1`, `fv_joint1`, `fs_joint1`,
+        `Ja_joint1`. The motor's torque constant differs from the configuration's. So torques
+        computed from measured currents are too large by the factor `measured_per_true_torque`, and
+        identification from currents finds a joint's parameters times this factor.
         """
         parameters = {
             f'{name}_{link}': float(value)
@@ -209,38 +208,38 @@ class PlantParameters:
 
 
 SUBSTEP = 0.25e-3  # [s] four in a cycle of 1 ms
-_STOP_MARGIN = 0.1  # [rad] the mechanical stop lies beyond the limit that software keeps
-# MuJoCo's constraints are soft. These are as stiff as the sub-step allows, so that a joint held
-# by dry friction creeps by less than 1e-6 rad/s.
+_STOP_MARGIN = 0.1  # [rad] from the software limit to the mechanical stop
+# MuJoCo's constraints are soft. With this stiffness, the largest that the sub-step permits, a
+# joint held by dry friction moves by less than 1e-6 rad/s.
 _FRICTION_SOLREF = (2.0 * SUBSTEP, 1.0)
 _FRICTION_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 _STOP_SOLREF = (20.0 * SUBSTEP, 1.0)
 
 
 class PlantError(ValueError):
-    """The physics engine cannot simulate this arm; the text says what to check."""
+    """The physics engine cannot simulate this arm; the text states what to check."""
 
 
 class ArmPlant:
     """A simulated arm with rotor inertia, and viscous, Coulomb and load-dependent friction.
 
-    The engine is MuJoCo, built from the URDF's kinematics and the given parameters; nothing
-    is computed by the controllers' model. Equation of motion, thesis (2.7) with rotors::
+    The engine is MuJoCo, built from the URDF's kinematics and the given parameters, without the
+    controllers' model. Equation of motion, thesis (2.7) with rotors::
 
         (B(q) + J_a) ddq + C(q, dq) dq + g(q) + f_v dq + friction = tau
 
-    The dry friction of joint i is at most ``f_s + c |tau_t|`` with the torque ``tau_t`` that
-    its gear transmitted in the sub-step before. It is a constraint of the engine, not a
-    function of speed: a joint rests for as long as its load is smaller.
+    The dry friction of joint i is at most ``f_s + c |tau_t|``. The torque ``tau_t`` is the one
+    that the gear transmitted in the previous sub-step. Dry friction is a constraint of the engine,
+    not a function of speed, so a joint rests under any smaller load.
 
     Parameters
     ----------
     robot
-        Gives kinematics, joint limits (the stops lie a little beyond) and gravity.
+        Kinematics, joint limits (the stops are slightly beyond) and gravity.
     parameters
         True parameters of the arm.
     position
-        Initial joint angles (n,) [rad]; zero if not given.
+        Initial joint angles (n,) [rad]; zero by default.
 
     Raises
     ------
@@ -258,7 +257,7 @@ class ArmPlant:
         self._gravity = np.array(robot.gravity_in_base, dtype=float)
         self._support = 0.0
         self._effort = np.zeros(self.n)
-        # The engine's own arrays: written and read in place in every sub-step. A base comes first.
+        # The engine's own arrays, used in place in every sub-step. The base's entries come first.
         joints = slice(-self.n, None)
         self._angle = self._data.qpos[joints]
         self._applied = self._data.qfrc_applied[joints]
@@ -302,7 +301,7 @@ class ArmPlant:
 
     @property
     def transmitted_effort(self) -> Array:
-        """Torque (n,) that the gears passed to the links in the last sub-step [Nm], a copy."""
+        """Torque (n,) that the gears transmitted to the links in the last sub-step [Nm], a copy."""
         return self._load.copy()
 
     @property
@@ -325,7 +324,7 @@ class ArmPlant:
 
     @property
     def support(self) -> float:
-        """Supported share of the arm's weight, 0 to 1."""
+        """Supported fraction of the arm's weight, 0 to 1."""
         return self._support
 
     @support.setter
@@ -334,7 +333,7 @@ class ArmPlant:
         self._set_gravity()
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Put the arm somewhere, at rest unless a velocity (n,) [rad/s] is given."""
+        """Set the arm's posture, at rest unless a velocity (n,) [rad/s] is given."""
         mujoco.mj_resetData(self._model, self._data)
         self._angle[:] = position
         self._velocity[:] = 0.0 if velocity is None else velocity
@@ -344,29 +343,29 @@ class ArmPlant:
         self._set_friction()
 
     def restart(self, position: ArrayLike) -> None:
-        """Put the arm somewhere, at rest, and what carries it where it was at first."""
+        """Set the arm's posture at rest, and return its vehicle to the initial pose."""
         self.reset(position)
 
     def apply_effort(self, effort: ArrayLike) -> None:
-        """Set the torques (n,) that the motors put into the gears, at joint side [Nm]."""
+        """Set the motors' torques (n,) into the gears, at the joint side [Nm]."""
         self._effort[:] = effort
 
     def scale_friction(self, factors: Sequence[float]) -> None:
-        """Multiply the dry friction of each joint's gear by a factor of n, from now on."""
+        """Multiply the dry friction of each joint's gear by one of n factors from now on."""
         for row, coulomb, factor in zip(
             self._constants, self.parameters.coulomb.tolist(), factors, strict=True
         ):
             row[2] = factor * coulomb
 
     def grasp(self, parameters: PlantParameters) -> None:
-        """Let the last link be that of other parameters, as of an arm that picks something up.
+        """Replace the last link's inertia, as of an arm that picks up a payload.
 
-        The motion goes on: what is grasped moved with the arm already.
+        The motion continues, because the payload already moved with the arm.
 
         Parameters
         ----------
         parameters
-            Of which the last link's inertial ones count.
+            Parameters of which only the last link's inertial ones are used.
         """
         pi = parameters.inertial_parameters[-1]
         moments, axes = np.linalg.eigh(barycentric_inertia(pi))
@@ -377,7 +376,7 @@ class ArmPlant:
         model.body_ipos[body] = pi[1:4] / pi[0]
         model.body_inertia[body] = moments
         mujoco.mju_mat2Quat(model.body_iquat[body], axes.ravel())
-        # What is derived of them; on other data, as it puts the joints to zero.
+        # Update derived quantities; on other data, because the call sets the joints to zero.
         mujoco.mj_setConst(model, mujoco.MjData(model))
         inertial = np.array(self.parameters.inertial_parameters)
         inertial[-1] = pi
@@ -389,9 +388,10 @@ class ArmPlant:
         Raises
         ------
         KeyError
-            If there is no moving link of that name.
+            If no moving link has that name.
         """
-        # The joints' positions are those after the last sub-step, the engine's poses before it.
+        # The joint positions are those after the last sub-step, the engine's poses those before
+        # it.
         mujoco.mj_kinematics(self._model, self._data)
         body = self._data.body(self._body_name(link))
         return np.array(body.xmat).reshape(3, 3), np.array(body.xpos)
@@ -409,10 +409,10 @@ class ArmPlant:
             self.step()
 
     def true_parameters(self) -> dict[str, Any]:
-        """Return what the arm is made of, in plain numbers for a YAML file."""
+        """Return the true parameters of the arm, as plain numbers for a YAML file."""
         return {**self.parameters.as_dict(), 'gravity_in_base': self._gravity.tolist()}
 
-    # What a plant on a base of its own changes.
+    # Methods that a plant with its own base overrides.
 
     def _engine_model(self, robot: Robot) -> Any:
         return _fixed_base_model(robot, self.parameters)
@@ -426,15 +426,15 @@ class ArmPlant:
         return link
 
     def _set_gravity(self) -> None:
-        """Set the engine's gravity to the unsupported share."""
+        """Set the engine's gravity to the unsupported fraction."""
         self._model.opt.gravity = (1.0 - self._support) * self._gravity
 
     def _place_base(self) -> None:
         """Set the commanded base pose, after a reset of the engine's data."""
 
     def _set_friction(self) -> None:
-        """Let the gears' dry friction follow the torque that they transmit."""
-        # Plain numbers: for some joints that is faster than a dozen operations on arrays.
+        """Update the gears' dry friction from their transmitted torque."""
+        # Plain numbers: for few joints they are faster than a dozen array operations.
         rows = zip(
             self._constants,
             self._effort.tolist(),
@@ -460,8 +460,8 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
     names = [model.joint(index).name for index in range(model.njnt)]
     if tuple(names) != robot.joint_names:
         raise PlantError(
-            f'the physics engine moves joints {names}, the arm {list(robot.joint_names)}: '
-            'locked joints cannot be simulated'
+            f'the physics engine moves joints {names}, but the arm has '
+            f'{list(robot.joint_names)}: locked joints cannot be simulated'
         )
     model.opt.timestep = SUBSTEP
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -477,10 +477,10 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
 
 
 def bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
-    """Return the URDF with kinematics as they are, the given inertia, and nothing else.
+    """Return a URDF with the robot's kinematics and the given inertia only.
 
-    Shapes go because there are no contacts, friction because the plant has its own, and the
-    inertia of fixed links because `parameters` has it in the links that carry them.
+    The URDF has no shapes, because there are no contacts, and no friction, because the plant has
+    its own. `parameters` includes the inertia of fixed links in the links that carry them.
     """
     root = ElementTree.fromstring(robot.urdf_text)
     inertia = dict(zip(robot.link_names, parameters.inertial_parameters, strict=True))

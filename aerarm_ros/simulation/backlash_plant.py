@@ -1,4 +1,4 @@
-"""The simulated arm with gears that have play."""
+"""The simulated arm with backlash in its gears."""
 
 from typing import Any
 
@@ -16,21 +16,21 @@ from aerarm_ros.simulation.arm_plant import (
     bare_urdf,
 )
 
-# Flanks are hard: what they give way by under load is far less than the play.
+# Tooth flanks are stiff: their elastic deflection is much smaller than the backlash.
 _FLANK_SOLREF = (4.0 * SUBSTEP, 1.0)
 _FLANK_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-_ROTOR_BODY = 1e-6  # [kg], [kg m^2]: its inertia is the armature
+_ROTOR_BODY = 1e-6  # [kg], [kg m^2]; the joint's armature represents its inertia
 
 
 class BacklashPlant(ArmPlant):
-    """An `ArmPlant` whose links may turn a little while the rotors rest, and the other way round.
+    """An `ArmPlant` with backlash between rotors and links.
 
-    Rotor and link of a joint move on their own, within `backlash` of each other; where they touch,
+    Rotor and link of a joint move independently, within `backlash` of each other; when they touch,
     the gear transmits torque. Rotor inertia and all friction are on the rotors' side. Position and
-    velocity are those of the rotors, through the gears: what encoders on the motors measure.
+    velocity are those of the rotors, through the gears, as encoders on the motors measure them.
 
-    Flanks wear by what they rub, as load times way (Archard: Contact and rubbing of flat surfaces,
-    1953): the play grows by `backlash_wear` with the energy that a gear passes on.
+    Flanks wear in proportion to load times sliding distance (Archard: Contact and rubbing of flat
+    surfaces, 1953): the backlash grows by `backlash_wear` per transmitted energy.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class BacklashPlant(ArmPlant):
     Raises
     ------
     PlantError
-        If a backlash isn't positive, or the engine rejects the arm.
+        If a backlash is not positive, or the engine rejects the arm.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class BacklashPlant(ArmPlant):
 
     @property
     def backlash(self) -> Array:
-        """How far each link may turn while its rotor rests (n,) [rad], a copy."""
+        """Angle by which each link may turn while its rotor rests (n,) [rad], a copy."""
         return self._play.copy()
 
     @property
@@ -70,7 +70,7 @@ class BacklashPlant(ArmPlant):
         return np.array(self._data.qpos[: self.n])
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Put rotors and links somewhere, in the middle of their play, at rest unless told."""
+        """Set rotors and links, in the middle of the backlash, at rest by default."""
         super().reset(position, velocity)
         self._data.qpos[: self.n] = position
         self._data.qvel[: self.n] = 0.0 if velocity is None else velocity
@@ -118,7 +118,7 @@ class BacklashPlant(ArmPlant):
         model.tendon_range[:, 1] = 0.5 * self._play
 
     def _set_friction(self) -> None:
-        """Let dry friction follow what the flanks press the links with."""
+        """Update dry friction from the contact torque of the flanks."""
         coulomb = np.array([row[2] for row in self._constants])
         self._load[:] = self._data.qfrc_constraint[: self.n]
         self._friction_limit[:] = coulomb + self.parameters.load_friction * np.abs(self._load)

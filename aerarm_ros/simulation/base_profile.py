@@ -1,4 +1,4 @@
-"""A motion that a drone makes under the arm, as a function of time."""
+"""A prescribed motion of the drone under which the arm hangs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ class BaseState(NamedTuple):
     Attributes
     ----------
     position, velocity, acceleration : (3,) ndarray
-        Of the base's origin in the world [m], [m/s], [m/s^2].
+        Motion of the base's origin in the world [m], [m/s], [m/s^2].
     quaternion : (4,) ndarray
         (w, x, y, z), base to world.
     angular_velocity, angular_acceleration : (3,) ndarray
@@ -36,13 +36,13 @@ class BaseState(NamedTuple):
 class BaseProfile:
     """A rotation by a constant and an oscillating angle, with an oscillating translation.
 
-    The turn is about one axis, so that angular velocity and acceleration are those of the
-    angle; everything that oscillates grows smoothly from rest within `ramp`.
+    The rotation is about one axis, so angular velocity and acceleration are those of the angle.
+    All oscillations grow smoothly from rest within `ramp`.
 
     Attributes
     ----------
     axis : (3,) ndarray
-        Of the turn, a unit vector.
+        Unit vector of the rotation.
     tilt, swing : float
         Constant and oscillating part of the angle [rad].
     shift : (3,) ndarray

@@ -1,4 +1,4 @@
-"""The simulated arm under a drone that flies."""
+"""The simulated arm under a flying drone."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,15 +18,14 @@ from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 
 
 class Rotors:
-    """Thrusts that follow commands with a first-order lag, within limits.
+    """Rotor thrusts that follow commands with a first-order lag, within limits.
 
-    The controllers of the motors stop them when no command came for a time, as those of a drone
-    do: the rotors spin down. The moment with which a propeller itself speeds up is left out, and
-    so is what the air does to a propeller that moves through it.
+    Without commands for `timeout` the motor controllers stop the rotors, which spin down, as on a
+    real drone. The moment of a propeller's own acceleration and the effect of its motion through
+    the air are neglected.
 
     Parameters
     ----------
-    drone : DroneConfig
     substep : float
         Time between two calls of `step` [s].
     timeout : float
@@ -35,7 +34,7 @@ class Rotors:
     Attributes
     ----------
     thrust : (n,) ndarray
-        What the rotors give [N].
+        Present thrusts [N].
     """
 
     def __init__(self, drone: DroneConfig, substep: float, timeout: float) -> None:
@@ -49,21 +48,21 @@ class Rotors:
 
     @property
     def is_commanded(self) -> bool:
-        """Whether a command came lately."""
+        """Whether a command arrived recently."""
         return self._silence <= self._timeout
 
     @property
     def time_commanded(self) -> float:
-        """How long commands have come without such a silence between [s]."""
+        """Time of uninterrupted commands [s]."""
         return self._commanded_for
 
     def command(self, thrust: ArrayLike) -> None:
-        """Take wanted thrusts (n,) [N]; each rotor gives what it can."""
+        """Set the commanded thrusts (n,) [N]; each rotor limits its own."""
         self._target = np.clip(np.asarray(thrust, dtype=float), self._min, self._max)
         self._silence = 0.0
 
     def stop(self) -> None:
-        """Let the rotors stand, as if no command had ever come."""
+        """Stop the rotors, as before the first command."""
         self.thrust = self._stopped.copy()
         self._target = self._stopped
         self._silence = np.inf
@@ -83,14 +82,14 @@ class Rotors:
 
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-"""In the world [m/s^2]."""
+"""Gravity in the world [m/s^2]."""
 
 _FREE = 6
 
 
 @dataclass(frozen=True, eq=False)
 class BaseBody:
-    """What carries the arm.
+    """The body that carries the arm.
 
     Attributes
     ----------
@@ -118,16 +117,15 @@ class BaseBody:
 class FreeBasePlant(ArmPlant):
     """An `ArmPlant` under (or on) a free body; the engine simulates both in the world.
 
-    What the arm feels of the body's motion, and the body of the arm's, is the engine's own
-    work. The parameters are those of the arm on a fixed base; the robot's own gravity is not
-    used.
+    The engine computes the interaction of arm and body. The parameters are those of the arm on a
+    fixed base. The robot's own gravity is not used.
 
     Parameters
     ----------
     robot, parameters, position
         As for `ArmPlant`.
     body
-        What carries the arm.
+        The body that carries the arm.
     """
 
     def __init__(
@@ -151,10 +149,10 @@ class FreeBasePlant(ArmPlant):
 
     @property
     def imu(self) -> tuple[Array, Array, Array]:
-        """What an ideal IMU at its place reads.
+        """Readings of an ideal IMU.
 
-        Attitude (x, y, z, w), IMU to world; angular velocity [rad/s]; specific force
-        [m/s^2], both (3,) in the IMU's axes.
+        Attitude (x, y, z, w), IMU to world; angular velocity [rad/s]; specific force [m/s^2], both
+        (3,) in the IMU's axes.
         """
         base, body = self.base, self._body
         to_world = rotation_of(base.quaternion)
@@ -173,7 +171,7 @@ class FreeBasePlant(ArmPlant):
         return f'arm_{link}'
 
     def _set_gravity(self) -> None:
-        # Whoever carries the arm's weight carries it in the world.
+        # A support of the arm's weight acts in the world frame.
         self._model.opt.gravity = (1.0 - self._support) * GRAVITY
 
 
@@ -185,7 +183,7 @@ def rotation_of(quaternion: Array) -> Array:
 
 
 def _with_free_base(robot: Robot, fixed: Any, base: BaseBody) -> Any:
-    """Return the engine's model of the arm under a free body, all else as in `fixed`."""
+    """Return the engine's model of the arm under a free body, otherwise as in `fixed`."""
     spec = mujoco.MjSpec()
     tensor = base.inertia
     body = spec.worldbody.add_body(
@@ -224,8 +222,8 @@ def _without_shapes(urdf: str) -> str:
     return ElementTree.tostring(root, encoding='unicode')
 
 
-# The base is so heavy [kg], [kg m^2] that the arm's reaction bends its motion by 1e-5 m/s^2 at
-# most; position and velocity are set anew in each sub-step.
+# The base is so heavy [kg], [kg m^2] that the arm's reaction changes its acceleration by 1e-5
+# m/s^2 at most; position and velocity are set in each sub-step.
 _INERTIA = 1e6
 
 
@@ -237,7 +235,7 @@ class MovingBasePlant(FreeBasePlant):
     robot, parameters, position
         As for `FreeBasePlant`.
     profile
-        Motion of the base. It begins when `start` is called.
+        Motion of the base, which begins with the call of `start`.
     """
 
     def __init__(
@@ -258,7 +256,7 @@ class MovingBasePlant(FreeBasePlant):
         return self._profile.evaluate(-1.0 if begun is None else (self._count - begun) * SUBSTEP)
 
     def start(self) -> None:
-        """Let the base's motion begin."""
+        """Start the base's motion."""
         self._start_count = self._count
 
     def step(self) -> None:
@@ -276,30 +274,30 @@ class MovingBasePlant(FreeBasePlant):
 
 
 SPIN_UP = 0.3
-'[s] in which the rotors replace the support of the drone.'
+"""[s] in which the rotors take the drone's weight from its support."""
 
-# A held drone is as heavy as that [kg], [kg m^2], and is put back in each sub-step.
+# [kg], [kg m^2] of a held drone, which is put back in each sub-step.
 _HELD = 1e6
 
 
 class FlyingPlant(FreeBasePlant):
-    """An `ArmPlant` under a drone: one mechanism on a free joint, pushed by rotors and gusts.
+    """An `ArmPlant` under a drone: one mechanism on a free joint, driven by rotors and gusts.
 
-    There is no ground. Whoever carries the arm holds the drone as well, still and level where it
-    is, until the arm's motors hold the arm and rotors have been commanded for 0.3 s; then nobody
-    touches it any more. With rotors that stand it falls.
+    There is no ground. At first, the drone is held still and level. The drone is released once the
+    motors hold the arm and the rotors have been commanded for 0.3 s. Without commands it then
+    falls.
 
     Parameters
     ----------
     robot, parameters, position
         As for `FreeBasePlant`.
     drone
-        As it truly is.
+        True parameters of the drone.
     rotor_timeout
         Silence of rotor commands after which the rotors stop [s].
     gust
-        Force of the wind on the drone's centre of mass in the world [N], updated once a
-        millisecond; none if not given.
+        Force of the wind on the drone's centre of mass in the world [N], updated once per
+        millisecond; none by default.
     """
 
     def __init__(
@@ -328,7 +326,7 @@ class FlyingPlant(FreeBasePlant):
 
     @property
     def odometry(self) -> tuple[Array, Array, Array, Array]:
-        """Where the body is and how it moves.
+        """Pose and motion of the body.
 
         Position (3,) in the world [m]; attitude (x, y, z, w), body to world; velocity (3,) of the
         body frame's origin [m/s] and angular velocity (3,) [rad/s], both in body axes.
@@ -338,30 +336,31 @@ class FlyingPlant(FreeBasePlant):
         return base.position, np.roll(base.quaternion, -1), velocity, base.angular_velocity
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Put the arm somewhere, at rest unless a velocity is given, and hold the drone level."""
+        """Set the arm's posture, at rest by default, and hold the drone level."""
         self._place = self._data.qpos[:3].copy()
         self._turn = _heading(self._data.qpos[3:7])
         self._hold(True)
         super().reset(position, velocity)
 
     def restart(self, position: ArrayLike) -> None:
-        """Put the arm somewhere, at rest, and the drone where it was at first."""
+        """Set the arm's posture at rest, and return the drone to its initial pose."""
         self._data.qpos[:7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         self.rotors.stop()
         super().restart(position)
 
     def let_go(self) -> None:
-        """Leave the drone to its rotors and to gravity, from now on."""
+        """Release the drone, which then moves by its rotors and gravity."""
         self._hold(False)
 
     def push(self, twist: ArrayLike) -> None:
-        """Give a drone that was let go a velocity (6,): in the world [m/s], in the body [rad/s]."""
+        """Set the velocity (6,) of a released drone: in the world [m/s], in the body [rad/s]."""
         self._twist[:] = twist
 
     def touch(self, force: ArrayLike, link: str = '') -> None:
-        """Pull with a force (3,) in the world [N] from now on, none if it is zero.
+        """Apply a constant force (3,) in the world [N] from now on; zero removes it.
 
-        It acts at the origin of a link's frame, or at that of the drone's body if none is named.
+        The force acts at the origin of a link's frame, or of the drone's body frame without a
+        link.
 
         Raises
         ------
@@ -374,7 +373,7 @@ class FlyingPlant(FreeBasePlant):
         self._touched = (body, place, force) if force.any() else None
 
     def place_on(self, link: str) -> tuple[int, Array]:
-        """Return the engine's body that a link is part of, and its frame's place in that [m].
+        """Return the engine's body of a link, and the link frame's place in that body [m].
 
         Raises
         ------
@@ -405,7 +404,7 @@ class FlyingPlant(FreeBasePlant):
         super().step()
 
     def true_parameters(self) -> dict[str, Any]:
-        """Return what arm and drone are made of, in plain numbers for a YAML file."""
+        """Return the true parameters of arm and drone, as plain numbers for a YAML file."""
         drone = self.drone
         made = {'name': drone.name, 'mass': drone.mass, 'inertia': list(drone.inertia)}
         return {**super().true_parameters(), 'drone': made}
@@ -441,7 +440,7 @@ class FlyingPlant(FreeBasePlant):
 
 
 def _heading(quaternion: Array) -> Array:
-    """Return the part of an attitude (w, x, y, z) that is a turn about the vertical."""
+    """Return the rotation about the vertical of an attitude (w, x, y, z)."""
     w, _, _, z = quaternion
     length = np.hypot(w, z)
     if length < 1e-6:

@@ -1,7 +1,7 @@
-"""The geometry of a made arm, which differs from its drawing.
+"""Geometry of a manufactured arm, with deviations from its drawing.
 
-Nothing here is shared with the calibration: rotations are computed from their formulas, and where
-a link is comes from the physics engine.
+The module shares no code with the calibration: rotations are computed from their formulas, and
+link poses by the physics engine.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class GeometrySpread:
-    """Standard deviations of what a made arm differs from its drawing by.
+    """Standard deviations of a manufactured arm's geometry from its drawing.
 
     Attributes
     ----------
     offset : float
         Of the joints' zeros [rad].
     length, tilt : float
-        Of each axis of a joint's place [m] and of its direction [rad].
+        Of a joint's place per axis [m], and of its direction [rad].
     mount_length, mount_tilt : float
-        Of the arm's base on its carrier [m], [rad].
+        Of the arm's base on its vehicle [m], [rad].
     imu_length, imu_tilt : float
         Of the IMU on the drone [m], [rad].
     """
@@ -45,16 +45,16 @@ class GeometrySpread:
 
 @dataclass(frozen=True, eq=False)
 class MadeGeometry:
-    """A made arm.
+    """A manufactured arm.
 
     Attributes
     ----------
     robot : Robot
-        With displaced joints.
+        Arm with displaced joints.
     offsets : (n,) ndarray
-        True position less the position by the drawn configuration [rad].
+        True position minus the position by the drawn configuration [rad].
     mount_shift, mount_turn, imu_shift, imu_turn : (3,) ndarray
-        Displacement [m] and rotation vector [rad] of the arm's base and the IMU on the carrier.
+        Displacement [m] and rotation vector [rad] of the arm's base and the IMU on the vehicle.
     """
 
     robot: Robot
@@ -66,7 +66,7 @@ class MadeGeometry:
 
     @classmethod
     def of(cls, robot: Robot, seed: int, spread: GeometrySpread | None = None) -> MadeGeometry:
-        """Return an arm with random deviations, normal ones of the spread's sizes."""
+        """Return an arm with normally distributed deviations of the given standard deviations."""
         spread = spread or GeometrySpread()
         random = np.random.default_rng([seed, 37])
         n = robot.n
@@ -76,7 +76,7 @@ class MadeGeometry:
         made = load_robot(
             text, gravity_in_base=robot.gravity_in_base, joint_names=robot.joint_names
         )
-        # The names have their prefix already.
+        # The names already have their prefix.
         made = replace(made, prefix=robot.prefix, path=robot.path)
         return cls(
             made,
@@ -88,7 +88,7 @@ class MadeGeometry:
         )
 
     def config(self, drawn: ArmConfig) -> ArmConfig:
-        """Return the configuration by which motor angles and true positions correspond."""
+        """Return the configuration that relates motor angles to true positions."""
         joints = tuple(
             replace(joint, offset=joint.offset + float(offset))
             for joint, offset in zip(drawn.joints, self.offsets, strict=True)
@@ -96,7 +96,7 @@ class MadeGeometry:
         return replace(drawn, joints=joints)
 
     def drone(self, drawn: DroneConfig) -> DroneConfig:
-        """Return the drone with the mount and the IMU where they are."""
+        """Return the drone with the true poses of the mount and the IMU."""
         return replace(
             drawn,
             mount=_moved(drawn.mount, self.mount_shift, self.mount_turn, drawn.size),
@@ -104,7 +104,7 @@ class MadeGeometry:
         )
 
     def as_dict(self) -> dict[str, object]:
-        """Return the deviations in plain numbers for a YAML file."""
+        """Return the deviations as plain numbers for a YAML file."""
         values = {
             'joint_offsets': self.offsets,
             'mount_shift': self.mount_shift,
@@ -116,15 +116,16 @@ class MadeGeometry:
 
 
 def displaced_urdf(text: str, joint_names: tuple[str, ...], shifts: Array, turns: Array) -> str:
-    """Return a URDF whose joints lie elsewhere.
+    """Return a URDF with displaced joints.
 
     Parameters
     ----------
     text : str
+        The original URDF.
     joint_names : tuple of n str
     shifts, turns : (n, 3) ndarray
-        Added to a joint's place, along the axes of the link it is on [m], and turned about these
-        axes [rad].
+        Displacement of a joint [m] and rotation about its axes [rad], in the axes of its parent
+        link.
     """
     root = ElementTree.fromstring(text)
     joints = {joint.get('name'): joint for joint in root.findall('joint')}
@@ -160,7 +161,7 @@ def angles_of(rotation: Array) -> Array:
 
 
 def _moved(pose: PoseConfig, shift: Array, turn: Array, size: tuple[float, ...]) -> PoseConfig:
-    """Return a pose that is displaced, as far as its part stays on the body."""
+    """Return a displaced pose, as far as its part stays on the body."""
     half = 0.5 * np.array(size)
     place = np.clip(np.array(pose.position) + shift, -half, half)
     angles = angles_of(rotation_about(turn) @ pose.rotation)

@@ -1,4 +1,4 @@
-"""Emulated motion capture and camera: where they see a link that the physics engine moves."""
+"""Emulated motion capture and camera, which measure a link of the physics engine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.base_profile import BaseState
 from aerarm_ros.simulation.made_geometry import rotation_about
 
-# On a plate at the wrist, as markers are glued: [m] in the frame of the last link.
+# Positions of markers on a plate at the wrist, [m] in the frame of the last link.
 MARKERS = (
     (0.10, 0.05, 0.04),
     (0.10, -0.05, 0.04),
@@ -22,22 +22,22 @@ MARKERS = (
 )
 _CAMERAS = 8  # of the motion capture, on a ring
 _RING = (3.0, 1.6)  # [m] radius and height
-_STEEP = 0.35  # cosine of the view below which a marker is not seen
+_STEEP = 0.35  # cosine of the viewing angle below which a marker is hidden
 _BODY = 0.2  # [m] between the markers of the drone
-_TWO = 2  # cameras that must see it
+_TWO = 2  # smallest number of cameras that must see a marker
 _CORNERS = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
 _ITERATIONS = 15
 
 
 class Located(Protocol):
-    """What tells where a link is."""
+    """Interface of an object that returns the pose of a link."""
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
         """Return rotation (3, 3) and place (3,) [m] of a link in the world."""
 
 
 class Carried(Protocol):
-    """A plant on a body."""
+    """Interface of a plant on a body."""
 
     @property
     def base(self) -> BaseState:
@@ -46,14 +46,14 @@ class Carried(Protocol):
 
 @dataclass(frozen=True)
 class MocapSettings:
-    """How good the motion capture is.
+    """Errors of the motion capture.
 
     Attributes
     ----------
     noise : float
-        Of each axis of a marker's position [m].
+        Standard deviation of a marker's position per axis [m].
     dropout : float
-        Share of frames in which a marker is lost for no reason.
+        Fraction of frames in which a marker is lost at random.
     """
 
     noise: float = 0.2e-3
@@ -61,23 +61,20 @@ class MocapSettings:
 
 
 class EmulatedMocap:
-    """Sees markers on a link, in a frame of its own.
+    """Motion capture of markers on a link, in its own frame.
 
-    A marker is seen if at least two of eight cameras on a ring look at its front; a normal points
-    away from the link's axis.
+    A marker is visible if at least two of eight cameras on a ring are in front of it; its normal
+    points away from the link's axis.
 
     Parameters
     ----------
-    link : str
-    seed : int
-    settings : MocapSettings
     markers : sequence of (3,)
         In the link's frame [m].
 
     Attributes
     ----------
     rotation, translation : (3, 3) and (3,) ndarray
-        Of the world in the motion capture's frame.
+        Pose of the world in the motion capture's frame.
     """
 
     def __init__(
@@ -109,13 +106,13 @@ class EmulatedMocap:
         return tuple(f'marker{k + 1}' for k in range(len(self._markers)))
 
     def true_positions(self, plant: Located) -> Array:
-        """Return where the markers are in the motion capture's frame, (K, 3) [m]."""
+        """Return the markers' positions in the motion capture's frame, (K, 3) [m]."""
         rotation, place = plant.link_pose(self._link)
         in_world = place + self._markers @ rotation.T
         return np.asarray(in_world @ self.rotation.T + self.translation)
 
     def read(self, plant: Located) -> Array:
-        """Return a frame (K, 3) [m] with noise; NaN where a marker is hidden."""
+        """Return a frame (K, 3) [m] with noise; NaN for a hidden marker."""
         settings = self._settings
         seen = self._visible(plant)
         position = self.true_positions(plant)
@@ -125,9 +122,9 @@ class EmulatedMocap:
         return position
 
     def read_body(self, plant: Carried) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and place (3,) [m] of the body that carries the arm, with noise.
+        """Return rotation (3, 3) and place (3,) [m] of the arm's vehicle, with noise.
 
-        As of a rigid body of markers that are 0.2 m apart.
+        The noise is that of a rigid body of markers with a distance of 0.2 m.
         """
         base, noise = plant.base, self._settings.noise
         turn = noise / _BODY * self._random.standard_normal(3)
@@ -153,9 +150,9 @@ class CameraSettings:
     focal_length : float
         [px]
     pixel_noise : float
-        Of each coordinate of a corner [px].
+        Standard deviation of a corner's coordinates [px].
     side : float
-        Of the marker [m].
+        Side length of the marker [m].
     """
 
     focal_length: float = 1200.0
@@ -164,16 +161,13 @@ class CameraSettings:
 
 
 class EmulatedCamera:
-    """Sees an optical marker on a link, and estimates its pose as ArUco's detector does.
+    """Camera that estimates the pose of an optical marker on a link, as ArUco's detector does.
 
-    The four corners are projected, their pixels get noise, and the pose with the least
-    reprojection error is the reading. So depth and tilt are as uncertain as with a real camera.
+    The four corners are projected, their pixels get noise, and the reading is the pose with the
+    least reprojection error. So depth and tilt are as uncertain as with a real camera.
 
     Parameters
     ----------
-    link : str
-    seed : int
-    settings : CameraSettings
     eye_in_hand : bool
         Whether the camera is on the link, and the marker fixed in the world.
     """
@@ -191,14 +185,14 @@ class EmulatedCamera:
         self._random = np.random.default_rng([seed, 39])
         half = self._settings.side
         self._corners = np.array([(half * x, half * y, 0.0) for x, y in _CORNERS])
-        # The marker looks at a camera 1.2 m away; on a link it is turned away from the axis.
+        # The marker faces a camera 1.2 m away; on a link it is turned away from the axis.
         self._on_link = rotation_about(np.array([0.2, 1.3, -0.1])), np.array([0.08, 0.0, 0.05])
         self._fixed = _looking((0.9, -0.9, 0.5), (0.1, 0.0, 0.3))
 
     def read(self, plant: Located) -> tuple[Array, Array] | None:
         """Return rotation (3, 3) and place (3,) [m] of the marker in the camera's frame.
 
-        None where the marker is turned away, or behind the camera.
+        None if the marker is turned away, or behind the camera.
         """
         rotation, place = self.true_pose(plant)
         normal, view = rotation[:, 2], place / np.linalg.norm(place)
@@ -219,7 +213,7 @@ class EmulatedCamera:
         return camera[0].T @ marker[0], camera[0].T @ (marker[1] - camera[1])
 
     def _solved(self, pixels: Array, rotation: Array, place: Array) -> tuple[Array, Array]:
-        """Return the pose of least reprojection error, by Gauss-Newton from a near one."""
+        """Return the pose of least reprojection error, by Gauss-Newton from a nearby pose."""
         focal = self._settings.focal_length
         for _ in range(_ITERATIONS):
             turned = self._corners @ rotation.T
@@ -261,7 +255,7 @@ def _rotation_of(quaternion: Array) -> Array:
 
 
 def _looking(at: tuple[float, ...], towards: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return a pose at a place, its z axis towards another."""
+    """Return a pose at a place, with its z axis toward another place."""
     place = np.array(at)
     forward = np.array(towards) - place
     forward /= np.linalg.norm(forward)

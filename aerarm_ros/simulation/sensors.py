@@ -12,7 +12,7 @@ from aerarm_ros.motion.signals import Array
 
 
 def turned(quaternion: Array, angle: Array) -> Array:
-    """Return a unit quaternion (x, y, z, w) after a small turn (3,) [rad] in body axes."""
+    """Return a unit quaternion (x, y, z, w) after a small rotation (3,) [rad] in body axes."""
     x, y, z, w = quaternion.tolist()
     a, b, c = (0.5 * angle).tolist()
     result: Array = np.array(
@@ -31,23 +31,24 @@ Reading = TypeVar('Reading')
 
 
 class DelayedSensor(Generic[Reading]):
-    """Reads at equal intervals, and gives each reading out a delay later.
+    """Sensor that is read periodically, and whose readings arrive after a delay.
 
     Parameters
     ----------
     read : callable
-        Returns what the sensor sees now, its errors included.
+        Returns the present reading, including its errors.
     rate : float
-        Readings a second [Hz].
+        Rate of readings [Hz].
     cycle : float
-        Time between two calls of `update` [s]; the interval is a whole number of them.
+        Time between two calls of `update` [s]; the interval of readings is a whole number of
+        cycles.
     delay : float
-        Age of a reading when it is given out [s], rounded to whole cycles.
+        Age of a reading at its arrival [s], rounded to whole cycles.
 
     Attributes
     ----------
     period_ns : int
-        From reading to reading [ns].
+        Interval of readings [ns].
     """
 
     def __init__(
@@ -61,7 +62,7 @@ class DelayedSensor(Generic[Reading]):
         self._under_way: deque[tuple[int, int, Reading]] = deque()
 
     def restart(self) -> None:
-        """Read in the next cycle, and forget what is under way."""
+        """Read in the next cycle, and drop readings in transit."""
         self._count = 0
         self._under_way.clear()
 
@@ -80,14 +81,15 @@ class DelayedSensor(Generic[Reading]):
         return self._under_way.popleft()[1:] if arrives else None
 
 
-_BLOCK = 4096  # random numbers are drawn this many at a time
+_BLOCK = 4096  # number of random numbers drawn at once
 
 
 class RandomDrift:
     """A first-order Gauss-Markov process of three independent axes (white noise, filtered).
 
-    Its autocorrelation is `deviation^2 exp(-|t| / correlation_time)`: the longitudinal gust of
-    Dryden's spectrum, with the scale length over the airspeed as correlation time.
+    The autocorrelation is `deviation^2 exp(-|t| / correlation_time)`. The process is the
+    longitudinal gust of Dryden's spectrum, with the scale length over the airspeed as correlation
+    time.
 
     Parameters
     ----------
@@ -113,7 +115,7 @@ class RandomDrift:
         self.value = deviation * random.standard_normal(3)
 
     def update(self) -> Array:
-        """Return the value (3,) a period later."""
+        """Return the value (3,) one period later."""
         if self._next == len(self._noise):
             self._noise = self._drive * self._random.standard_normal((_BLOCK, 3))
             self._next = 0
@@ -132,14 +134,14 @@ class BandLimitedNoise:
     cutoff : float
         [Hz]
     period : float
-        Of `update` [s].
+        Period of `update` [s].
     random : numpy.random.Generator
     """
 
     def __init__(
         self, deviation: float, cutoff: float, period: float, random: np.random.Generator
     ) -> None:
-        # Imported where it is used: it takes long, and `--help` needs none of it.
+        # Imported here, because it takes long, and `--help` does not need it.
         from scipy.signal import butter, sosfilt, sosfilt_zi
 
         self._filter = butter(2, cutoff, fs=1.0 / period, output='sos')
@@ -150,7 +152,7 @@ class BandLimitedNoise:
         self._state = 0.0 * sosfilt_zi(self._filter)[..., np.newaxis].repeat(3, axis=2)
         self._next = 0
         self._values: Array = np.empty((0, 3))
-        for _ in range(1 + length // _BLOCK):  # until it has forgotten where it began
+        for _ in range(1 + length // _BLOCK):  # until the initial state has decayed
             self._draw()
         self._next = len(self._values)
         self.value: Array = self._values[-1]
@@ -163,7 +165,7 @@ class BandLimitedNoise:
         self._next = 0
 
     def update(self) -> Array:
-        """Return the value (3,) a period later."""
+        """Return the value (3,) one period later."""
         if self._next == len(self._values):
             self._draw()
         self.value = self._values[self._next]
@@ -178,14 +180,14 @@ _ATTITUDE_TIME = 10.0  # [s] correlation time of an attitude filter's error
 
 @dataclass(frozen=True)
 class ImuErrors:
-    """Deviations of an IMU, each the standard deviation of an axis.
+    """Errors of an IMU, each the standard deviation per axis.
 
     Attributes
     ----------
     force_noise, rate_noise : float
         White noise of a sample [m/s^2], [rad/s].
     force_bias, rate_bias : float
-        What stays constant [m/s^2], [rad/s].
+        Constant error [m/s^2], [rad/s].
     attitude : float
         Slowly changing error of the attitude [rad].
     """
@@ -198,14 +200,14 @@ class ImuErrors:
 
 
 class FaultyImu:
-    """Adds `ImuErrors` to ideal readings.
+    """Add `ImuErrors` to ideal readings.
 
     Parameters
     ----------
-    errors : ImuErrors
     period : float
-        Between readings [s].
+        Interval of readings [s].
     seed : int
+        Seed of the errors.
     """
 
     def __init__(self, errors: ImuErrors, period: float, seed: int) -> None:
@@ -232,7 +234,7 @@ OdometryReading = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """White noise of an odometry's readings, each the standard deviation of an axis.
+    """White noise of an odometry's readings, each the standard deviation per axis.
 
     Attributes
     ----------
@@ -247,12 +249,12 @@ class OdometryErrors:
 
 
 class NoisyOdometry:
-    """Adds `OdometryErrors` to true readings.
+    """Add `OdometryErrors` to true readings.
 
     Parameters
     ----------
-    errors : OdometryErrors
     seed : int
+        Seed of the noise.
     """
 
     def __init__(self, errors: OdometryErrors, seed: int) -> None:

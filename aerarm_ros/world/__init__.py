@@ -1,6 +1,6 @@
-"""The tool held in the world by an arm under a drone that sways, and what the drone can bear.
+"""Control of the tool in the world frame by an arm under a swaying drone.
 
-In come odometry, IMU samples, joint states and targets in the world; out goes a `WorldReference`
-for the law that holds the tool there, and how far the arm still reaches. `RotorGovernor` slows
-motions of the joints that the rotors could not bear.
+The package computes a `WorldReference` for the control law, and the remaining reach of the arm.
+The inputs are odometry, IMU samples, joint states and targets in the world. `RotorGovernor` slows
+joint motions that exceed the rotors' capacity.
 """

@@ -1,4 +1,4 @@
-"""Where the arm's base is in the world now, from an odometry that is late and from the IMU."""
+"""Present pose of the arm's base in the world, from delayed odometry and the IMU."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -15,31 +15,30 @@ from aerarm_ros.model.inertia import cross
 from aerarm_ros.motion.signals import Array
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])
-# Variances per second of what the prediction does not know: of the velocity [m^2/s^3], where the
-# IMU is used and where it is not, and of the accelerometer's bias [m^2/s^5].
+# Variances per second of the prediction's error: of the velocity [m^2/s^3], with and without IMU,
+# and of the accelerometer's bias [m^2/s^5].
 _DRIVE, _DRIVE_BLIND, _BIAS_DRIVE = 2e-3, 0.5, 1e-3
-_FIRST = np.diag([1e-4, 1e-2, 4e-2])  # variances at first: position, velocity, bias
+_FIRST = np.diag([1e-4, 1e-2, 4e-2])  # initial variances: position, velocity, bias
 _BIAS_MAX = 0.8  # [m/s^2]
-# Noise of the odometry: position [m], velocity [m/s], at first and at least; it is measured over
-# so many samples.
+# Noise of the odometry: position [m], velocity [m/s], as initial and smallest value; it is
+# measured over a number of samples.
 _NOISE = np.array([3e-3, 1e-2])
 _NOISE_MIN = np.array([3e-4, 1e-3])
 _NOISE_SAMPLES = 50.0
-_OUTLIER = 4.0  # times the variance, at most, that one sample counts
-_ATTITUDE_TIME = 0.5  # [s] in which the gyroscope's drift is corrected by the odometry's attitude
-_HISTORY = 200  # predicted poses: 0.8 s at 250 Hz
-_IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated without
-_LONGEST_STEP = 0.02  # [s] of a prediction that is not split
-# A sample that is further off what is predicted is doubted: [m], [rad]; and standard deviations.
+_OUTLIER = 4.0  # largest squared error of one sample, in multiples of the variance
+_ATTITUDE_TIME = 0.5  # [s] in which the odometry's attitude corrects the gyroscope's drift
+_HISTORY = 200  # number of predicted poses: 0.8 s at 250 Hz
+_IMU_GAP = 0.05  # [s] without an IMU sample, after which the base is extrapolated
+_LONGEST_STEP = 0.02  # [s] of an undivided prediction step
+# Difference from the prediction above which a sample counts as a jump: [m], [rad]; and standard
+# deviations.
 _JUMP, _TURN, _DEVIATIONS = 0.03, 0.15, 6.0
 _DOUBT = 0.1  # [s] for which a jump must stay before it is accepted
-_GROWTH = 0.3  # [m/s] by which a prediction without odometry may be wrong
-_SAME_CLOCK = (
-    0.25  # [s] up to which an IMU sample's age is one and not the difference of two clocks
-)
+_GROWTH = 0.3  # [m/s] growth of the prediction's error without odometry
+_SAME_CLOCK = 0.25  # [s] largest plausible age of an IMU sample; more is a clock offset
 _AGE_TIME = 1.0  # [s] over which the age is averaged
 _FROZEN, _MOVING_RATE, _MOVING_SPEED = 0.1, 0.02, 0.02  # [s], [rad/s], [m/s]
-_FORGOTTEN = 1.0  # [s] without any odometry, after which the next one is believed as it is
+_FORGOTTEN = 1.0  # [s] without odometry, after which the next sample is accepted without comparison
 _READY = 0.2  # [s] of good samples before the pose is used
 
 
@@ -49,7 +48,7 @@ class BasePose(NamedTuple):
     Attributes
     ----------
     position, velocity : (3,) ndarray
-        Of its origin in the world [m], [m/s].
+        Of the frame's origin in the world [m], [m/s].
     rotation : (3, 3) ndarray
         Base to world.
     rate : (3,) ndarray
@@ -62,19 +61,19 @@ class BasePose(NamedTuple):
     rate: Array
 
     def to_world(self, place: Array) -> Array:
-        """Return a place (3,) of the base frame in the world [m]."""
+        """Convert a place (3,) from the base frame to the world [m]."""
         moved: Array = self.position + self.rotation @ place
         return moved
 
     def to_base(self, place: Array) -> Array:
-        """Return a place (3,) of the world in the base frame [m]."""
+        """Convert a place (3,) from the world to the base frame [m]."""
         moved: Array = self.rotation.T @ (place - self.position)
         return moved
 
 
 @dataclass(frozen=True, eq=False)
 class OdometryFrames:
-    """Where base and IMU are in the frame whose pose the odometry gives.
+    """Poses of base and IMU in the frame whose pose the odometry measures.
 
     Attributes
     ----------
@@ -91,7 +90,7 @@ class OdometryFrames:
 
     @classmethod
     def of(cls, drone: DroneConfig | None, mount: Mount) -> 'OdometryFrames':
-        """Return the frames of a drone's body, or of a base that is itself what is measured."""
+        """Return the frames of a drone's body, or of a base that is measured itself."""
         if drone is None:
             return cls(
                 np.zeros(3), np.eye(3), mount.imu_position_in_base, mount.rotation_imu_to_base
@@ -101,7 +100,7 @@ class OdometryFrames:
 
 
 class _Predicted(NamedTuple):
-    """State of the IMU's place at a time of the drone's clock."""
+    """State at the IMU's place, at a time of the drone's clock."""
 
     time: float
     position: Array
@@ -110,40 +109,39 @@ class _Predicted(NamedTuple):
 
 
 class BasePoseEstimator:
-    """Predicts the pose by the IMU and corrects it by the odometry, at the time of each sample.
+    """Predict the pose with the IMU and correct it with the odometry at each sample's stamp.
 
-    A Kalman filter of position, velocity and the accelerometer's bias of the IMU's place, whose
-    motion the accelerometer measures without knowledge of the angular acceleration; the
-    gyroscope turns the attitude, which the odometry corrects within 0.5 s. A sample of the
-    odometry is compared with what was predicted for its stamp, and the correction is applied to
-    everything since: an old sample is as good as a new one, but for what the IMU adds. The noise
-    of the odometry is measured by what is left after the comparison.
+    A Kalman filter estimates position and velocity of the IMU's place, and the accelerometer's
+    bias. At that place the accelerometer measures the motion without the angular acceleration. The
+    gyroscope rotates the attitude, which the odometry corrects within 0.5 s. Each odometry sample
+    is compared with the prediction for its stamp, and the correction applies to all later times.
+    So an old sample is as accurate as a new one, apart from the IMU's error. The remainder of the
+    comparison gives the noise of the odometry.
 
-    Without IMU samples the pose is extrapolated by the odometry's own velocities.
+    Without IMU samples the pose is extrapolated with the odometry's velocities.
 
-    Ages are measured by the drone's clock, which is that of the odometry and the IMU. The arm's
-    clock may be another one: it is compared by the arrival of IMU samples.
+    Ages are measured by the drone's clock, which stamps odometry and IMU. The arm's clock may
+    differ; the arrival of IMU samples gives the offset.
 
     Parameters
     ----------
-    frames : OdometryFrames
     timeout : float
-        Age [s] of the newest usable odometry up to which the pose is used.
+        Age [s] of the newest valid odometry up to which the pose is used.
     jump_max : float
         Largest jump [m] of the odometry that is accepted.
     imu_latency : float
-        Age of an IMU sample when it is received [s], where its clock is not the arm's.
+        Age of an IMU sample at reception [s], if its clock is not the arm's.
 
     Attributes
     ----------
     age : float
-        Of an odometry when it is received, mean over 1 s [s]; NaN before the first.
+        Age of an odometry at reception, mean over 1 s [s]; NaN before the first.
     noise : (2,) ndarray
-        Standard deviations of the odometry's position [m] and velocity [m/s], as measured.
+        Measured standard deviations of the odometry's position [m] and velocity [m/s].
     jumps : int
-        Jumps that were accepted.
+        Number of accepted jumps.
     rejections : int
-        Samples that were not used.
+        Number of rejected samples.
     """
 
     def __init__(
@@ -163,22 +161,22 @@ class BasePoseEstimator:
         self._forget()
 
     def _forget(self) -> None:
-        """Start again with the next odometry."""
+        """Restart the filter with the next odometry."""
         self._state: _Predicted | None = None
         self._bias, self._variance = np.zeros(3), _FIRST.copy()
         self._rate, self._force = np.zeros(3), np.zeros(3)
         self._history: deque[_Predicted] = deque(maxlen=_HISTORY)
         self._imu_stamp = self._stamp = -np.inf
-        self._interval = 0.0  # of the newest odometry from the one before [s]
-        self._offset: float | None = None  # the arm's clock less the drone's [s]
-        self._received = -np.inf  # of the newest good odometry, by the arm's clock
+        self._interval = 0.0  # between the last two odometry samples [s]
+        self._offset: float | None = None  # the arm's clock minus the drone's [s]
+        self._received = -np.inf  # time of the newest valid odometry, by the arm's clock
         self._good_since = np.inf
         self._doubted: tuple[float, Array] | None = None
         self._problem = ''
         self._frozen = FreezeWatch(_FROZEN)
 
     def problem(self, now: float) -> str:
-        """Return why the pose cannot be used at `now` [s], '' if it can."""
+        """Return why the pose cannot be used at `now` [s], or an empty text."""
         if np.isinf(self._received):
             return f'odometry: {self._problem}' if self._problem else 'no odometry yet'
         age = now - self._received
@@ -187,18 +185,18 @@ class BasePoseEstimator:
         if not -self._timeout <= age <= self._timeout:
             return f'no usable odometry for {age:.2f} s'
         if now - self._good_since < _READY:
-            return 'the odometry has just begun'
+            return 'the odometry has just started'
         return ''
 
     def accept_next(self) -> None:
-        """Accept the next odometry in any case: a user gave a target in its frame."""
+        """Accept the next odometry in any case, because a user gave a target in its frame."""
         if self._problem:
             offset = self._offset
             self._forget()
             self._offset = offset
 
     def offer_imu(self, sample: ImuSample, now: float) -> None:
-        """Take a checked IMU sample, received at `now` [s] of the arm's clock."""
+        """Process a checked IMU sample, received at `now` [s] of the arm's clock."""
         self._compare_clocks(sample.stamp, now)
         if -1.0 < sample.stamp - self._imu_stamp <= 0.0:
             return
@@ -222,12 +220,13 @@ class BasePoseEstimator:
         self._history.append(self._state)
 
     def offer_odometry(self, sample: OdometrySample, now: float) -> None:
-        """Take a checked odometry sample, received at `now` [s] of the arm's clock.
+        """Process a checked odometry sample, received at `now` [s] of the arm's clock.
 
         Raises
         ------
         RejectedInputError
-            If it is not newer than the one before, too old, of another clock, frozen or a jump.
+            If the sample is not newer than the previous one, too old, from another clock, frozen
+            or a jump.
         """
         try:
             self._take(sample, now)
@@ -265,7 +264,7 @@ class BasePoseEstimator:
         offset -= self._imu_latency
         if self._offset is None or self._offset == 0.0 or abs(offset - self._offset) > 1.0:
             self._offset = offset
-        # What comes earliest was delayed least; a slow drift of the clocks is followed.
+        # The earliest arrival has the least delay; a slow drift of the clocks is followed.
         self._offset = min(self._offset + 1e-6, offset)
 
     def _drone_time(self, now: float) -> float:
@@ -277,7 +276,7 @@ class BasePoseEstimator:
     # Prediction and correction.
 
     def _predict(self, step: float, rate: Array, force: Array | None) -> None:
-        """Advance the state by `step` [s], by a body rate and the specific force in body axes."""
+        """Advance by `step` [s], with the angular rate and specific force in body axes."""
         state = self._state
         assert state is not None
         acceleration, drive = np.zeros(3), _DRIVE_BLIND
@@ -299,18 +298,18 @@ class BasePoseEstimator:
     def _take(self, sample: OdometrySample, now: float) -> None:
         if -1.0 < sample.stamp - self._stamp <= 0.0:
             raise RejectedInputError(
-                'a sample is not newer than the one before: one publisher only'
+                'a sample is not newer than the previous one: run only one publisher'
             )
         age = self._drone_time(now) - sample.stamp
         if not -0.01 < age < self._timeout:
             self._problem = (
-                f'it is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check '
-                'its delay, and the clock of what stamps it'
+                f'a sample is {age:.2f} s old (odometry_timeout: {self._timeout:g}): check its '
+                'delay, and the clock of its publisher'
             )
             if abs(age) > 5.0 * self._timeout:
                 self._problem = (
-                    f'its clock is {-age:+.2f} s off: synchronise the clocks of what '
-                    'stamps odometry, IMU and joint states'
+                    f'its clock is {-age:+.2f} s off: synchronise the clocks of the publishers '
+                    'of odometry, IMU and joint_states'
                 )
             raise RejectedInputError(self._problem)
         interval = self._interval = sample.stamp - self._stamp
@@ -323,7 +322,7 @@ class BasePoseEstimator:
         )
         reading = np.concatenate([sample.position, sample.attitude])
         if self._frozen.is_frozen(reading, sample.stamp, moving > 0.0):
-            self._problem = 'it repeats itself while the drone moves: frozen'
+            self._problem = 'its pose stays the same while the drone moves (frozen)'
             raise RejectedInputError(self._problem)
         measured = self._measured(sample)
         if self._state is None or not -_FORGOTTEN < interval < _FORGOTTEN:
@@ -334,7 +333,7 @@ class BasePoseEstimator:
         self._correct(measured, now)
 
     def _measured(self, sample: OdometrySample) -> _Predicted:
-        """Return what a sample says of the IMU's place."""
+        """Return the state of the IMU's place according to a sample."""
         rotation, lever = rotation_matrix(sample.attitude), self._frames.imu_position
         velocity = rotation @ (sample.velocity + cross(sample.rate, lever))
         return _Predicted(sample.stamp, sample.position + rotation @ lever, velocity, rotation)
@@ -355,7 +354,7 @@ class BasePoseEstimator:
         self._problem, self._doubted, self._received = '', None, now
 
     def _advance_blindly(self, sample: OdometrySample) -> None:
-        """Without IMU: go on with the velocities of the odometry before."""
+        """Extrapolate with the velocities of the previous odometry, without IMU."""
         state = self._state
         assert state is not None
         self._rate = sample.rate
@@ -366,7 +365,7 @@ class BasePoseEstimator:
             self._history.append(self._state)
 
     def _at(self, time: float) -> _Predicted:
-        """Return what was predicted for a time."""
+        """Return the prediction for a time."""
         earlier = self._history[0]
         for state in self._history:
             if state.time > time:
@@ -399,7 +398,7 @@ class BasePoseEstimator:
         matrix = self._variance[:2, :2] + np.diag(self.noise**2)
         gain = self._variance[:, :2] @ np.linalg.inv(matrix)
         left = np.array([off @ off, faster @ faster]) / 3.0 - np.diag(self._variance)[:2]
-        # What is left after a jump is no noise.
+        # The remainder after a jump is not noise.
         left = np.minimum(np.maximum(left, 0.0), _OUTLIER * np.maximum(self.noise, _NOISE) ** 2)
         variance = (1.0 - share) * self.noise**2 + share * left
         self.noise = np.sqrt(np.maximum(variance, _NOISE_MIN**2))
@@ -414,7 +413,7 @@ class BasePoseEstimator:
         self._accept(now)
 
     def _apply(self, time: float, shift: Array, change: Array, correction: Array) -> None:
-        """Correct what was predicted from a time on."""
+        """Correct the predictions from a time on."""
         corrected = [
             _Predicted(
                 state.time,
@@ -430,17 +429,19 @@ class BasePoseEstimator:
         self._state = corrected[-1]
 
     def _has_jumped(self, off: Array, turn: Array, now: float) -> bool:
-        """Doubt what jumps; return whether a jump has stayed, and is one that is accepted."""
-        # A sample that is doubted is no silence: a jump must not pass for growth.
+        """Process a jump; return whether it has stayed and can be accepted."""
+        # A doubtful sample also ends a silence, because a jump must not count as growing error.
         silent = min(max(self._interval, 0.0), _FORGOTTEN)
         spread = np.sqrt(self._variance[0, 0] + self.noise[0] ** 2)
         allowed = min(_JUMP + _DEVIATIONS * float(spread) + _GROWTH * silent, self._jump_max)
         distance, angle = float(np.linalg.norm(off)), float(np.linalg.norm(turn))
         if distance <= allowed and angle <= _TURN:
             return False
-        self._problem = f'it jumped by {distance:.2f} m and {angle:.2f} rad'
+        self._problem = f'its pose jumped by {distance:.2f} m and {angle:.2f} rad'
         if distance > self._jump_max or angle > self._jump_max:
-            self._problem += f' (jump_max: {self._jump_max:g}): check it, or send a new target'
+            self._problem += (
+                f' (jump_max: {self._jump_max:g}): check the odometry, or send a new target'
+            )
             raise RejectedInputError(self._problem)
         before = self._doubted
         if before is None or float(np.linalg.norm(off - before[1])) > allowed:
@@ -453,7 +454,7 @@ class BasePoseEstimator:
 
 
 def _turned(turn: Array) -> Array:
-    """Return the rotation (3, 3) of a turn vector [rad]."""
+    """Return the rotation matrix (3, 3) of a rotation vector [rad]."""
     x, y, z = turn.tolist()
     angle = (x * x + y * y + z * z) ** 0.5
     if angle < 1e-9:
@@ -469,7 +470,7 @@ def _turned(turn: Array) -> Array:
 
 
 def _turn(rotation: Array) -> Array:
-    """Return the turn vector (3,) [rad] of a rotation of less than half a turn."""
+    """Return the rotation vector (3,) [rad] of a rotation of less than half a turn."""
     half = 0.5 * np.array(
         [
             rotation[2, 1] - rotation[1, 2],

@@ -1,4 +1,4 @@
-"""How far the drone may move until the arm cannot hold its tool, and where it should be."""
+"""Remaining reach of the arm under a moving drone, and the preferred place of the drone."""
 
 from typing import NamedTuple
 
@@ -13,14 +13,14 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.world.base_pose import BasePose
 
-_REACHED = 3e-3  # [m] off a place that counts as reached
-_STEP = 0.02  # [m] of the way along a direction
-_FARTHEST = 0.3  # [m]; farther is not looked
+_REACHED = 3e-3  # [m] largest error of a reached place
+_STEP = 0.02  # [m] step along a direction
+_FARTHEST = 0.3  # [m] largest searched distance
 _STEP_ITERATIONS, _ITERATIONS, _MORE_ITERATIONS = 3, 40, 12
-_LOOKS = 12  # places of a path: a controller looks between two states
+_LOOKS = 12  # places of a path, limited because a controller checks between two states
 _LARGEST_TURN = 0.3  # [rad] of a joint in an iteration
-_MARGIN = 0.03  # [rad] kept from position limits
-_LONGEST = 60.0  # [s]; later is not told
+_MARGIN = 0.03  # [rad] margin to position limits
+_LONGEST = 60.0  # [s] longest reported time
 _SLOW = 0.01  # [m/s]
 
 DIRECTIONS = np.vstack([np.eye(3), -np.eye(3)])
@@ -28,16 +28,16 @@ DIRECTIONS = np.vstack([np.eye(3), -np.eye(3)])
 
 
 class ReachMargin(NamedTuple):
-    """How far the base may move while the tool stays where it is.
+    """Possible motion of the base while the tool stays in place.
 
     Attributes
     ----------
     along : (6,) ndarray
-        Along `DIRECTIONS`, up to 0.3 [m].
+        Distances along `DIRECTIONS`, up to 0.3 [m].
     least : float
         The smallest of them [m].
     time : float
-        Until the end at the present velocity of the base, up to 60 [s].
+        Time until the end of the reach at the present velocity of the base, up to 60 [s].
     """
 
     along: Array
@@ -46,17 +46,15 @@ class ReachMargin(NamedTuple):
 
 
 class ArmReach:
-    """Finds by inverse kinematics which places the tool can reach.
+    """Find the places that the tool can reach, by inverse kinematics.
 
-    From the present posture on the way to a place, so that a place behind a singularity, which
-    the arm could reach only by another way, counts as out of reach.
+    The search starts at the present posture. A place beyond a singularity, which the arm could
+    only reach by another path, counts as out of reach.
 
     Parameters
     ----------
     kinematics : Kinematics
-        An instance of its own, if it is used in another thread.
-    limits : JointLimits
-    inverse : DampedInverse, optional
+        An instance for this object alone, if used in another thread.
     """
 
     def __init__(
@@ -68,13 +66,13 @@ class ArmReach:
         self._inverse = DampedInverse(0.03, 0.02) if inverse is None else inverse
 
     def beyond(self, place: Array, q: Array) -> float:
-        """Return how far a place (3,) of the base frame is out of reach [m], 0 if it is not."""
+        """Return how far a place (3,) of the base frame is out of reach [m], 0 if reachable."""
         return self.beyond_any(place[np.newaxis], q)
 
     def beyond_any(self, places: Array, q: Array) -> float:
-        """Return how far one of the places (M, 3) along a path is out of reach [m], 0 if none.
+        """Return the largest distance of places (M, 3) on a path out of reach [m], 0 if none.
 
-        At most 12 of them are looked at, each from the posture of the one before.
+        At most 12 places are checked, each from the posture of the previous one.
         """
         looked = np.unique(np.linspace(0, len(places) - 1, _LOOKS).round().astype(int))
         farthest, iterations = 0.0, _ITERATIONS
@@ -84,7 +82,7 @@ class ArmReach:
         return 0.0 if farthest <= _REACHED else farthest
 
     def margin(self, q: Array, pose: BasePose, place: Array) -> ReachMargin:
-        """Return how far the base may move while the tool is at a place (3,) of the world [m]."""
+        """Return the base's possible motion while the tool is at a place (3,) of the world [m]."""
         along = np.array([self._way(q, pose, place, direction) for direction in DIRECTIONS])
         speed, time = float(np.linalg.norm(pose.velocity)), _LONGEST
         if speed > _SLOW:
@@ -102,7 +100,7 @@ class ArmReach:
         return _FARTHEST
 
     def _approach(self, place: Array, q: Array, iterations: int) -> tuple[Array, float]:
-        """Return the posture nearest to a place, and how far off it the tool is [m]."""
+        """Return the posture nearest to a place, and the tool's distance from it [m]."""
         for _ in range(iterations):
             error = place - self._kinematics.position(q)
             if error @ error < (0.1 * _REACHED) ** 2:
@@ -115,16 +113,14 @@ class ArmReach:
 
 
 class DroneRequest:
-    """Where the drone should be so that the arm is in the middle of its reach; slowly.
+    """Slow request of the drone's place for which the arm is in the middle of its reach.
 
-    The place follows from the tool's target and from the heading at which the request began:
-    neither from where the drone is nor from what the arm does, so it closes no loop through the
-    drone. It is left alone within `deadband`, and led to where it should be at `speed`.
+    The requested place depends on the tool's target and on the heading at the start of the
+    request. The request does not depend on the drone's place or the arm's posture, so it closes no
+    loop. Within `deadband` the request stays constant; beyond it, the request moves at `speed`.
 
     Parameters
     ----------
-    kinematics : Kinematics
-    drone : DroneConfig
     middle : (n,) array_like
         Posture in which the arm is in the middle of its reach [rad].
     speed : float
@@ -149,14 +145,14 @@ class DroneRequest:
         self.reset()
 
     def reset(self) -> None:
-        """Begin at where the drone is next."""
+        """Restart the request at the drone's next place."""
         self._place: Array | None = None
         self._yaw = 0.0
         self._time = 0.0
         self._moves = False
 
     def update(self, now: float, target: Array, pose: BasePose) -> FlightTarget:
-        """Return where the drone should be at `now` [s], for a tool target (3,) in the world."""
+        """Return the requested place at `now` [s], for a tool target (3,) in the world."""
         body = pose.rotation @ self._to_mount.T
         if self._place is None:
             self._place, self._yaw, self._time = (

@@ -1,4 +1,4 @@
-"""A motion of the arm at the pace that the rotors of its drone can bear."""
+"""Slow a motion of the arm to the capacity of the drone's rotors."""
 
 from typing import Protocol
 
@@ -13,21 +13,21 @@ from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference
 
-_STEP = 0.02  # [s] of the motion's own time between two looks
+_STEP = 0.02  # [s] of the motion's own time between two checked points
 _SMOOTHED = 0.2  # [s] over which the pace changes
 _SLOWEST = 0.02  # of the motion's own pace
 _SLOWER = 0.85  # per attempt
 _ATTEMPTS = 12
-_LOOKS = 250  # at most: a controller governs between two states
+_LOOKS = 250  # largest number, because a controller checks between two states
 _ROUNDING = 1e-9
 
 
 class PacedMotion(Protocol):
-    """What is executed in time."""
+    """Interface of a motion in time."""
 
     @property
     def duration(self) -> float:
-        """Time from which on it rests [s]."""
+        """Time after which the motion rests [s]."""
         ...
 
     def evaluate(self, time: float) -> JointReference:
@@ -36,37 +36,36 @@ class PacedMotion(Protocol):
 
 
 class RotorGovernor:
-    """Slows a motion along its own path until no rotor comes near its limits.
+    """Slow a motion along its own path until all rotors keep a margin to their limits.
 
-    Passed at the pace r, with its change r' [1/s], a point of a motion takes of the rotors, on a
-    drone that hovers level::
+    At the pace r with its rate r' [1/s], a point of a motion needs these thrusts of a level,
+    hovering drone::
 
         W = M_bb (-g) + M_bj (ddq r^2 + dq r') + c_b(q, dq) r^2
         thrusts = A^+ W
 
-    with `c_b` of Coriolis and centrifugal forces. A drone with rotors in one plane leans for the
-    sideways part of the force, so that part is left out of W for it. `share` of the distance from
-    the middle of each rotor's range to its limits is used; the rest is for feedback, wind, and for
-    leaning. As thrusts hold the moment about the vertical too, a heading that cannot be held
-    is a rotor near its limit.
+    with `c_b` of Coriolis and centrifugal forces. A drone with rotors in one plane tilts for the
+    horizontal part of the force, so that part is left out of W. `share` is the used fraction of
+    the distance from the middle of each rotor's range to its limits. The remainder is for
+    feedback, wind and tilt. The thrusts include the moment about the vertical, so a heading that
+    cannot be held shows as a rotor near its limit.
 
-    The pace follows from r' = 0 first, is smoothed over 0.2 s without ever exceeding that, and
-    lowered everywhere until the whole motion keeps to the limits with its r'.
+    The pace is first computed with r' = 0 and smoothed over 0.2 s without exceeding it. Then the
+    pace is lowered everywhere until the whole motion, with its r', respects the limits.
 
     Parameters
     ----------
     whole : WholeBodyDynamics
-        Arm and drone; an instance of its own, to be told of a payload.
-    drone : DroneConfig
+        Model of arm and drone, an instance for this governor alone; the caller sets its payload.
     gravity_in_base : (3,) array_like
-        Of a level drone [m/s^2].
+        Gravity of a level drone [m/s^2].
     share : float
-        Of the rotors' range [-].
+        Used fraction of the rotors' range [-].
 
     Attributes
     ----------
     last_stretch : float
-        Duration of the last motion over what it would have been.
+        Duration of the last motion over its original duration.
     """
 
     def __init__(
@@ -89,9 +88,9 @@ class RotorGovernor:
         self.last_stretch = 1.0
 
     def thrusts(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return what a point of a motion takes of the rotors: along, across, still (m,) [N].
+        """Return the thrusts of a point of a motion: along, across, still (m,) [N].
 
-        At the pace r with its change r' the thrusts are `along r' + across r^2 + still`.
+        At the pace r with its rate r' the thrusts are `along r' + across r^2 + still`.
         """
         zero, rest = np.zeros(self.whole.n), np.zeros(3)
         q, dq, ddq = motion
@@ -103,26 +102,26 @@ class RotorGovernor:
         return rows[0], rows[1], rows[2]
 
     def _given(self, wrench: Array, com: Array) -> Array:
-        """Return the part of a wrench that rotors give: a drone that leans turns about its centre.
+        """Return the part of a wrench that the rotors give; a drone tilts about its centre of mass.
 
-        The moment about the centre of mass stays what it is without the force sideways.
+        Without the horizontal force, the moment about the centre of mass stays constant.
         """
         force = self._project @ wrench[:3]
         return np.concatenate([force, wrench[3:] + cross(com, force - wrench[:3])])
 
     def usage(self, motion: JointReference, pace: float = 1.0, change: float = 0.0) -> float:
-        """Return how near the nearest rotor is to its limit: 0 in the middle, 1 at the limit."""
+        """Return the rotors' largest usage: 0 in the middle of the range, 1 at the limit."""
         along, across, still = self.thrusts(motion)
         wanted = along * change + across * pace**2 + still
         return float((np.abs(wanted - self._middle) / self._half).max())
 
     def govern(self, motion: PacedMotion) -> PacedMotion:
-        """Return the motion, or the same path at a lower pace.
+        """Return the motion, or its path at a lower pace.
 
         Raises
         ------
         RejectedInputError
-            If the drone could not hover under a posture on the way, or not even slowly enough.
+            If the drone could not hover under a posture of the path, or no pace is slow enough.
         """
         self.last_stretch = 1.0
         if motion.duration < _STEP:
@@ -136,8 +135,9 @@ class RotorGovernor:
         if np.any(np.abs(still) > limit):
             worst = int(np.argmax(np.abs(still).max(axis=1)))
             raise RejectedInputError(
-                f'trajectory: {times[worst]:.1f} s after its begin the drone could not hover under '
-                f'the arm with {100.0 * self._share:.0f} % of its rotors: choose another posture'
+                f'trajectory rejected, because {times[worst]:.1f} s after its start the drone '
+                f"could not hover under the arm with {100.0 * self._share:.0f} % of its rotors' "
+                'range: choose another posture'
             )
         pace = _smoothed(_static_pace(across, still, limit), times)
         if pace.min() >= 1.0 - _ROUNDING:
@@ -151,8 +151,8 @@ class RotorGovernor:
                 return self._paced(points, times, tried, change)
             pace = _SLOWER * pace
         raise RejectedInputError(
-            'trajectory: the rotors cannot bear it at any pace: choose a motion that moves less of '
-            'the arm at once'
+            'trajectory rejected, because it demands too much of the rotors at any speed: choose '
+            'a motion that moves fewer links at once'
         )
 
     def _paced(
@@ -169,7 +169,7 @@ class RotorGovernor:
 
 
 def _static_pace(across: Array, still: Array, limit: Array) -> Array:
-    """Return the highest pace (M,), 1 at most, at which `across r^2 + still` is within limits."""
+    """Return the highest pace (M,), at most 1, with `across r^2 + still` within limits."""
     room = np.where(across > 0.0, limit - still, limit + still)
     with np.errstate(divide='ignore'):
         square = np.where(np.abs(across) > _ROUNDING, room / np.abs(across), np.inf)
@@ -178,18 +178,18 @@ def _static_pace(across: Array, still: Array, limit: Array) -> Array:
 
 
 def _smoothed(pace: Array, times: Array) -> Array:
-    """Return a pace that changes over 0.2 s and is nowhere above the one given."""
+    """Return a pace that changes over 0.2 s and never exceeds the given one."""
     width = max(1, round(_SMOOTHED / (times[1] - times[0])))
     padded = np.concatenate([np.full(2 * width, pace[0]), pace, np.full(2 * width, pace[-1])])
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1)
-    lowest = windows.min(axis=1)  # as long as what is given, and a width on each side
+    lowest = windows.min(axis=1)  # as long as the input, plus a window width on each side
     weights = np.hanning(2 * width + 3)[1:-1]
     smooth: Array = np.convolve(lowest, weights / weights.sum(), mode='valid')
     return smooth
 
 
 def _joined_to_begin(pace: Array, times: Array) -> Array:
-    """Return a pace that begins at 1, as a motion that replaces another one under way has to."""
+    """Return a pace that begins at 1, as required to replace a running motion."""
     share = np.clip(times / _SMOOTHED, 0.0, 1.0)
     share = share**2 * (3.0 - 2.0 * share)
     joined: Array = 1.0 + share * (pace - 1.0)

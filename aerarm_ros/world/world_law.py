@@ -1,4 +1,4 @@
-"""The law that holds the tool in the world on a base that answers the arm."""
+"""Control law that holds the tool in the world on a base that responds to the arm."""
 
 from typing import NamedTuple
 
@@ -19,26 +19,26 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference, limited
 from aerarm_ros.world.base_pose import BasePose
 
-# Of the acceleration limits, what braking in the base frame uses.
+# Fraction of the acceleration limits for braking in the base frame.
 _BRAKE_SHARE = 0.7
-# Rate [1/s] at which a joint's velocity is led to what its limits allow, and that over the distance
-# from a position limit.
+# Rates [1/s] at which a joint's velocity returns to its limits, and at which a joint approaches a
+# position limit over its distance.
 _VELOCITY_RATE, _LIMIT_RATE = 40.0, 8.0
-_LIMIT_MARGIN = 0.03  # [rad] kept from position limits
-_ANGLE_MAX = 0.3  # [rad] of an orientation error that is corrected at once
+_LIMIT_MARGIN = 0.03  # [rad] margin to position limits
+_ANGLE_MAX = 0.3  # [rad] largest orientation error in the feedback
 
 
 class WorldReference(NamedTuple):
-    """What the tool shall do in the world.
+    """Reference of the tool in the world.
 
     Attributes
     ----------
     p, dp, ddp : (3,) ndarray
         Place in the world [m], its velocity [m/s] and acceleration [m/s^2].
     rotation : (3, 3) ndarray or None
-        Wanted orientation, tool to world; None where any will do.
+        Desired orientation, tool to world; None for any orientation.
     base : BasePose or None
-        Where the base is; None while nothing can be held in the world: the arm stops and stays in
+        Pose of the base; None if the tool cannot be held in the world, so that the arm stops in
         the base frame.
     """
 
@@ -50,18 +50,18 @@ class WorldReference(NamedTuple):
 
 
 class WorldGains(NamedTuple):
-    """Gains of `WorldLaw`.
+    """Gains of the control law for the tool in the world, `WorldLaw`.
 
     Attributes
     ----------
     kp, kd, ki : float
-        Of the tool's place [1/s^2], [1/s], [1/s^3].
+        Gains of the tool's place [1/s^2], [1/s], [1/s^3].
     orientation : float
-        Weight of the orientation over that of the posture where the place leaves joints free [-].
+        Weight of the orientation over that of the posture in the null space of the place [-].
     posture_kp, posture_kd : float
-        Of the posture, there [1/s^2], [1/s].
+        Gains of the posture in that null space [1/s^2], [1/s].
     joint_kp, joint_kd : float
-        Of the joints while the arm stays in the base frame [1/s^2], [1/s].
+        Gains of the joints while the arm stays in the base frame [1/s^2], [1/s].
     integral_max : float
         Largest integral action [m/s^2].
     """
@@ -78,53 +78,50 @@ class WorldGains(NamedTuple):
 
 
 class WorldLaw:
-    """Computed torque of the tool in the world, by the generalised Jacobian.
+    """Computed torque of the tool in the world, by the generalized Jacobian.
 
-    Umetani and Yoshida 1989, for a base that rotors push and that answers the arm.
+    Umetani and Yoshida 1989, for a base that rotors drive and that responds to the arm.
 
-    In base axes, about the origin of the base, with `J_b` and `J_q` the tool's Jacobians of base
-    and joints, s the base's specific force and angular acceleration and `(w - c_b)` the rotors'
-    wrench without centrifugal forces::
+    All quantities are in base axes, about the origin of the base. `J_b` and `J_q` are the tool's
+    Jacobians of base and joints, s is the base's specific force and angular acceleration, and `(w
+    - c_b)` the rotors' wrench without centrifugal forces::
 
         J_g  = J_q - J_b M_bb^-1 M_bj
         ddx  = J_b (s_0 + M_bb^-1 (w - c_b)) + g + J_g ddq + b(q, dq, omega)
-        ddq  = J_g^# (ddx_d + Kd (dx_d - dx) + Kp (x_d - x) + Ki int(x_d - x) - what moves the tool
-               without ddq) + (1 - J_g^# J_g) z
+        ddq  = J_g^# (ddx_d + Kd (dx_d - dx) + Kp (x_d - x) + Ki int(x_d - x) - a_0)
+               + (1 - J_g^# J_g) z
         tau  = M_jb s + M_jj ddq + c_j
 
-    `b` holds what velocities do, `s_0` and how much of the base's answer is believed come from
-    `FreeBaseMotion`. On a base that is moved, J_g is the ordinary Jacobian and s what is measured.
-    `J_g^#` is the damped inverse with its bounds; z leads to the posture and, by a weighted least
-    square, to the wanted orientation. Joints keep within their limits of position, velocity and
-    acceleration, and the others take over a part that one cannot give.
+    a_0 is the tool's acceleration at ddq = 0, and `b` contains the velocity terms. `s_0` and the
+    weight of the base's response come from `FreeBaseMotion`. On a base with known motion, J_g is
+    the ordinary Jacobian and s is measured. `J_g^#` is the damped inverse with its bounds. z leads
+    to the posture and, by a weighted least square, to the desired orientation. Joints respect
+    their limits of position, velocity and acceleration; other joints replace the motion of a
+    limited one.
 
     Without a base pose the arm brakes and stays in the base frame.
 
     Parameters
     ----------
-    dynamics : MovingBaseDynamics
     kinematics : Kinematics
-        Of the frame that is held.
-    limits : JointLimits
+        Kinematics of the held frame.
     posture : (n,) array_like or None
-        Where the joints are led that the tool leaves free [rad]; where control begins if None.
-    gains : WorldGains
+        Posture in the null space of the tool [rad]; by default that at the start of control.
     inverse : DampedInverse
-        Its values are of a Jacobian [m/rad].
-    friction : FrictionCompensation, optional
+        Inverse with values of a Jacobian [m/rad].
 
     Attributes
     ----------
     posture : (n,) ndarray
         May be replaced.
     acceleration_max : (n,) ndarray
-        Of the joints [rad/s^2]; may be replaced, by a governor.
+        Limits of the joints [rad/s^2]; a governor may replace them.
     error : (3,) ndarray
-        Of the tool, along the base's axes [m].
+        Error of the tool, along the base's axes [m].
     least_singular_value : float
-        Of J_g [m/rad]: how far from singular the arm is.
+        Least singular value of J_g [m/rad], the distance to a singularity.
     ddq : (n,) ndarray
-        Joint acceleration that was asked for last [rad/s^2].
+        Last commanded joint acceleration [rad/s^2].
     is_stopped : bool
         Whether the arm stays in the base frame.
     """
@@ -157,7 +154,7 @@ class WorldLaw:
         self.take_over(np.zeros(limits.n))
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture, without integral."""
+        """Start at the present posture, with a zero integral."""
         if not self._keeps:
             self.posture = np.array(q)
         self._integral = np.zeros(3)
@@ -212,7 +209,7 @@ class WorldLaw:
         base: BaseMotion,
         dt: float,
     ) -> Array:
-        """Return the joints' acceleration (n,) [rad/s^2] that leads the tool along."""
+        """Return the joint acceleration (n,) [rad/s^2] that moves the tool along the reference."""
         q, dq, _ = state
         transform = self._kinematics.transform(q)
         place = transform[:3, 3]
@@ -231,7 +228,7 @@ class WorldLaw:
             wanted = wanted + to_base @ self._integral
         pushed, answer, turned = self._drift(q, dq, base)
         spin = pushed[3:]
-        # What moves the tool though no joint accelerates.
+        # Acceleration of the tool without joint acceleration.
         curve = cross(rate, cross(rate, place) + 2.0 * slide)
         own = self._kinematics.acceleration_bias(q, dq)
         drift = pushed[:3] + cross(spin, place) + base.gravity + curve + own[:3]
@@ -250,9 +247,9 @@ class WorldLaw:
         return ddq
 
     def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
-        """Return the base's acceleration (6,) without ddq, and what ddq takes from it (6, n).
+        """Return the base's acceleration (6,) without ddq, and its reduction by ddq (6, n).
 
-        The third is the angular acceleration (3,) of the tool by the product of velocities.
+        The third result is the tool's angular acceleration (3,) from products of velocities.
         """
         own = np.concatenate([base.specific_force, base.angular_acceleration])
         turned = cross(base.angular_velocity, self._kinematics.jacobian(q)[3:] @ dq)
@@ -270,7 +267,7 @@ class WorldLaw:
         return np.asarray(gains.posture_kp * (self.posture - q) - gains.posture_kd * dq)
 
     def _spin(self, transform: Array, wanted: Array, pose: BasePose, turning: Array) -> Array:
-        """Return the angular acceleration (3,) that turns the tool as wanted, in base axes."""
+        """Return the angular acceleration (3,) toward the desired orientation, in base axes."""
         gains = self.gains
         off = pose.rotation.T @ wanted @ transform[:3, :3].T
         half = np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
@@ -280,10 +277,10 @@ class WorldLaw:
     def _with_orientation(
         self, task: Array, place: Array, preferred: Array, turning: Array, spin: Array
     ) -> Array:
-        """Return what joints do where the place leaves them free: posture and orientation.
+        """Return the joint acceleration in the null space of the place.
 
-        The least of `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with
-        `ddq = J^# place + N z`.
+        The result minimizes `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with `ddq =
+        J^# place + N z`, for posture and orientation.
         """
         found = self._inverse.of(task)
         free = turning @ found.null_space
@@ -301,24 +298,25 @@ class WorldLaw:
         most = self.acceleration_max
         high = np.minimum(most, _VELOCITY_RATE * (upper - dq))
         low = np.maximum(-most, _VELOCITY_RATE * (lower - dq))
-        # A joint that has to brake does, whatever its acceleration limit.
+        # A joint that must brake does so beyond its acceleration limit.
         return np.minimum(low, high), np.maximum(low, high)
 
 
 def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> float:
-    """Return how much of its inertia a drone feels when it turns under an arm that holds its tool.
+    """Return the drone's effective inertia under an arm that holds its tool, as a fraction.
 
-    The arm does not turn with the drone then. With `J_q^+` the inverse of the tool's Jacobian, a
-    base whose tool rests has the inertia `M_bb - M_bj J_q^+ J_b`: the least eigenvalue of its
-    angular part over that of arm and drone as one rigid body, about the common centre of mass, is
-    returned. The drone's attitude loop is faster by one over its root than with held joints.
+    The arm then does not rotate with the drone. With the inverse `J_q^+` of the tool's Jacobian,
+    the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result compares this inertia's angular
+    part with the inertia of arm and drone as one rigid body, about the common centre of mass. It
+    is the least eigenvalue of their ratio. The frequency of the drone's attitude loop grows by one
+    over the root of the result, compared with held joints.
 
     Parameters
     ----------
     whole : WholeBodyDynamics
-        Arm and drone.
+        Model of arm and drone.
     kinematics : Kinematics
-        Of the frame that is held.
+        Kinematics of the held frame.
     q : (n,) ndarray
         [rad]
     """
@@ -328,7 +326,7 @@ def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> fl
     at_tool = np.hstack([np.eye(3), -_skew(place)])
     joints = np.linalg.pinv(kinematics.position_jacobian(q)) @ at_tool
     held = matrix[:6, :6] - matrix[:6, 6:] @ joints
-    # A turn about the centre of mass moves the base's origin by com x turn.
+    # A rotation about the centre of mass moves the base's origin by com x rotation.
     turn = np.vstack([_skew(com), np.eye(3)])
     felt = turn.T @ held @ turn
     return float(np.linalg.eigvals(np.linalg.solve(inertia, 0.5 * (felt + felt.T))).real.min())

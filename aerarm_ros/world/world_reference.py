@@ -1,4 +1,4 @@
-"""What the tool is to do in the world: set points, timed paths, stops, jumps of the odometry."""
+"""Reference of the tool in the world: set points, timed paths, stops, jumps of the odometry."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -16,29 +16,29 @@ from aerarm_ros.world.base_pose import BasePose, BasePoseEstimator
 from aerarm_ros.world.world_law import WorldReference
 
 _ORIGIN = np.zeros(3)
-_PLACE_MAX = 1e4  # [m] beyond which a target is in another unit
-_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, for a path's begin
-_OFF_TIME = 0.3  # [s] for which the tool must be off its target before it stops
-_LOOK = 0.1  # [s] between two looks whether the target can be reached
-_RESUME = 0.5  # [s] for which nothing may be wrong before the motion continues
+_PLACE_MAX = 1e4  # [m]; a target beyond this is in another unit
+_LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a path's start
+_OFF_TIME = 0.3  # [s] for which the tool may be off its target before the arm stops
+_LOOK = 0.1  # [s] between two checks whether the target is reachable
+_RESUME = 0.5  # [s] without a problem before the motion continues
 
 
 _STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None, None)
 
 
 class WorldPath:
-    """Quintics through places of the world; where it ends the tool stays.
+    """Quintics through places of the world; at the end the tool stays.
 
     Parameters
     ----------
     times : (M,) array_like
-        Of the points, from the begin [s], rising, the first not negative.
+        Times of the points from the start [s], rising, the first not negative.
     places : (M, 3) array_like
         In the world [m].
     velocities, accelerations : (M, 3) array_like, optional
-        [m/s], [m/s^2]; without them the slopes between neighbours, zero at both ends.
+        [m/s], [m/s^2]; by default the slopes between neighbours, zero at both ends.
     velocity_max, acceleration_max : float
-        Of the tool [m/s], [m/s^2].
+        Limits of the tool [m/s], [m/s^2].
 
     Raises
     ------
@@ -57,19 +57,23 @@ class WorldPath:
     ) -> None:
         t, p = np.array(times, dtype=float), np.array(places, dtype=float)
         if t.ndim != 1 or len(t) < 2 or p.shape != (len(t), 3):
-            raise RejectedInputError('tool path: two points or more, each with a time and a place')
+            raise RejectedInputError(
+                'tool path: two points or more are needed, each with a time and a position'
+            )
         slopes = _slopes(t, p) if velocities is None else np.array(velocities, dtype=float)
         if slopes.shape != p.shape:
-            raise RejectedInputError('tool path: every point needs a velocity, or none')
+            raise RejectedInputError('tool path: every point needs a velocity, or no point has one')
         curves = _slopes(t, slopes)
         if accelerations is not None:
             curves = np.array(accelerations, dtype=float)
         if curves.shape != p.shape:
-            raise RejectedInputError('tool path: every point needs an acceleration, or none')
+            raise RejectedInputError(
+                'tool path: every point needs an acceleration, or no point has one'
+            )
         if not all(np.all(np.isfinite(rows)) for rows in (t, p, slopes, curves)):
-            raise RejectedInputError('tool path: NaN or infinite: check its sender')
+            raise RejectedInputError('tool path: a value is NaN or infinite; check its publisher')
         if t[0] < 0.0 or np.any(np.diff(t) <= 0.0):
-            raise RejectedInputError('tool path: its times must rise, and not begin before zero')
+            raise RejectedInputError('tool path: its times must increase and must not be negative')
         self._path = PolynomialPath.quintic(t - t[0], p, slopes, curves)
         self._begin = float(t[0])
         self.duration = float(t[-1])
@@ -79,17 +83,17 @@ class WorldPath:
         hardest = float(np.linalg.norm(samples.ddq, axis=1).max())
         if fastest > velocity_max or hardest > acceleration_max:
             raise RejectedInputError(
-                f'tool path: it takes {fastest:.2f} m/s and {hardest:.1f} m/s^2 (at most '
-                f'{velocity_max:g} and {acceleration_max:g}): give its points more time'
+                f'tool path: it needs {fastest:.2f} m/s and {hardest:.1f} m/s^2 (limits '
+                f'{velocity_max:g} and {acceleration_max:g}); give its points more time'
             )
 
     def at(self, time: float) -> TaskReference:
-        """Return place, velocity and acceleration `time` [s] after the begin."""
+        """Return place, velocity and acceleration `time` [s] after the start."""
         return TaskReference(*self._path.evaluate(float(time - self._begin)))
 
 
 class _Goal(NamedTuple):
-    """A place to stay at, or a path and when it begins [s]; and the wanted orientation."""
+    """A place, or a path with its start [s]; and the desired orientation."""
 
     place: Array
     path: WorldPath | None
@@ -103,38 +107,37 @@ class _Goal(NamedTuple):
 
 
 class WorldToolReference:
-    """Makes `WorldReference` from targets and from where the base is.
+    """Compute `WorldReference` from targets and from the base's pose.
 
-    The reference is the goal plus two offsets that vanish: one from set point to set point, at
-    the tool's limits of velocity and acceleration; a slow one, at `recovery_speed`, by which the
-    tool approaches its goal after a stop, and after a jump of the odometry, which moves the goal
-    and not the tool.
+    The reference is the goal plus two offsets that decay to zero. The fast offset connects set
+    points within the tool's limits of velocity and acceleration. The slow offset, at
+    `recovery_speed`, moves the tool to its goal after a stop or a jump of the odometry. Such a
+    jump moves the goal but not the tool.
 
-    While something is wrong (no usable odometry, a target that cannot be reached) the reference
-    has no base: the arm stops in the base frame. Once nothing is wrong for 0.5 s, the tool goes on
-    toward its goal; a timed path that was interrupted ends where the tool stopped.
+    During a problem (no valid odometry, an unreachable target) the reference has no base, so the
+    arm stops in the base frame. After 0.5 s without a problem the tool continues toward its goal.
+    An interrupted timed path ends where the tool stopped.
 
     Parameters
     ----------
-    base : BasePoseEstimator
     kinematics : Kinematics
-        Of the frame that is held.
+        Kinematics of the held frame.
     followers : tuple of TargetFollower
-        Of the quick and of the slow offset.
+        Followers of the fast and of the slow offset.
     reach : callable
-        Returns by how much one of the places (M, 3) of the base frame is out of the arm's reach
-        [m], 0 if none is, from the posture (n,).
+        Returns the largest distance out of reach [m] of places (M, 3) in the base frame, from a
+        posture (n,); 0 if all are reachable.
     error_max : float
-        How far the tool may be off its reference [m] before it stops.
+        Largest error of the tool [m] before the arm stops.
 
     Attributes
     ----------
     reason : str
-        Why the tool is not held in the world, '' while it is.
+        Reason why the tool is not held in the world; empty if it is held.
     stops : int
-        How often the arm was stopped in the base frame.
+        Number of stops in the base frame.
     error : float
-        Of the tool [m].
+        Error of the tool [m].
     reference : WorldReference or None
         The last one, None while the arm is stopped.
     """
@@ -157,13 +160,13 @@ class WorldToolReference:
         self.take_over(self._q)
 
     def take_over(self, q: Array) -> None:
-        """Begin at the present posture: the tool is held where it is found."""
+        """Start at the present posture and hold the tool at its present place."""
         self._goal: _Goal | None = None
         self.reference: WorldReference | None = None
         self._off_since: float | None = None
         self._wrong_at = self._looked = -np.inf
         self._jumps, self._place = self.base.jumps, _ORIGIN  # of the tool, in the world
-        self.reason = 'control has just begun'
+        self.reason = 'control has just started'
         self.error = 0.0
         self._q = q
 
@@ -171,18 +174,18 @@ class WorldToolReference:
 
     @property
     def goal(self) -> Array | None:
-        """Place (3,) in the world that the tool is to reach [m], None before control begins."""
+        """Goal (3,) of the tool in the world [m], None before control begins."""
         if self._goal is None:
             return None
         return self._goal.place if self._goal.path is None else self._goal.path.places[-1]
 
     def go_to(self, place: npt.ArrayLike, now: float, rotation: Array | None = None) -> None:
-        """Take a target (3,) [m], and an orientation (3, 3) if one is wanted, in the world.
+        """Set a target (3,) [m] in the world, and optionally an orientation (3, 3).
 
         Raises
         ------
         RejectedInputError
-            If it is not finite, or out of reach.
+            If the target is not finite, or out of reach.
         """
         target = np.array(place, dtype=float)
         if target.shape != (3,) or not np.all(np.isfinite(target)):
@@ -193,37 +196,37 @@ class WorldToolReference:
     def follow(
         self, path: WorldPath, begin: float, now: float, rotation: Array | None = None
     ) -> None:
-        """Take a timed path that begins at a time [s].
+        """Follow a timed path that begins at a time [s].
 
         Raises
         ------
         RejectedInputError
-            If it begins too late or too early, or is out of reach.
+            If the path begins too late or too early, or is out of reach.
         """
         if not -_LATEST < begin - now < _EARLIEST:
             raise RejectedInputError(
-                f'tool path: it begins {begin - now:+.1f} s from now: stamp it zero for now, and '
-                'check the clocks'
+                f'tool path: it begins {begin - now:+.1f} s from now; set its stamp to zero '
+                '("now"), and check the clocks'
             )
         self._require_reach('tool path', path.places, now)
         self._begin(_Goal(path.places[0], path, begin, rotation), now)
 
     def _require_reach(self, what: str, places: Array, now: float) -> None:
         if np.abs(places).max() > _PLACE_MAX:
-            raise RejectedInputError(f'{what}: more than {_PLACE_MAX:g} m away: check its unit')
+            raise RejectedInputError(f'{what} is more than {_PLACE_MAX:g} m away: check its unit')
         self.base.accept_next()
         if self.base.problem(now):
-            return  # it is checked again before the motion continues
+            return  # checked again before the motion continues
         pose = self.base.pose(now)
         beyond = self._reach((places - pose.position) @ pose.rotation, self._q)
         if beyond > 0.0:
             raise RejectedInputError(
-                f'{what} {np.round(places[-1], 3).tolist()} is {beyond:.3f} m out of reach of the '
-                'arm where the base is now: bring the drone nearer, or check frame and unit'
+                f'{what} {np.round(places[-1], 3).tolist()} is {beyond:.3f} m out of reach of '
+                'the arm at the present base pose: move the drone nearer, or check frame and unit'
             )
 
     def _begin(self, goal: _Goal, now: float) -> None:
-        """Let the reference lead from the present one to a goal."""
+        """Connect the present reference to a new goal."""
         reference = self.reference
         self._goal = goal
         self._off_since = None
@@ -255,10 +258,10 @@ class WorldToolReference:
         return reference
 
     def ahead(self, times: Array) -> list[TaskReference] | None:
-        """Return what is planned at times (M,) [s], None while the arm is stopped.
+        """Return the planned motion at times (M,) [s], None while the arm is stopped.
 
-        Only the goal's own motion: neither what the base does nor how the tool approaches its goal
-        by reaction is a plan.
+        The plan is only the goal's own motion. The plan excludes the base's motion and the tool's
+        return to its goal.
         """
         if self._goal is None or self.reason:
             return None
@@ -277,7 +280,7 @@ class WorldToolReference:
         return self.reference
 
     def _off_target(self, now: float) -> str:
-        """Return why the tool is too far off, '' if it is not."""
+        """Return why the tool is too far from its target, or an empty text."""
         reference = self.reference
         if self.reason or reference is None or self.error <= self._error_max:
             self._off_since = None
@@ -286,16 +289,19 @@ class WorldToolReference:
             self._off_since = now
         if now - self._off_since < _OFF_TIME:
             return ''
-        return f'the tool is {1e3 * self.error:.0f} mm off its target: out of reach, or pushed away'
+        return (
+            f'the tool is {1e3 * self.error:.0f} mm off its target, which is out of reach, '
+            'or something pushes the tool'
+        )
 
     def _may_resume(self, pose: BasePose, q: Array, now: float) -> bool:
-        """Return whether nothing is wrong any more, for long enough."""
+        """Return whether there has been no problem for long enough."""
         goal = self._goal
         if goal is not None and goal.path is None and now - self._looked > _LOOK:
             self._looked = now
             beyond = self._reach(pose.to_base(goal.place)[np.newaxis], q)
             if beyond > 0.0:
-                self.reason = f'the target is {beyond:.3f} m out of reach: bring the drone nearer'
+                self.reason = f'the target is {beyond:.3f} m out of reach: move the drone nearer'
                 self._wrong_at = now
         return now - self._wrong_at > _RESUME
 
@@ -303,7 +309,7 @@ class WorldToolReference:
         if not self.reason:
             self.stops += 1
             if self._goal is not None and self._goal.path is not None:
-                # It is not known what the tool would have missed.
+                # The part of the path that the tool would have missed is unknown.
                 self._goal = None
         self.reason, self._wrong_at, self._off_since = problem, now, None
         self.reference = None
@@ -314,7 +320,7 @@ class WorldToolReference:
             self._goal = _Goal(place, None, now, None)
         self.reason, self.error, self._off_since = '', 0.0, None
         self._quick.start(_ORIGIN)
-        # The arm rests in the base frame: the tool moves with it.
+        # The arm rests in the base frame, so the tool moves with the base.
         velocity = pose.velocity + pose.rotation @ np.cross(pose.rate, self._kinematics.position(q))
         self._slow.start(place - self._goal.at(now).p, velocity, _ORIGIN)
 
@@ -327,21 +333,19 @@ def planned_joints(
     planned: list[TaskReference] | None,
     times: Array,
 ) -> JointReference:
-    """Return the joints' motion (M, n) of what is planned for the tool, if the base rests.
+    """Return the joints' motion (M, n) for the tool's plan, assuming a base at rest.
 
-    What the arm answers to the base's motion is not in it: fed forward to the drone, it would
-    close a loop through it.
+    The motion excludes the arm's reaction to the base, because its feedforward to the drone would
+    close a loop.
 
     Parameters
     ----------
     kinematics : Kinematics
-        Of the frame that is held.
-    inverse : DampedInverse
+        Kinematics of the held frame.
     q : (n,) ndarray
         Present posture [rad].
-    pose : BasePose or None
     planned : list of TaskReference or None
-        In the world, at `times`; None of an arm that stays as it is.
+        In the world, at `times`; None for an arm that stays.
     times : (M,) ndarray
         [s]
     """
@@ -358,7 +362,7 @@ def planned_joints(
         bias = kinematics.acceleration_bias(q, dq)[:3]
         ddq = found @ (pose.rotation.T @ wanted.ddp - bias)
         if rows:
-            # Who puts a quintic through the points finds these accelerations between them too.
+            # A quintic through the points has these accelerations between the points too.
             before = rows[-1]
             q = before.q + 0.5 * step * (before.dq + dq) + step**2 / 12.0 * (before.ddq - ddq)
         rows.append(JointReference(q, dq, ddq))

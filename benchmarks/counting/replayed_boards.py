@@ -1,4 +1,4 @@
-"""Boards whose answers were recorded before: a bridge's cycle without the emulation's cost."""
+"""Boards with recorded answers, to run a bridge's cycle without the cost of the emulation."""
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
@@ -9,7 +9,7 @@ _CONFIG = load_arm_config().with_encoders('absolute')
 
 
 class RecordingBoards:
-    """Passes an emulated transport through, and keeps every answer."""
+    """Transport that forwards to an emulated one and stores every answer."""
 
     def __init__(self) -> None:
         self._boards = make_emulated_transport(_CONFIG, load_robot(), 1)
@@ -26,12 +26,12 @@ class RecordingBoards:
 
 
 class ReplayedBoards:
-    """A `Transport` that gives recorded answers, one an exchange, in order.
+    """A `Transport` that returns recorded answers in order, one per exchange.
 
     Parameters
     ----------
     answers
-        Of `RecordingBoards`, from a bridge that was asked for the same.
+        Answers from `RecordingBoards`, for a bridge with the same commands.
     """
 
     def __init__(self, answers: list[bytes]) -> None:
@@ -39,36 +39,36 @@ class ReplayedBoards:
         self._now = 0.0
 
     def open(self) -> None:
-        """Nothing to open."""
+        """Do nothing; no device is used."""
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing; no device is used."""
 
     def advance(self, now: float) -> None:
-        """Note the time."""
+        """Store the time."""
         self._now = now
 
     def exchange(self, board: int, frame: bytes) -> bytes:
-        """Return the next answer."""
+        """Return the next recorded answer."""
         return next(self._answers)
 
     def exchange_time(self, board: int) -> float:
-        """Return what the emulated bus claims [s]."""
+        """Return the duration of an exchange on the emulated bus [s]."""
         return 1e-4
 
     def exchanged_at(self, board: int) -> float:
-        """Return when the exchange was [s]."""
+        """Return the time of the exchange [s]."""
         return self._now
 
     def problem(self, board: int) -> str:
-        """Nothing is wrong."""
+        """Return ''; recorded answers have no problem."""
         return ''
 
 
 def replayed_cycle(drive, cycles: int) -> BridgeCycle:
-    """Return a bridge on boards that answer as emulated ones did to the same commands.
+    """Return a bridge whose boards replay the answers of emulated ones to the same commands.
 
-    `drive(bridge, cycles)` is what is asked of it.
+    `drive(bridge, cycles)` commands the bridge.
     """
     recording = RecordingBoards()
     drive(BridgeCycle(_CONFIG, recording), cycles)

@@ -1,6 +1,7 @@
-"""Pieces of work that the nodes do each cycle, alone, so that their instructions can be counted.
+"""Separate parts of the nodes' work per cycle, for counting their instructions.
 
-`python -m counting.work PIECE CYCLES` from the folder `benchmarks` does one, so often.
+In the folder `benchmarks`, `python -m counting.work PIECE CYCLES` runs one part for a number of
+cycles.
 """
 
 import argparse
@@ -39,7 +40,7 @@ from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams
 from aerarm_ros.ros.process.node_process import ros_environment
 
 PERIOD = 1e-3
-MOST = 2000  # cycles of a piece
+MOST = 2000  # largest number of cycles
 ENABLED_AT = 20
 ALIGNED_AT = 1500
 SWING = np.array([0.5, 0.1, 0.5, 0.5])
@@ -47,7 +48,7 @@ NAMES = load_arm_config().joint_names
 
 
 def drive(bridge: BridgeCycle, cycles: int) -> None:
-    """Enable a bridge, and lead the arm to and fro; the first 1.5 s are not counted in."""
+    """Enable a bridge, and move the arm back and forth; the first 1.5 s are not counted."""
     now = 100.0
     for index in range(ALIGNED_AT + cycles):
         now += PERIOD
@@ -62,20 +63,20 @@ def drive(bridge: BridgeCycle, cycles: int) -> None:
 
 
 def bridge_cycle(cycles: int) -> None:
-    """Run the bridge's cycle: frames, monitors, limits, barriers; no emulation, no topics."""
+    """Run the bridge's cycle: frames, monitors, limits, barriers; without emulation and topics."""
     drive(replayed_cycle(drive, MOST), cycles)
 
 
 def emulated_cycle(cycles: int) -> None:
-    """Run the same with emulated boards and the physics of the arm."""
+    """Run the bridge's cycle with emulated boards and the arm's physics."""
     config = load_arm_config().with_encoders('absolute')
     drive(BridgeCycle(config, make_emulated_transport(config, load_robot(), 1)), cycles)
 
 
 def control_law(cycles: int) -> None:
-    """Run computed torque with observer and friction: state's bytes in, command's bytes out.
+    """Run computed torque with observer and friction, from state bytes to command bytes.
 
-    The arm is on its way all the time: to hold it takes a fifth less.
+    The arm moves all the time; holding it takes a fifth less.
     """
     config, robot = load_arm_config(), load_robot()
     dynamics = MovingBaseDynamics(robot, config.column('reflected_inertia'))
@@ -100,11 +101,11 @@ def control_law(cycles: int) -> None:
         cdr.pack(stamp_ns, effort=command.tau)
         loop.observe()
     if follower.status != 'moving':
-        raise SystemExit(f'the arm is not on its way: {follower.outcome}')
+        raise SystemExit(f'the arm does not follow its motion: {follower.outcome}')
 
 
 def topics(cycles: int) -> None:
-    """Send three states and take a command; another process answers."""
+    """Send three states and receive a command; another process responds."""
     with _node('counted') as node:
         streams, values = BridgeStreams(node, NAMES), np.full(4, 0.1)
         with _partner():
@@ -120,7 +121,7 @@ def topics(cycles: int) -> None:
 
 
 def recording(cycles: int) -> None:
-    """Put two messages of the arm into a bag, compressed; they are received as topics are."""
+    """Write two messages of the arm into a compressed bag; they are received like topics."""
     described = [
         RecordedTopic(t.name, 'sensor_msgs/msg/JointState') for t in (JOINT_STATES, MOTOR_STATES)
     ]
@@ -134,7 +135,7 @@ def recording(cycles: int) -> None:
 
 
 def answering(cycles: int) -> None:
-    """Answer every state until none comes."""
+    """Respond to every state until no more arrive."""
     with _node('partner') as node:
         states, cdr = RawReader(node, JOINT_STATES), JointStateCdr(NAMES)
         commands = node.create_publisher(JOINT_COMMAND.type, JOINT_COMMAND.name, JOINT_COMMAND.qos)
@@ -165,7 +166,7 @@ def _partner() -> Iterator[None]:
 
 
 def _until(condition: Callable[[], object]) -> None:
-    end = time.monotonic() + 120.0  # counted instructions are slow
+    end = time.monotonic() + 120.0  # counting slows execution down
     while not condition():
         if time.monotonic() > end:
             raise SystemExit('the answering process was not found: check ROS_DOMAIN_ID')

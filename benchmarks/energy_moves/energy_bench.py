@@ -1,4 +1,4 @@
-"""Bridge, controller, planner and recorder as processes in lockstep, and what motions took."""
+"""Bridge, controller, planner and recorder as processes in lockstep, with energies of motions."""
 
 import json
 import time
@@ -31,11 +31,11 @@ from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 LEAD = 1.0  # [s] from a message to its motion
-SETTLE = 0.2  # [s] after a motion that count to it
+SETTLE = 0.2  # [s] after a motion that belong to it
 PATIENCE = 600.0  # [s] of the host, which may be busy
-ASTRAY = 50.0  # [mrad] beside its path an arm does not follow it
+ASTRAY = 50.0  # [mrad] error above which the arm does not follow its path
 
-# What docs/how-to/energy.md tells to give to `computed_torque`; nobody looks at its observer.
+# Settings that docs/how-to/energy.md recommends for `computed_torque`; no observer is needed.
 LAW = {
     'friction_width': 0.004,
     'command_delay': 1.5e-3,
@@ -48,7 +48,7 @@ Stamp = tuple[int, int]  # [s], [ns]
 
 @dataclass(frozen=True)
 class Played:
-    """One motion that was played: as told, and its begin [s]."""
+    """Motion that was played: its description and start time [s]."""
 
     pair: int
     shape: str
@@ -58,7 +58,7 @@ class Played:
 
 @dataclass(frozen=True)
 class Taken:
-    """What a motion took: as predicted, as measured [J], and its errors RMS and largest [mrad]."""
+    """Predicted and measured energy of a motion [J], and its RMS and maximum errors [mrad]."""
 
     pair: int
     shape: str
@@ -70,7 +70,7 @@ class Taken:
 
 
 class EnergyBench:
-    """An emulated arm that plays motions, recorded."""
+    """Emulated arm that plays and records motions."""
 
     def __init__(
         self, stack: ExitStack, node: Node, folder: Path, arm: ArmModel, model: EnergyModel
@@ -79,8 +79,8 @@ class EnergyBench:
         self._config = load_arm_config()
         self.played: list[Played] = []
         self.refused: list[str] = []
-        # By stamps: the goal's that is answered, and the trajectory's own. This process hears what
-        # it sends itself, too, and whenever it listens.
+        # Keyed by stamp: that of the goal and that of the trajectory. This process also receives
+        # its own messages, possibly with delay.
         self._told: dict[Stamp, dict] = {}
         self._sent: dict[Stamp, JointTrajectory] = {}
         world = {'seed': arm.seed, 'pace': 'lockstep', 'encoders': 'absolute'}
@@ -110,11 +110,11 @@ class EnergyBench:
         self._client.wait_for_mode(['running'], PATIENCE)
 
     def go(self, path: PolynomialPath) -> None:
-        """Play a motion that nobody measures."""
+        """Play a motion without measurement."""
         self._play(path)
 
     def play(self, pair: int, shape: str, move: Move) -> None:
-        """Play a move."""
+        """Play a move and record it."""
         if shape != PLANNED:
             self.played.append(Played(pair, shape, *self._play(move.path(shape))))
             return
@@ -125,7 +125,7 @@ class EnergyBench:
             self.played.append(Played(pair, shape, *planned))
 
     def results(self) -> list[Taken]:
-        """Return what was taken, from the bag, which ends here."""
+        """Close the bag and return its energies."""
         self._recorder.stop()
         states = read_contents(self._folder / 'bag', 'joint_states').joint_states['/joint_states']
         order = [states.names.index(name) for name in self._config.joint_names]
@@ -141,11 +141,16 @@ class EnergyBench:
             for k in rows:
                 meter.add(states.stamp[k], ArmState(q[k], dq[k], tau[k]))
             if abs(meter.total.seconds - one.path.duration - SETTLE) > 0.03:
-                raise SystemExit(f'energy: only {meter.total.seconds:.2f} s of a motion recorded')
+                raise SystemExit(
+                    f'energy: only {meter.total.seconds:.2f} s of a motion were recorded: check '
+                    'the load of this computer'
+                )
             moving = rows[states.stamp[rows] <= end]
             off = 1e3 * (q[moving] - one.path.evaluate(states.stamp[moving] - one.begin).q)
             if np.abs(off).max() > ASTRAY:
-                off_by = f'{np.abs(off).max():.0f} mrad beside its path: it was heard of too late'
+                off_by = (
+                    f'{np.abs(off).max():.0f} mrad off its path, because the plan arrived too late'
+                )
                 self.refused.append(f'{one.shape} of move {one.pair}: {off_by}')
                 continue
             balance = self._model.balance(one.path)
@@ -164,7 +169,7 @@ class EnergyBench:
         return results
 
     def _planned(self, move: Move) -> tuple[float, PolynomialPath] | None:
-        """Play what the planner makes of a move, if it does; return its begin [s] and path."""
+        """Play the planner's motion for a move, if any; return its start [s] and path."""
         self._set_duration(move.duration)
         goal = JointState(name=list(self._config.joint_names), position=move.goal.tolist())
         goal.header.stamp.sec, goal.header.stamp.nanosec = divmod(self._now_ns(), 10**9)
@@ -178,12 +183,13 @@ class EnergyBench:
         stamp: Stamp = tuple(told['trajectory'])
         self._until(lambda: stamp in self._sent, 'a trajectory')
         limits = JointLimits.from_config(self._config)
-        begin = stamp[0] + 1e-9 * stamp[1]  # this process may be late, the arm is not
+        begin = stamp[0] + 1e-9 * stamp[1]  # this process may be late, but the arm is not
         trajectory, _ = read_trajectory(limits, self._sent.pop(stamp), begin)
         path = trajectory.path(move.start, 'quintic')
         if abs(path.duration - move.duration) > 1e-6:
             raise SystemExit(
-                f'energy: a motion of {path.duration:.3f} s came for one of {move.duration:.3f} s'
+                f'energy: the planner answered with {path.duration:.3f} s instead of '
+                f'{move.duration:.3f} s'
             )
         self._wait_for(begin + path.duration)
         return begin, path
@@ -197,7 +203,7 @@ class EnergyBench:
 
     def _wait_for(self, end: float) -> None:
         while 1e-9 * self._now_ns() < end + SETTLE + 0.05:
-            # To look at every state would take a share of a core.
+            # Receiving every state would load a core.
             spin_until(self._node, lambda: self._client.mode != 'running', 0.05)
             try:
                 self._client.wait_for_mode(['running'], 20.0)
@@ -227,7 +233,7 @@ class EnergyBench:
         deadline = time.monotonic() + PATIENCE
         while not spin_until(self._node, condition, 1.0):
             if self._planner.returncode is not None or time.monotonic() > deadline:
-                raise SystemExit(f'energy: waited for {what}: {self._planner.tail(3)}')
+                raise SystemExit(f'energy: no {what} in time: {self._planner.tail(3)}')
 
     def _start(self, stack: ExitStack, name: str, values: dict) -> NodeProcess:
         log = self._folder / f'{name}.log'

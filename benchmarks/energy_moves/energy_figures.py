@@ -1,4 +1,4 @@
-"""What planned motions save, and how well it is predicted."""
+"""Energy savings of planned motions, and accuracy of the predicted energy."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,48 +11,48 @@ from aerarm_ros.planner.motion_plan import QUINTIC
 
 SAVING, PREDICTED, WITHIN = 0.45, 0.9, 0.1
 GOALS = (
-    f'Goals: median saving of {100 * SAVING:.0f} % against the quintic, no move worse; '
-    f'prediction within 10 % for {100 * PREDICTED:.0f} %; tracking no worse than the '
-    "quintic's."
+    f'Goals: median saving of {100 * SAVING:.0f} % relative to the quintic, no move worse; '
+    f'prediction within 10 % for {100 * PREDICTED:.0f} % of the moves; tracking error not above '
+    'that of the quintic.'
 )
 COLUMNS = (
-    'median of a move [J]',
+    'median energy of a move [J]',
     'predicted within 10 % [%]',
     'RMS error [mrad]',
     'RMS error of the median move [mrad]',
     'largest error [mrad]',
     'battery [min]',
 )
-SAVINGS = ('median [%]', 'least [%]', 'tenth [%]', 'nine tenths [%]', 'moves that take more')
+SAVINGS = ('median [%]', 'least [%]', 'tenth [%]', 'nine tenths [%]', 'moves with higher energy')
 
 
 @dataclass(frozen=True, eq=False)
 class EnergyFigures:
-    """Results by shape, a row a move, of those moves that every shape was played for."""
+    """Results by shape, one row per move that was played in every shape."""
 
     by_shape: dict[str, list[Taken]]
 
     def column(self, shape: str, field: str) -> np.ndarray:
-        """Return a field of every move, (moves,)."""
+        """Return one field of all moves, (moves,)."""
         return np.array([getattr(one, field) for one in self.by_shape[shape]])
 
     def saving(self, other: str) -> np.ndarray:
-        """Return the measured share (moves,) that a planned motion takes less than another."""
+        """Return the measured fraction (moves,) that planned motions save over another shape."""
         return 1.0 - self.column(PLANNED, 'measured') / self.column(other, 'measured')
 
     def well_predicted(self, shape: str) -> float:
-        """Return the share of moves whose prediction is within a tenth of what was measured."""
+        """Return the fraction of moves whose prediction is within 10 % of the measurement."""
         predicted, measured = self.column(shape, 'predicted'), self.column(shape, 'measured')
         return float((np.abs(predicted - measured) <= WITHIN * measured).mean())
 
     def battery_minutes(self, shape: str, standby: float, watt_hours: float) -> float:
-        """Return how long a pack moves the arm alone, boards and all [min]."""
-        seconds = (self.column(shape, 'duration') + SETTLE).sum()  # in which that was taken
+        """Return the time for which a battery supplies arm and boards [min]."""
+        seconds = (self.column(shape, 'duration') + SETTLE).sum()  # duration of the measurement
         power = self.column(shape, 'measured').sum() / seconds
         return float(60.0 * watt_hours / (power + standby))
 
     def rows(self, standby: float, watt_hours: float) -> list[tuple[Any, ...]]:
-        """Return a row a shape: its name, and a number for each of `COLUMNS`."""
+        """Return one row per shape: its name, and a number for each of `COLUMNS`."""
         return [
             (
                 shape,
@@ -67,7 +67,7 @@ class EnergyFigures:
         ]
 
     def savings(self) -> list[tuple[Any, ...]]:
-        """Return a row for each other shape: its name, and a number for each of `SAVINGS`."""
+        """Return one row per other shape: its name, and a number for each of `SAVINGS`."""
         rows = []
         for other in (QUINTIC, TRAPEZOID):
             saving = 100.0 * self.saving(other)
@@ -77,7 +77,7 @@ class EnergyFigures:
         return rows
 
     def text(self, standby: float, watt_hours: float) -> str:
-        """Return the figures and the goals."""
+        """Return the figures and the goals as text."""
         lines = [
             f'{"":10} {"J a move":>9} {"predicted":>10} {"RMS":>6} {"RMS":>6} {"largest":>8} '
             f'{"battery":>8}'
@@ -96,15 +96,15 @@ class EnergyFigures:
         count = len(self.by_shape[PLANNED])
         for other, middle, least, low, high, worse in self.savings():
             lines.append(
-                f'less than the {other} of the same duration: median {middle:.1f} %, least '
-                f'{least:.1f} %, tenth {low:.1f} %, nine tenths {high:.1f} %; worse: '
-                f'{worse} of {count}'
+                f'saving relative to {other} of the same duration: median {middle:.1f} %, '
+                f'smallest {least:.1f} %, p10 {low:.1f} %, p90 {high:.1f} %; worse: {worse} of '
+                f'{count}'
             )
         return '\n'.join([*lines, GOALS])
 
 
 def figures(results: list[Taken]) -> EnergyFigures:
-    """Return the figures of results in any order."""
+    """Return the figures of results in arbitrary order."""
     shapes: dict[str, dict[int, Taken]] = {}
     for one in results:
         shapes.setdefault(one.shape, {})[one.pair] = one

@@ -1,4 +1,4 @@
-"""The campaign as a page with plots."""
+"""Page with plots of the energy campaign."""
 
 from typing import Any
 
@@ -16,28 +16,28 @@ OTHERS = (QUINTIC, TRAPEZOID)
 def energy_page(
     found: EnergyFigures, standby: float, watt_hours: float, note: str, refused: list[str]
 ) -> str:
-    """Return the page as HTML.
+    """Return the page of the energy campaign as HTML.
 
     Parameters
     ----------
     found
-        What was measured.
+        Measured figures.
     standby
-        Power of the boards with no current in a motor [W].
+        Power of the boards without motor current [W].
     watt_hours
-        The battery [Wh].
+        Energy of the battery [Wh].
     note
-        What was played.
+        Description of the played moves.
     refused
-        Moves that were not played to their end, and why.
+        Moves that were not completed, with the reason.
     """
     names = list(found.by_shape)
     rows = found.rows(standby, watt_hours)
     body = [
         paragraph(note, 'lead'),
         paragraph(GOALS, 'note'),
-        section('What a move takes', table(['shape', *COLUMNS], rows, [names.index(PLANNED)])),
-        section('What planning saves', table(['than the', *SAVINGS], found.savings())),
+        section('Energy per move', table(['shape', *COLUMNS], rows, [names.index(PLANNED)])),
+        section('Saving by planning', table(['than the', *SAVINGS], found.savings())),
         section('Energy of a move', _against(found)),
         section('Saving and duration', _saving(found)),
         section('Predicted and measured', _predicted(found)),
@@ -71,7 +71,7 @@ def _predicted(found: EnergyFigures) -> Html:
         measured = found.column(shape, 'measured')
         off = 100.0 * (found.column(shape, 'predicted') / measured - 1.0)
         traces.append(_points(shape, measured, off))
-    return _figure('predicted', traces, 'measured [J]', 'predicted beyond measured [%]')
+    return _figure('predicted', traces, 'measured [J]', 'predicted minus measured [%]')
 
 
 def _tracking(found: EnergyFigures) -> Html:

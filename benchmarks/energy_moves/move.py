@@ -1,4 +1,4 @@
-"""Random moves, and how they are made."""
+"""Random moves and their trajectories."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +15,7 @@ SHAPES = (PLANNED, QUINTIC, TRAPEZOID)
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """From rest to rest, (n,) [rad] each, in a duration [s]."""
+    """Move from rest to rest between postures (n,) [rad] in a duration [s]."""
 
     start: np.ndarray
     goal: np.ndarray
@@ -23,11 +23,11 @@ class Move:
 
     @property
     def back(self) -> 'Move':
-        """The way back."""
+        """Move in the opposite direction."""
         return Move(self.goal, self.start, self.duration)
 
     def path(self, shape: str) -> PolynomialPath:
-        """Return the quintic or the trapezoid."""
+        """Return the path of the move as a quintic or a trapezoid."""
         make = PolynomialPath.trapezoid if shape == TRAPEZOID else PolynomialPath.rest_to_rest
         return make(self.start, self.goal, self.duration)
 
@@ -35,9 +35,9 @@ class Move:
 def draw_moves(
     planner: MotionPlanner, low: np.ndarray, high: np.ndarray, seed: int, durations: list[float]
 ) -> Any:
-    """Yield moves without end: even over the joints' ranges (n,) and over two durations [s].
+    """Yield random moves without end, uniform over the joint ranges (n,) and two durations [s].
 
-    Only those which a quintic can make, there and back, so that it can be compared with.
+    Only moves that are feasible as quintics in both directions are yielded, for comparison.
     """
     random = np.random.default_rng(seed)
     while True:

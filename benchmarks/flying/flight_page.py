@@ -1,4 +1,4 @@
-"""A campaign of flights as a page with plots and replays."""
+"""Page with plots and replays of a flight campaign."""
 
 from pathlib import Path
 from typing import Any
@@ -13,56 +13,58 @@ from aerarm_ros.description.resources import write_whole
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
 
-_THINNED = 8  # one in so many states is drawn
+_THINNED = 8  # draw one in so many states
 
 
 def write_page(path: Path, results: FlightResults, note: str) -> None:
-    """Write the page, and say where; parameters as of `flight_page`."""
+    """Write the page and print its path; parameters as in `flight_page`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, flight_page(results, note))
     print(f'Page      {path}')
 
 
 def flight_page(results: FlightResults, note: str) -> str:
-    """Return the page as HTML.
+    """Return the page of the flight campaign as HTML.
 
     Parameters
     ----------
     results
-        What was flown.
+        Results of all flights.
     note
-        With what.
+        Description of the settings.
     """
     body = [paragraph(note, 'lead')]
     for drone, flights in results.records.items():
         flown = {way: x for way, x in flights.items() if isinstance(x, FlightRecord)}
         goals = [
-            f'{part}: at most {limit:g} mm RMS are asked for'
+            f'{part}: goal at most {limit:g} mm RMS'
             for (name, part), limit in GOALS.items()
             if name == drone
         ]
         ratios = [_told(row) for row in results.ratios(drone)]
-        body.append(section(f'{drone}: how much better "{BEST}" is', bullets(ratios + goals)))
+        body.append(section(f'{drone}: improvement by "{BEST}"', bullets(ratios + goals)))
         body.append(section(f'{drone}: figures', _table(results, drone)))
         places = {way: 1e3 * np.linalg.norm(x.places, axis=1) for way, x in flown.items()}
         tilts = {way: np.degrees(x.tilts) for way, x in flown.items()}
         body.append(
             section(
                 f'{drone}: over time',
-                _plot(results, drone, flown, places, 'away from its place [mm]'),
+                _plot(results, drone, flown, places, 'distance from its set point [mm]'),
                 _plot(results, drone, flown, tilts, 'tilt [deg]'),
             )
         )
         shown = {way: flown[way] for way in (BASELINE, BEST) if way in flown}
         if shown:
             drawn = plotly_figure(replay(shown, load_drone(drone)))
-            text = 'Where the drones are, and how they lean, is drawn ten times as large as it is.'
+            text = (
+                'Position errors and tilts of the drones are drawn ten times as large as they are.'
+            )
             body.append(section(f'{drone}: replay', paragraph(text, 'note'), drawn))
-    return page('An arm moves, and its drone stays', plotting_script(), body, origin())
+    return page('Hover error caused by arm motion', plotting_script(), body, origin())
 
 
 def _told(row: tuple[str, ...]) -> str:
-    """Return a row without what was not flown."""
+    """Return a row without entries for flights that were not made."""
     return ', '.join(text for text in row if not text.startswith('-'))
 
 
@@ -74,7 +76,7 @@ def _table(results: FlightResults, drone: str) -> Html:
     order = list(results.program.windows)
     rows.sort(key=lambda row: order.index(row[0]))
     best = [k for k, row in enumerate(rows) if row[1] == BEST]
-    return table(('motion', 'against the arm', *COLUMNS), rows, best)
+    return table(('motion', 'relative to the arm', *COLUMNS), rows, best)
 
 
 def _plot(

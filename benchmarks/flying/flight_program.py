@@ -1,4 +1,4 @@
-"""What the arm does in a flight, one part after the other."""
+"""Sequence of arm motions in a flight."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,23 +17,26 @@ from aerarm_ros.motion.signals import JointMotion
 RAMP = 1.0  # [s]
 STILL = 'no arm motion'
 PARTS = 'slow', 'reach', 'fast', 'excitation', '0.2 kg picked up'
-PAYLOAD = [0.2, 0.1, 0.0, 0.0]  # [kg], and its place in the last joint's frame [m]: at the tool
+PAYLOAD = [0.2, 0.1, 0.0, 0.0]  # [kg], and its position in the last joint's frame [m], at the tool
 _STRETCHED = HANGING - [0.0, np.pi / 2, 0.0, 0.0]
-_QUICK = 1.5  # [s] of a reach of 90 degrees
-_REST = 0.5  # [s] after it
+_QUICK = 1.5  # [s] duration of a reach of 90 degrees
+_REST = 0.5  # [s] after the reach
 
 
 @dataclass(frozen=True)
 class FlightPart:
-    """A motion, and from when to when in it the drone is looked at [s].
+    """Part of a flight program, with its evaluated time interval [s].
 
     Attributes
     ----------
     name : str
+        Name of the part.
     motion : JointMotion
+        Motion of the arm.
     begin, end : float
+        Evaluated interval [s].
     carries : bool
-        Whether the arm has picked something up at the begin, and puts it down at the end.
+        Whether the arm picks up a payload at the beginning and releases it at the end.
     """
 
     name: str
@@ -70,22 +73,24 @@ def _moved(start: np.ndarray, end: np.ndarray, seconds: float) -> PolynomialPath
 
 
 class FlightProgram:
-    """Slow and fast motion, a reach of 90 degrees, the excitation, and something picked up.
+    """Slow and fast motion, a reach of 90 degrees, the excitation, and a payload pick-up.
 
-    That comes last: nobody tells the drone of it, and what it learns of it would be wrong after.
+    The pick-up comes last, because the payload is undeclared and would bias the drone's later
+    estimates.
 
     Parameters
     ----------
     swing : float
-        How long slow and fast motion and excitation last at full swing [s].
+        Duration of slow and fast motion and excitation at full amplitude [s].
     parts : sequence of str
-        Of `PARTS`, those that are flown.
+        Names in `PARTS` of the parts to fly.
 
     Attributes
     ----------
     parts : list of FlightPart
+        Parts of the program.
     motion : MotionSequence
-        All of them.
+        Sequence of all parts.
     """
 
     def __init__(self, swing: float = 2.0, parts: Sequence[str] = PARTS) -> None:
@@ -103,12 +108,12 @@ class FlightProgram:
         self.motion = MotionSequence([Stage(part.name, part.motion) for part in self.parts])
 
     def without(self, *names: str) -> MotionSequence:
-        """Return the motion without some parts."""
+        """Return the motion without given parts."""
         return MotionSequence([x for x in self.motion.stages if x.name not in names])
 
     @property
     def windows(self) -> dict[str, tuple[float, float]]:
-        """From when to when each part is looked at, in the whole motion [s]."""
+        """Evaluated interval of each part, in the whole motion [s]."""
         starts = self.motion.boundaries[:-1].tolist()
         found = {STILL: (-1.0, 0.0)}
         for start, part in zip(starts, self.parts, strict=True):
@@ -117,6 +122,6 @@ class FlightProgram:
 
     @property
     def carrying(self) -> tuple[float, ...]:
-        """From when to when the arm carries something [s]; nothing if it never does."""
+        """Start and end of carrying a payload [s]; empty without payload."""
         windows = [self.windows[part.name] for part in self.parts if part.carries]
         return windows[0] if windows else ()

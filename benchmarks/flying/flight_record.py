@@ -1,4 +1,4 @@
-"""What was seen of a flight, and what it was like."""
+"""Recorded data of a flight, and its figures."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -11,15 +11,15 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import JointMotion
 
-LOST = 1.0  # [m] off its place a drone does not hold
-_AT_LIMIT = 1e-6  # of the largest thrust
+LOST = 1.0  # [m] error above which the drone is lost
+_AT_LIMIT = 1e-6  # relative to the largest thrust
 
 
 class FlightFigures(NamedTuple):
-    """RMS and maximum of the drone's place [mm], its tilt [deg] and the tool's place [mm].
+    """RMS and maximum of drone position error [mm], tilt [deg] and tool position error [mm].
 
-    `heading_max` is its largest turn about the vertical [deg], `limited` the share of the time in
-    which a rotor is at a limit [%].
+    `heading_max` is the largest rotation about the vertical [deg], `limited` the fraction of time
+    in which a rotor is at a limit [%].
     """
 
     place: float
@@ -34,22 +34,22 @@ class FlightFigures(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FlightRecord:
-    """What drone and arm did, with the world's time.
+    """Recorded motion of drone and arm, with world time.
 
     Attributes
     ----------
     times : (K,) ndarray
-        Of the drone's states [s].
+        Times of the drone's states [s].
     places : (K, 3) ndarray
-        Of the drone's body [m]; it should be at the origin.
+        Positions of the drone's body [m]; the target is the origin.
     attitudes : (K, 4) ndarray
         Quaternions (x, y, z, w).
     postures : (K, n) ndarray
-        Joint angles then [rad].
+        Joint angles at these times [rad].
     command_times : (L,) ndarray
-        Of the rotors' commands [s].
+        Times of the rotor commands [s].
     thrusts : (L, m) ndarray
-        Commanded [N].
+        Commanded thrusts [N].
     """
 
     times: np.ndarray
@@ -61,13 +61,13 @@ class FlightRecord:
 
     @property
     def tilts(self) -> np.ndarray:
-        """Angles between the body's z and the vertical, (K,) [rad]."""
+        """Tilt angles between the body's z axis and the vertical, (K,) [rad]."""
         x, y = self.attitudes[:, 0], self.attitudes[:, 1]
         return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
 
     @property
     def headings(self) -> np.ndarray:
-        """Turns about the vertical, (K,) [rad]."""
+        """Rotations about the vertical, (K,) [rad]."""
         return Rotation.from_quat(self.attitudes).as_euler('ZYX')[:, 0]
 
     @property
@@ -76,7 +76,7 @@ class FlightRecord:
         return bool(np.linalg.norm(self.places, axis=1).max() > LOST)
 
     def part(self, begin: float, end: float) -> 'FlightRecord':
-        """Return what lies between two times [s]."""
+        """Return the data between two times [s]."""
         rows = (self.times >= begin) & (self.times < end)
         commands = (self.command_times >= begin) & (self.command_times < end)
         return FlightRecord(
@@ -89,23 +89,22 @@ class FlightRecord:
         )
 
     def shifted(self, begin: float) -> 'FlightRecord':
-        """Return the same with times after that one [s]."""
+        """Return the record with times relative to a given time [s]."""
         return replace(self, times=self.times - begin, command_times=self.command_times - begin)
 
     def largest_joint_error(self, motion: JointMotion) -> float:
-        """Return how far a joint was off a motion that began at time 0, while it lasted [rad]."""
+        """Return the largest joint error during a motion that began at time 0 [rad]."""
         moving = (self.times >= 0.0) & (self.times <= motion.duration)
         wanted = motion.evaluate(self.times[moving]).q
         return float(np.abs(self.postures[moving] - wanted).max(initial=0.0))
 
     def figures(self, motion: JointMotion, drone: DroneConfig) -> FlightFigures | None:
-        """Return what it was like, None where the drone was lost.
+        """Return the figures of a flight, None if the drone was lost.
 
         Parameters
         ----------
         motion : JointMotion
-            Of the arm, as it was told, beginning at time 0.
-        drone : DroneConfig
+            Commanded motion of the arm, starting at time 0.
         """
         away = 1e3 * np.linalg.norm(self.places, axis=1)
         if not len(away) or away.max() > 1e3 * LOST:
@@ -120,7 +119,7 @@ class FlightRecord:
         return FlightFigures(*place, *tilted, heading, *reached, limited)
 
     def _tool_errors(self, motion: JointMotion, drone: DroneConfig) -> np.ndarray:
-        """Return how far the tool is from where it would be under a drone at its place [m]."""
+        """Return the tool's distance from its position under a drone at its place [m]."""
         kinematics = Kinematics(load_robot())
         mount, rotation = np.array(drone.mount.position), drone.mount.rotation
         wanted = np.array(

@@ -1,4 +1,4 @@
-"""Drones and their arms in three dimensions, as they moved."""
+"""Three-dimensional animation of drones and their arms."""
 
 from collections.abc import Mapping
 
@@ -12,12 +12,12 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.kinematics import Kinematics
 
 LARGER = 10.0
-_PERIOD = 0.1  # [s] between pictures
+_PERIOD = 0.1  # [s] between frames
 _COLOURS = '#3b82c4', '#d9722e'
 
 
 class _Skeleton:
-    """Lines of a drone and its arm."""
+    """Line drawing of a drone and its arm."""
 
     def __init__(self, drone: DroneConfig, larger: float) -> None:
         self._larger = larger
@@ -31,7 +31,7 @@ class _Skeleton:
         self._frame = np.vstack([np.vstack(spokes), hubs, hubs[:1], gap])
 
     def line(self, place: np.ndarray, attitude: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """Return points (M, 3) in the world, place and lean drawn larger than they are."""
+        """Return points (M, 3) in the world, with enlarged displacement and tilt."""
         arm = [np.zeros(3), *(joint.position(q) for joint in self._joints)]
         points = np.vstack([self._frame, self._mount + np.array(arm) @ self._turn.T])
         lean = Rotation.from_rotvec(self._larger * Rotation.from_quat(attitude).as_rotvec())
@@ -43,9 +43,9 @@ class _Skeleton:
 def replay(
     flights: Mapping[str, FlightRecord], drone: DroneConfig, larger: float = LARGER
 ) -> go.Figure:
-    """Return the animation of some flights of one drone, one over the other.
+    """Return an animation of several flights of one drone, drawn over each other.
 
-    Their places and leans are drawn `larger` times as large as they are.
+    Displacements and tilts are enlarged by the factor `larger`.
     """
     skeleton = _Skeleton(drone, larger)
     end = min(record.times[-1] for record in flights.values())

@@ -1,4 +1,4 @@
-"""The figures of a campaign of flights."""
+"""Figures of a flight campaign."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,10 +16,10 @@ COLUMNS = (
     'heading, largest [deg]',
     'tool RMS [mm]',
     'largest',
-    'a rotor at a limit [%]',
+    'time with a rotor at a limit [%]',
 )
 BASELINE, OBSERVERS, BEST = 'integral', ('observer', 'INDI'), 'posture, motion, lead'
-# [mm] largest RMS of the best way, [deg].
+# [mm] largest RMS of the best method, [deg].
 GOALS = {
     ('hexarotor', 'slow'): 6.0,
     ('hexarotor', 'fast'): 40.0,
@@ -31,17 +31,16 @@ _HEADINGS = ('place mm', 'max', 'tilt deg', 'max', 'heading', 'tool mm', 'max', 
 
 
 class FlightResults:
-    """Flights of some drones in some ways, and their figures.
+    """Flights of several drones with several methods, and their figures.
 
     Attributes
     ----------
-    program : FlightProgram
     records : mapping
-        By drone and way: what was seen, or why nothing was.
+        Record by drone and method, or the reason of a failure.
     leans : dict
-        By drone: `lean_limit`, of the arm with that URDF.
+        Values of `lean_limit` by drone, for the arm of that URDF.
     figures : dict
-        By drone, way and part; None where the drone was lost.
+        Figures by drone, method and part; None if the drone was lost.
     """
 
     def __init__(
@@ -63,14 +62,14 @@ class FlightResults:
                     self.figures[drone, way, part] = found
 
     def ratio(self, drone: str, part: str, others: tuple[str, ...]) -> float | None:
-        """Return how many times less than the best of others the drone is off by the best way."""
+        """Return the error ratio of the best of other methods to the best method."""
         best = self.figures.get((drone, BEST, part))
         found = [self.figures.get((drone, way, part)) for way in others]
         places = [figures.place for figures in found if figures is not None]
         return min(places) / best.place if best and places else None
 
     def text(self) -> str:
-        """Return a table to print, and how many times better the best way is."""
+        """Return a table with the improvement by the best method."""
         lines = [_LINE.format('drone', 'against the arm', 'motion', *_HEADINGS)]
         lost = ['lost', *['-'] * (len(COLUMNS) - 1)]
         for (drone, way, part), figures in self.figures.items():
@@ -83,12 +82,12 @@ class FlightResults:
         return '\n'.join(lines)
 
     def ratios(self, drone: str) -> list[tuple[str, ...]]:
-        """Return for each part how much better the best way is than the others, and its limit."""
+        """Return the improvement by the best method for each part, with its limit."""
         rows = []
         for part in list(self.program.windows)[1:]:
             over = [self.ratio(drone, part, ways) for ways in ((BASELINE,), OBSERVERS)]
             shown = ['-' if value is None else f'{value:.1f}' for value in over]
             row = part, f'{shown[0]} times the integral', f'{shown[1]} times an observer'
             lean = self.leans[drone].get(part)
-            rows.append(row if lean is None else (*row, f'the lean alone takes {lean:.1f} mm'))
+            rows.append(row if lean is None else (*row, f'the tilt alone costs {lean:.1f} mm'))
         return rows

@@ -1,4 +1,4 @@
-"""The ways in which a drone may bear its arm's motion."""
+"""Methods to compensate the arm's motion in the flight controller."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,17 +17,18 @@ _NO_PARAMETERS = 'integral', 'position RMS [mm]'
 
 @dataclass(frozen=True)
 class FlightWay:
-    """What finds out forces that nobody told of, and what is told.
+    """Disturbance estimation and feed-forward of one method.
 
     Attributes
     ----------
     gains : str
-        Which of the gains of `GAINS`.
+        Key of the gains in `GAINS`.
     rejection : str
-        As `flight_control` has it.
+        Parameter of `flight_control`.
     posture, motion : bool
+        Whether the effect of the arm's posture, and of its motion, is fed forward.
     lead : float
-        What is fed forward, and how far ahead [s].
+        Preview time of the feed-forward [s].
     """
 
     gains: str
@@ -38,20 +39,20 @@ class FlightWay:
 
     @property
     def is_told(self) -> bool:
-        """Whether anything is told."""
+        """Whether any feed-forward is used."""
         return self.posture or self.motion
 
     @property
     def switches(self) -> dict[str, object]:
-        """Parameters of `flight_control` that may be changed in flight."""
+        """Parameters of `flight_control` that can be changed in flight."""
         return {'feed_posture': self.posture, 'feed_motion': self.motion, 'feed_lead': self.lead}
 
     def later(self, latency: float) -> 'FlightWay':
-        """Return the same for sensors that are late [s], whose stamps are as old."""
+        """Return the method for sensors with a delay [s] that their stamps include."""
         return replace(self, lead=min(self.lead + latency, _LEAD_MAX)) if self.lead else self
 
     def parameters(self, drone: str) -> dict[str, object]:
-        """Return all parameters of `flight_control` but the drone."""
+        """Return all parameters of `flight_control` except the drone."""
         tuned = yaml.safe_load(GAINS.read_text())[f'{drone}/{self.gains}']
         gains = {name: value for name, value in tuned.items() if name not in _NO_PARAMETERS}
         if 'integral' in tuned:
@@ -78,16 +79,16 @@ WAYS = {
 
 
 def ways_of(drone: str) -> list[str]:
-    """Return the ways for which there are gains of a drone."""
+    """Return the methods with gains for a drone."""
     tuned = yaml.safe_load(GAINS.read_text())
     return [name for name, way in WAYS.items() if f'{drone}/{way.gains}' in tuned]
 
 
 def height_frequency(drone: DroneConfig, position_frequency: float) -> float:
-    """Return how stiffly all ways hold the height [rad/s]: lift waits for no lean."""
+    """Return the height frequency of all methods [rad/s]; lift needs no tilt."""
     return position_frequency if drone.is_fully_actuated else _HEIGHT
 
 
 def load_drone(name: str) -> DroneConfig:
-    """Return one of `DRONES`."""
+    """Return one of the drones in `DRONES`."""
     return load_drone_config(resource('config', *DRONES[name]))

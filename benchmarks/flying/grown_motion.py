@@ -1,4 +1,4 @@
-"""A motion about the hanging posture, grown from rest and back to rest."""
+"""Motion about the hanging posture, with ramps from rest and to rest."""
 
 from typing import Protocol
 
@@ -13,7 +13,7 @@ RAMP = 2.0  # [s]
 
 
 class Course(Protocol):
-    """A motion without an end."""
+    """Motion without an end."""
 
     def evaluate(self, time: ArrayLike) -> JointReference:
         """Return the reference (M, n) at times (M,) [s]."""
@@ -21,15 +21,14 @@ class Course(Protocol):
 
 
 class GrownMotion:
-    """What a course does away from the hanging posture, times a share that rises and falls.
+    """Displacement of a course from the hanging posture, scaled by a factor that rises and falls.
 
     Parameters
     ----------
-    course : Course
     seconds : float
-        Duration [s], both ramps included.
+        Duration including both ramps [s].
     ramp : float
-        Of each ramp [s].
+        Duration of each ramp [s].
     """
 
     def __init__(self, course: Course, seconds: float, ramp: float = RAMP) -> None:
@@ -42,7 +41,7 @@ class GrownMotion:
         here = times[:, None]
         ramp = self.ramp
         rise, fall = smooth_step(here / ramp), smooth_step((self.duration - here) / ramp)
-        # Only one of the two is not at its end.
+        # At most one of the two factors differs from its final value.
         g = rise.value * fall.value
         dg = (rise.slope - fall.slope) / ramp
         ddg = (rise.curvature + fall.curvature) / ramp**2

@@ -1,4 +1,4 @@
-"""Bridge, arm controller and flight controller as processes in lockstep, and the tool's error."""
+"""Bridge, arm controller and flight controller as processes in lockstep, with tool errors."""
 
 import time
 from contextlib import ExitStack
@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from flying.arm_model import ArmModel
 from flying.flight_listener import PATIENCE
-from flying.holding_case import GENERALISED, HELD, POSTURE, HoldingCase
+from flying.holding_case import HELD, ORDINARY, POSTURE, HoldingCase
 from flying.scaled_drone import write_drone
 from geometry_msgs.msg import PoseStamped, Transform
 from nav_msgs.msg import Odometry
@@ -29,30 +29,30 @@ from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
 
-SETTLING = 2.0  # [s] from the target until figures count
+SETTLING = 2.0  # [s] after the target, before the evaluation
 LENGTH, FREQUENCY, GROWTH = 0.2, 0.25, 2.0  # [m], [Hz], [s] of the path
 _POINT = 0.05  # [s]
-_REPORT = 2.5  # [s] of the host, in which every node reports
+_REPORT = 2.5  # [s] of host time in which every node reports
 
 
 @dataclass(frozen=True, eq=False)
 class HoldingRecord:
-    """What was seen of a flight.
+    """Recorded data of a flight with the tool held in the world.
 
     Attributes
     ----------
     times : (K,) ndarray
-        Since the target was sent [s].
+        Time since the target was sent [s].
     places : (K, 3) ndarray
-        Of the drone's body in the world [m].
+        Positions of the drone's body in the world [m].
     attitudes : (K, 4) ndarray
         Quaternions (x, y, z, w).
     postures : (K, n) ndarray
-        [rad]
+        Joint angles [rad].
     tools, targets : (K, 3) ndarray
-        Where the tool is and should be in the world [m].
+        Actual and desired tool positions in the world [m].
     diagnostics : str
-        What the controller said last, '' if nothing is wrong.
+        Last diagnostics of the controller, '' without a problem.
     """
 
     times: np.ndarray
@@ -64,7 +64,7 @@ class HoldingRecord:
     diagnostics: str = ''
 
     def figures(self) -> tuple[float, float, float, float]:
-        """Return RMS and maximum of the tool's error and of the drone's place [mm]."""
+        """Return RMS and maximum of tool error and drone position error [mm]."""
         rows = self.times > SETTLING
         tool = 1e3 * np.linalg.norm(self.tools - self.targets, axis=1)[rows]
         drone = 1e3 * np.linalg.norm(self.places, axis=1)[rows]
@@ -73,12 +73,12 @@ class HoldingRecord:
 
 
 class HoldingBench:
-    """Processes of one case, flying, with the tool held in the world.
+    """Processes of one case in flight, with the tool held in the world.
 
     Raises
     ------
     ValueError, TimeoutError, ArmClientError
-        If one refuses, or does not answer.
+        If a process fails or does not respond.
     """
 
     def __init__(
@@ -97,14 +97,16 @@ class HoldingBench:
         self._start(stack, 'base_reaction', told)
         pilot = {'drone_file': file, 'arm_wait': 5.0, **case.pilot, **arm.drawing}
         self._start(stack, 'flight_control', pilot)
-        if case.law != HELD:
-            law = {
-                'drone_file': file,
-                'base_motion': 'free' if case.law == GENERALISED else 'attitude',
-                'posture': list(POSTURE),
-                'imu_latency': 4e-3,
-                **arm.law,
-            }
+        law = {
+            'drone_file': file,
+            'base_motion': 'attitude' if case.law == ORDINARY else 'free',
+            'imu_latency': 4e-3,
+            **arm.law,
+        }
+        if case.law == HELD:
+            self.law = self._start(stack, 'computed_torque', law)
+        else:
+            law['posture'] = list(POSTURE)
             odometry = ('--ros-args', '-r', 'odometry:=external_odometry', '--')
             self.law = self._start(stack, 'world_control', law, odometry)
         world = {'seed': arm.seed, 'drone_file': file, **case.world}
@@ -122,11 +124,11 @@ class HoldingBench:
         self._wait('the drone', lambda: self.said('drone') == 'flying')
 
     def said(self, name: str) -> str:
-        """Return what a node's diagnostics say, '' if it said nothing."""
+        """Return the diagnostics of a node, '' without any."""
         return self._said.get(name, (b'', ''))[1]
 
     def fly(self, seconds: float) -> HoldingRecord:
-        """Return what the tool did after its target, which is where it is then."""
+        """Return the record of the tool after its target, which is its position at that time."""
         begin, *_, start = self._seen(2.0)[-1]
         if self.case.law != HELD:
             self._targets.publish(self._target(start))
@@ -144,12 +146,12 @@ class HoldingBench:
         return HoldingRecord(times, places, attitudes, postures, tools, targets, said)
 
     def _seen(self, seconds: float) -> list[tuple[float, ...]]:
-        """Return time, drone's place and attitude, posture and tool's place of some seconds."""
+        """Return rows of time, drone position and attitude, posture and tool position."""
         rows: list[tuple[float, ...]] = []
         q, deadline = None, time.monotonic() + PATIENCE
         while not rows or rows[-1][0] < rows[0][0] + seconds:
             if time.monotonic() > deadline:
-                raise TimeoutError('the emulated world stands still')
+                raise TimeoutError('the simulation does not advance')
             self._reader.wait(0.1)
             state = self._reader.take_newest(0)
             sample = self._codec.unpack(state[0]) if state else None
@@ -174,7 +176,7 @@ class HoldingBench:
         message.header.frame_id = 'odom'
         p, r = message.pose.position, message.pose.orientation
         p.x, p.y, p.z = place.tolist()
-        r.w = 0.0  # any orientation
+        r.w = 0.0  # arbitrary orientation
         return message
 
     def _path(self, centre: np.ndarray, begin: float, seconds: float) -> MultiDOFJointTrajectory:
@@ -215,12 +217,12 @@ class HoldingBench:
 
 
 def _length(seconds: float) -> float:
-    """Return how long the path takes of which some seconds are looked at [s]."""
+    """Return the duration of a path for an evaluation time [s]."""
     return seconds + 2.0 * GROWTH
 
 
 def _swing(times: np.ndarray, length: float) -> np.ndarray:
-    """Return the path about its centre (K, 3) [m]: it grows over 2 s, and ends so."""
+    """Return the path about its centre (K, 3) [m], with ramps of 2 s."""
     grown = np.clip(np.minimum(times, length - times) / GROWTH, 0.0, 1.0)
     share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)
     swing = 0.5 * LENGTH * share * np.sin(2.0 * np.pi * FREQUENCY * times)

@@ -1,4 +1,4 @@
-"""What an arm that holds its tool in the world flies under, and what is asked of it."""
+"""Cases of an arm that holds its tool in the world, with their goals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from flying.scaled_drone import scaled_drone
 from aerarm_ros.description.drone_config import DroneConfig
 
 POSTURE = 0.0, 1.3, 0.0, 1.5
-WIND, WIND_CUTOFF = 1.5, 0.5  # [N] root mean square of the whole force, [Hz]
+WIND, WIND_CUTOFF = 1.5, 0.5  # [N] RMS of the total force, [Hz]
 GENERALISED, ORDINARY, HELD = 'generalised Jacobian', 'ordinary Jacobian', 'joints held'
 _RATE, _DELAY = 'external_odometry_rate', 'external_odometry_delay'
 _NOISE = 'external_odometry_noise'
@@ -31,32 +31,32 @@ SENSORS: Mapping[str, object] = MappingProxyType(
     }
 )
 _INTEGRAL = {'position_integral': 0.1, 'attitude_integral': 0.1}
-# Under an arm that holds its tool a drone turns more easily than with held joints, and a light one
-# much more: its attitude loop is tuned lower, see docs/how-to/world.md.
+# With an arm that holds its tool, a drone rotates more easily than with held joints, especially a
+# light drone. Its attitude loop therefore has lower gains, see docs/how-to/world.md.
 _PILOTS = {'heavy': (3.5, 8.0), 'light': (2.5, 5.0), 'full': (8.67, 9.0)}
 _LIGHT = 2.5  # [kg]
 
 
 @dataclass(frozen=True)
 class HoldingCase:
-    """One flight.
+    """Settings of one flight.
 
     Attributes
     ----------
     goal : float
-        RMS of the tool's error that is asked for [mm]; infinite if none is.
+        Goal for the RMS tool error [mm]; infinite for none.
     mass : float
-        Of the drone [kg], that of the file if 0.
+        Mass of the drone [kg]; 0 for that of the file.
     drone : str
-        One of `flight_way.DRONES`.
+        Key of `flight_way.DRONES`.
     law : str
         GENERALISED, ORDINARY or HELD.
     odometry : mapping
-        Parameters of the odometry that the arm's controller gets.
+        Parameters of the odometry for the arm's controller.
     wrong : float
-        Share by which every link is believed to be another.
+        Relative error of every link in the model.
     path : bool
-        Whether the tool moves on a path of 20 cm at 0.25 Hz.
+        Whether the tool follows a path of 20 cm at 0.25 Hz.
     """
 
     goal: float = float('inf')
@@ -69,7 +69,7 @@ class HoldingCase:
 
     @property
     def flown(self) -> DroneConfig:
-        """The drone that flies."""
+        """Drone of this case."""
         return scaled_drone(self.mass) if self.mass else load_drone(self.drone)
 
     @property
@@ -87,7 +87,7 @@ class HoldingCase:
 
     @property
     def world(self) -> dict[str, object]:
-        """Parameters of `fake_hardware` but those of the arm and the drone file."""
+        """Parameters of `fake_hardware` except those of the arm and the drone file."""
         wind = {'gust_force': WIND / float(np.sqrt(3.0)), 'gust_cutoff': WIND_CUTOFF}
         return {
             'pace': 'lockstep',
@@ -110,4 +110,4 @@ CASES = {
     'ordinary Jacobian': HoldingCase(law=ORDINARY),
     'joints held': HoldingCase(law=HELD),
 }
-"""By name; the goals are those of the RMS [mm], 1.5 times the first one for wrong links."""
+"""Cases by name, with goals for the RMS error [mm]; 1.5 times the first goal for wrong links."""

@@ -1,4 +1,4 @@
-"""Flights with the tool held in the world, as a page with plots and a replay."""
+"""Page with plots and a replay of flights with the tool held in the world."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,14 +19,14 @@ _REPLAYED = 'tool at rest'
 
 
 def write_page(path: Path, records: Mapping[str, HoldingRecord | str], note: str) -> None:
-    """Write the page, and print where it is."""
+    """Write the page, and print its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, holding_page(records, note))
     print(f'Page      {path}')
 
 
 def holding_page(records: Mapping[str, HoldingRecord | str], note: str) -> str:
-    """Return the page as HTML; a flight that failed is the reason why."""
+    """Return the page as HTML; a failed flight is represented by its reason."""
     flown = {name: x for name, x in records.items() if isinstance(x, HoldingRecord)}
     errors = {name: 1e3 * np.linalg.norm(x.tools - x.targets, axis=1) for name, x in flown.items()}
     places = {name: 1e3 * np.linalg.norm(x.places, axis=1) for name, x in flown.items()}
@@ -35,8 +35,8 @@ def holding_page(records: Mapping[str, HoldingRecord | str], note: str) -> str:
         section('Figures', table(COLUMNS, [_row(*item) for item in records.items()], [])),
         section(
             'Over time',
-            _plot(flown, errors, 'tool off its target [mm]', 'tool'),
-            _plot(flown, places, 'drone off its place [mm]', 'drone'),
+            _plot(flown, errors, 'tool error [mm]', 'tool'),
+            _plot(flown, places, 'drone error [mm]', 'drone'),
         ),
     ]
     held = [name for name in flown if CASES[name].law == HELD][:1]
@@ -44,7 +44,9 @@ def holding_page(records: Mapping[str, HoldingRecord | str], note: str) -> str:
     if shown:
         drawn = plotly_figure(replay(shown, CASES[_REPLAYED].flown, larger=1.0))
         body.append(section('Replay', drawn))
-    return page('The tool stays, and its drone sways', plotting_script(), body, origin())
+    return page(
+        'The tool keeps its position while its drone moves', plotting_script(), body, origin()
+    )
 
 
 def _row(name: str, record: HoldingRecord | str) -> tuple[object, ...]:
@@ -56,7 +58,7 @@ def _row(name: str, record: HoldingRecord | str) -> tuple[object, ...]:
 
 
 def _flight(record: HoldingRecord) -> FlightRecord:
-    """Return a flight whose replay begins a second before its time zero."""
+    """Return a flight whose replay starts one second before time zero."""
     nothing = np.zeros((0, 1))
     return FlightRecord(
         record.times, record.places, record.attitudes, record.postures, nothing[:, 0], nothing

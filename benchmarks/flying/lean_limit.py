@@ -1,4 +1,4 @@
-"""How far a drone with rotors in one plane moves because it has to lean."""
+"""Displacement of a drone with coplanar rotors that is caused by its tilt."""
 
 from pathlib import Path
 
@@ -16,17 +16,15 @@ _STEP = 0.02  # [s]
 def lean_limit(
     drone: DroneConfig, program: FlightProgram, urdf: Path | None = None
 ) -> dict[str, float]:
-    """Return for each part the RMS [mm] by which the body moves if the centre of mass does not.
+    """Return, for each part, the RMS body displacement [mm] at constant centre of mass.
 
-    Against a force f from the side such a drone leans by f / (m g), and its body, h above the
-    common centre of mass, moves by h f / (m g). A drone that pushes sideways needs no lean.
+    Against a lateral force f such a drone tilts by f / (m g), and its body, at a height h above the
+    common centre of mass, moves by h f / (m g). A drone with lateral thrust needs no tilt.
 
     Parameters
     ----------
-    drone : DroneConfig
-    program : FlightProgram
     urdf : Path, optional
-        Of the arm, the drawn one if not given.
+        URDF of the arm, by default the nominal one.
     """
     if drone.is_fully_actuated:
         return {}

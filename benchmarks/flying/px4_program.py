@@ -1,4 +1,4 @@
-"""PX4 as a program of this host, set up for a drone."""
+"""PX4 as a program on this host, configured for a drone."""
 
 import os
 import signal
@@ -12,13 +12,13 @@ from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import MassProperties
 
 HOW = (
-    'PX4 is missing: build it by its own instructions (make px4_sitl_default), then make flight '
-    'AUTOPILOT=px4 PX4=<folder of the build>, which holds bin/px4 and etc'
+    "PX4 is missing: build it (make px4_sitl_default), then run 'make flight AUTOPILOT=px4 "
+    "PX4=<folder of the build>'. The folder contains bin/px4 and etc"
 )
 _PROGRAM = 'bin/px4'
 _ENDING = 5.0  # [s]
-# Ends the program with the process that starts it, however that ends: PX4 spins on for ever when
-# its simulator is gone. Its own process, as code between fork and exec may hang under threads.
+# Ends PX4 together with the process that starts it, because PX4 runs on without its simulator. The
+# guard is a separate process, since code between fork and exec may hang with threads.
 _GUARD = """
 import ctypes, os, signal, sys
 parent = int(sys.argv[1])
@@ -29,37 +29,39 @@ if os.getppid() == parent:
 
 
 def find_px4() -> Path | None:
-    """Return the folder of the build that PX4 names, None without one."""
+    """Return the folder of the build in the variable PX4, None if not set."""
     given = os.environ.get('PX4', '')
     places = [Path(given).expanduser() / part for part in ('', 'build/px4_sitl_default')]
     return next((place for place in places if given and (place / _PROGRAM).is_file()), None)
 
 
 class Px4Program:
-    """Context in which a PX4 runs, in a folder of its own, set up for a drone.
+    """Context manager that runs PX4 in a separate folder, configured for a drone.
 
     Parameters
     ----------
     build : Path
-        Folder of its build.
+        Folder of the PX4 build.
     folder : Path
-        Where it keeps parameters and logs.
+        Folder of parameters and logs.
     drone : DroneConfig
+        Configuration of the drone.
     body : MassProperties
-        Of drone and arm at rest.
+        Mass properties of drone and arm at rest.
     setup : Px4Setup
+        Settings of PX4.
     instance : int
-        Its number, which its ports follow from.
+        Instance number, which determines the ports.
 
     Attributes
     ----------
     log : Path
-        What it prints.
+        Log file of its output.
 
     Raises
     ------
     ValueError
-        If the drone is none that it can fly.
+        If PX4 cannot fly the drone.
     """
 
     def __init__(
@@ -109,6 +111,6 @@ class Px4Program:
 
     @property
     def pid(self) -> int:
-        """Of its process."""
+        """Process id of PX4."""
         assert self._process is not None
         return self._process.pid

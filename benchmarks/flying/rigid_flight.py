@@ -1,4 +1,4 @@
-"""A drone whose arm follows its motion exactly: quick enough to tune its flight controller on."""
+"""Drone whose arm follows its motion exactly, a fast model for tuning flight controllers."""
 
 from typing import NamedTuple
 
@@ -16,11 +16,12 @@ from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import JointMotion, JointReference
 
 CYCLE = 4e-3  # [s] of the flight controller
-STEPS = 2  # of the physics in a cycle
-AHEAD = 0.06  # [s] that the drone is told of the arm ahead of time
-SETTLED = 0.5  # [s] after which errors count
+STEPS = 2  # physics steps per cycle
+AHEAD = 0.06  # [s] preview time of the arm's motion
+SETTLED = 0.5  # [s] after which errors are evaluated
 LOST = 2.0  # [m]
-NOISE = (0.002, 0.01, 0.01, 0.3)  # of position [m], velocity [m/s], rate [rad/s], force [m/s^2]
+# noise of position [m], velocity [m/s], rate [rad/s], force [m/s^2]
+NOISE = (0.002, 0.01, 0.01, 0.3)
 
 
 def _powers(turn: np.ndarray) -> np.ndarray:
@@ -34,7 +35,7 @@ _POWERS = np.array([_powers(turn) for turn in _TURNS])
 
 
 class FlightErrors(NamedTuple):
-    """What a flight was like: position and tilt, RMS and maximum [mm], [deg]."""
+    """Position and tilt errors of a flight, RMS and maximum [mm], [deg]."""
 
     position: float
     position_max: float
@@ -43,21 +44,23 @@ class FlightErrors(NamedTuple):
 
 
 class RigidFlight:
-    """Drone and arm as one chain whose joints do what was planned; rotors with their lag.
+    """Drone and arm as one chain with prescribed joint motion, and rotors with a lag.
 
     Parameters
     ----------
     drone : DroneConfig
+        Configuration of the drone.
     motion : JointMotion
+        Motion of the arm.
     latency : int
-        Cycles by which the controller's measurements are late.
+        Delay of the controller's measurements in cycles.
     seed : int
-        Of the noise.
+        Seed of the noise.
 
     Attributes
     ----------
     flown : float
-        Share of the last flight until the drone was lost.
+        Fraction of the last flight completed before the drone was lost.
     """
 
     def __init__(self, drone: DroneConfig, motion: JointMotion, latency: int = 2, seed: int = 0):
@@ -76,12 +79,12 @@ class RigidFlight:
         self.body = MassProperties.of(drone, *self._loads.dynamics.composite_inertia(HANGING))
 
     def _forces_by_turn(self, reference: JointReference) -> np.ndarray:
-        """Return forces (6, 10) by the powers of the base's angular velocity."""
+        """Return forces (6, 10) by powers of the base's angular velocity."""
         forces = [self._whole.forces(*reference, turn)[:6] for turn in _TURNS]
         return np.linalg.solve(_POWERS, np.array(forces)).T
 
     def fly(self, control: FlightControl, arm: ArmFeedForward | None) -> FlightErrors | None:
-        """Return how well a controller holds the drone, None if it loses it."""
+        """Return the errors of a flight with a controller, None if the drone is lost."""
         drone, random = self.drone, np.random.default_rng(self._seed)
         mount, to_base = np.array(drone.mount.position), drone.mount.rotation
         matrix, imu = wrench_per_thrust(drone), np.array(drone.imu.position)

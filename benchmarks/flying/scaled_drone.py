@@ -1,4 +1,4 @@
-"""Drones of any mass, and their files."""
+"""Drone configurations of arbitrary mass, and their files."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,22 +11,23 @@ from aerarm_ros.description.robot import load_robot
 
 
 def scaled_drone(mass: float) -> DroneConfig:
-    """Return a drone of a mass [kg]: the quadrotor up to 1.5 kg, else the hexarotor.
+    """Return a drone of a mass [kg]: the quadrotor up to 1.5 kg, otherwise the hexarotor.
 
-    Lengths as they are, inertia in proportion to mass^(5/3), thrust to the weight of drone and arm.
+    Lengths are constant, inertia is proportional to mass^(5/3), and thrust is proportional to the
+    weight of drone and arm.
     """
     name = ('drones', 'quadrotor.yaml') if mass < 1.5 else ('drone.yaml',)
     drone = load_drone_config(resource('config', *name))
     arm = float(load_robot().inertial_parameters[:, 0].sum())
     thrust = (mass + arm) / (drone.mass + arm)
     rotors = tuple(replace(r, thrust_max=thrust * r.thrust_max) for r in drone.rotors)
-    # Rotors first: each step must be a drone that flies.
+    # Rotors first, because each intermediate drone must be able to fly.
     strong = replace(drone, rotors=rotors)
     return strong.with_errors(mass / drone.mass, (mass / drone.mass) ** (5 / 3))
 
 
 def write_drone(drone: DroneConfig, path: Path) -> Path:
-    """Write a drone file."""
+    """Write a drone configuration file."""
     poses = {
         key: {'position': list(pose.position), 'rpy': list(pose.rpy)}
         for key, pose in (('mount', drone.mount), ('imu', drone.imu))

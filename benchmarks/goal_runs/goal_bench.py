@@ -1,8 +1,8 @@
-"""A shipped controller on the emulated bridge in virtual time, sent goals of FollowJointTrajectory.
+"""Goals of FollowJointTrajectory for a packaged controller on the emulated bridge, in virtual time.
 
-Everything between the law and the physics engine is what runs on the real arm: the bridge's cycle,
-the boards' frames, their quantised encoders and filtered speeds. The loop is made as the node makes
-it, from its parameter table, so a default that changes there changes here.
+All code between control law and physics engine equals that of the real arm: the bridge's cycle, the
+boards' frames, quantized encoders and filtered speeds. The loop is created from the node's
+parameter table, so changed defaults take effect.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.nodes import computed_torque, gravity_compensation
+from aerarm_ros.nodes.controllers import computed_torque, gravity_compensation
 from aerarm_ros.ros.controllers.controller_parameters import ControlledArm
 from aerarm_ros.ros.emulation.emulation_parameters import PAYLOAD_RADIUS
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.backlash_plant import BacklashPlant
 
 CYCLE = 1e-3
-SETTLED = 5e-3  # [rad] from the goal
+SETTLED = 5e-3  # [rad] distance from the goal
 STOPPED = 0.01  # [rad/s] joint_trajectory_controller's stopped_velocity_tolerance
-REVERSAL = 2e-4  # [rad] that a joint must turn back by to count: some four encoder counts
-# Names here of what serves the action, with the parameters that are not defaults.
+REVERSAL = 2e-4  # [rad] smallest reversal of a joint that counts, about four encoder counts
+# Servers of the action by name, with parameters that differ from the defaults.
 CONTROLLERS: Mapping[str, tuple[Any, Any, Mapping[str, Any]]] = {
     'computed_torque': (computed_torque, computed_torque.ComputedTorqueNode, {}),
     'computed_torque, boards': (
@@ -54,24 +54,25 @@ _QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 
 
 def arm_truth(seed: int) -> PlantParameters:
-    """Return what the arm of a seed is made of, as `fake_hardware` draws it."""
+    """Return the true parameters of an arm with a seed, as `fake_hardware` draws them."""
     return PlantParameters.nominal(load_arm_config(), load_robot()).perturbed(seed)
 
 
 @dataclass(frozen=True)
 class ReachedGoal:
-    """What came of a goal.
+    """Result of one goal.
 
     Attributes
     ----------
     result : GoalResult
+        Result of the action.
     settling : float
-        From the trajectory's end until every true joint is within `SETTLED` and below `STOPPED`
-        for good [s]; infinite if that never came.
+        Time from the trajectory's end until every true joint stays within `SETTLED` and below
+        `STOPPED` [s]; infinite if never.
     tracking : float
-        RMS error of the true joints on the way [rad].
+        RMS error of the true joints during the motion [rad].
     peak : float
-        Largest error on the way [rad].
+        Largest error during the motion [rad].
     """
 
     result: GoalResult
@@ -82,18 +83,18 @@ class ReachedGoal:
 
 @dataclass(frozen=True)
 class Rest:
-    """How an arm rests at a goal.
+    """Behaviour of an arm at rest at a goal.
 
     Attributes
     ----------
     error : float
-        Largest error of a joint at the end [rad].
+        Largest joint error at the end [rad].
     travel : float
-        Largest peak to peak of a true joint in the second half [rad].
+        Largest peak-to-peak motion of a true joint in the second half [rad].
     reversals : int
-        How often the worst true joint turned back by more than `REVERSAL`, in the whole rest.
+        Largest number of reversals of a true joint by more than `REVERSAL` during the whole rest.
     ripple : float
-        Largest standard deviation of a joint's torque about its mean of 0.1 s, second half [Nm].
+        Largest standard deviation of a joint's torque about its 0.1 s mean, second half [Nm].
     """
 
     error: float
@@ -103,25 +104,25 @@ class Rest:
 
 
 class GoalBench:
-    """An arm that differs from its drawing, a controller that knows its files, and goals.
+    """Arm that deviates from its model, a controller with the nominal model, and goals.
 
     Parameters
     ----------
     controller
-        A name of `CONTROLLERS`.
+        Key of `CONTROLLERS`.
     seed
-        Of the arm's deviations from its drawing, of the boards' noise and of the goals.
+        Seed of the arm's deviations, of the boards' noise and of the goals.
     delay
-        Cycles between a state and the cycle in which its answer acts; 1 over topics.
+        Cycles between a state and the cycle in which its command acts; 1 over topics.
     payload
-        What the last link carries at tool0 [kg]; nobody says so to the controller.
+        Undeclared payload of the last link at tool0 [kg].
     backlash
-        Of every gear [rad].
+        Backlash of every gear [rad].
     stiction
-        By how much friction at rest exceeds that in motion, as a share of the Coulomb friction
-        (Stribeck), which the emulated arm does not have by itself.
+        Excess of friction at rest over friction in motion, as a fraction of the Coulomb friction
+        (Stribeck). The emulated arm has none by default.
     parameters
-        Of the controller, in place of its defaults.
+        Controller parameters that replace the defaults.
     """
 
     def __init__(
@@ -160,12 +161,12 @@ class GoalBench:
 
     @property
     def joints(self) -> np.ndarray:
-        """True joint angles (n,) [rad]: those of the links where the gears have backlash."""
+        """True joint angles (n,) [rad] on the link side of the gears."""
         plant = self.transport.plant
         return plant.link_position if isinstance(plant, BacklashPlant) else plant.position
 
     def draw_goal(self, largest: float) -> np.ndarray:
-        """Return a posture within the limits whose farthest joint is `largest` [rad] away."""
+        """Return a posture within the limits, with a largest joint distance of `largest` [rad]."""
         limits, here = self.follower.limits, self.follower.reference.q
         for _ in range(10_000):
             step = self._random.uniform(-1.0, 1.0, limits.n)
@@ -177,16 +178,16 @@ class GoalBench:
         raise ValueError(f'no posture {largest:g} rad away from {here.round(2)}')
 
     def go(self, goal: np.ndarray, effort: float = 0.5, rest: float = 0.6) -> ReachedGoal:
-        """Send a goal as one point from rest to rest; return what came of it.
+        """Send a goal as one point from rest to rest; return the result.
 
         Parameters
         ----------
         goal
-            (n,) [rad]
+            Goal posture (n,) [rad].
         effort
-            Peak speed and acceleration as shares of the limits, at most.
+            Upper bound of peak speed and acceleration, relative to the limits.
         rest
-            Time [s] after the trajectory's end for which the arm is watched at least.
+            Shortest observation time after the trajectory's end [s].
         """
         limits, way = self.follower.limits, goal - self.follower.reference.q
         duration = rest_to_rest_duration(
@@ -211,7 +212,7 @@ class GoalBench:
         return ReachedGoal(ended[0][1], settling, tracking, peak)
 
     def rest(self, seconds: float) -> Rest:
-        """Hold the last goal and watch the arm for a time [s]."""
+        """Hold the last goal and observe the arm for a time [s]."""
         joints, torques = [], []
         for _ in range(round(seconds / CYCLE)):
             self.cycle()
@@ -229,7 +230,7 @@ class GoalBench:
         )
 
     def cycle(self) -> None:
-        """Run one cycle: the controller answers the state, the bridge acts on the answer."""
+        """Run one cycle: the controller responds to the state, the bridge executes the command."""
         bridge = self.bridge
         state = ArmState(bridge.q.copy(), bridge.dq.copy(), bridge.tau.copy())
         command = self.loop.update(state, self.now)
@@ -268,7 +269,7 @@ class GoalBench:
 
 
 def _reversals(q: np.ndarray) -> int:
-    """Return how often a signal turns back by more than `REVERSAL`."""
+    """Return the number of reversals of a signal by more than `REVERSAL`."""
     count, direction, extreme = 0, 0, q[0]
     for value in q.tolist():
         if direction * (value - extreme) > 0.0:

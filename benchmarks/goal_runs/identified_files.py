@@ -1,4 +1,4 @@
-"""The URDF that the identifier makes of an emulated arm's excitation, in virtual time."""
+"""Identified URDF of an emulated arm's excitation, in virtual time."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,7 @@ QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 
 @dataclass
 class _States:
-    """Joint states as a bag reader returns them."""
+    """Joint states in the form that a bag reader returns."""
 
     names: tuple[str, ...]
     stamp: np.ndarray
@@ -42,11 +42,11 @@ def identified_urdf_file(truth: PlantParameters, seed: int, folder: Path) -> Pat
     Parameters
     ----------
     truth
-        What the arm is made of.
+        True parameters of the arm.
     seed
-        Of the excitation and of the boards' noise.
+        Seed of the excitation and of the boards' noise.
     folder
-        Where the identifier's files are written.
+        Folder for the identifier's files.
     """
     config = load_arm_config()
     robot = load_robot(joint_names=config.joint_names)

@@ -1,8 +1,8 @@
 """FIGAROH's trajectory generator on one arm; run by excitation_peers.py.
 
-It minimises the condition number of the base regressor along cubic splines through waypoints,
-with IPOPT and finite differences, within the URDF's limits of position, velocity and torque. The
-ground is not part of its problem. Usage: excitation_figaroh.py ARM.urdf SEED STATES.npz
+The generator minimizes the condition number of the base regressor along cubic splines through
+waypoints, with IPOPT and finite differences, within the URDF's limits of position, velocity and
+torque. The ground is not included. Usage: excitation_figaroh.py ARM.urdf SEED STATES.npz
 """
 
 import json
@@ -21,7 +21,7 @@ from figaroh.tools.robot import Robot
 
 JOINTS = ['joint1', 'joint2', 'joint3', 'joint4']
 SEGMENTS = 2
-SEGMENT_DURATION = 8.0  # [s]: five waypoints, 2 s from one to the next
+SEGMENT_DURATION = 8.0  # [s] for five waypoints, 2 s apart
 CONFIG = """
 schema_version: "2.0"
 robot:
@@ -54,10 +54,10 @@ tasks:
 
 
 class Generator(BaseOptimalTrajectory):
-    """FIGAROH's generator with its own problem, which its examples adapt to each robot."""
+    """FIGAROH's generator with a problem adapted to the robot, as in its examples."""
 
     def create_ipopt_problem(self, *arguments) -> BaseTrajectoryIPOPTProblem:
-        """Return what IPOPT is to solve."""
+        """Return the problem for IPOPT."""
         return BaseTrajectoryIPOPTProblem(self, *arguments)
 
 

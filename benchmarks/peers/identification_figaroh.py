@@ -1,8 +1,8 @@
 """FIGAROH's identification on given samples; run by identification_peers.py.
 
-Its regressor with friction, actuator inertia and offsets, its base parameters by double QR, its
-least squares: the flow of its examples, without filters. Whether the base parameters belong to a
-possible arm is not part of that. Usage: identification_figaroh.py SAMPLES.npz ARM.urdf
+The script follows the flow of FIGAROH's examples without filters: regressor with friction, actuator
+inertia and offsets, base parameters by double QR, and least squares. Physical consistency of the
+base parameters is not checked. Usage: identification_figaroh.py SAMPLES.npz ARM.urdf
 """
 
 import json
@@ -47,7 +47,7 @@ def main() -> None:
         return build_regressor_basic(robot, *motion, config)
 
     def torque(part: str) -> np.ndarray:
-        return samples[f'{part}_tau'].T.ravel()  # joint after joint, as its regressor has it
+        return samples[f'{part}_tau'].T.ravel()  # joint after joint, as in FIGAROH's regressor
 
     begin = time.perf_counter()
     standard = get_standard_parameters(robot.model, config)

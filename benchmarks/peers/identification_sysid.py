@@ -1,9 +1,9 @@
 """MuJoCo's system identification on given samples; run by identification_peers.py.
 
-Its parameters are pseudo-inertias (log-Cholesky), which are physically consistent by
-construction, and its optimiser is MuJoCo's. The residual is the torque error of MuJoCo's inverse
-dynamics; rotor inertia, viscous and Coulomb friction of each joint are added to it, as the thesis
-has them. Usage: identification_sysid.py SAMPLES.npz ARM.urdf
+The parameters are pseudo-inertias (log-Cholesky), which are physically consistent by construction,
+and the optimizer is MuJoCo's. The residual is the torque error of MuJoCo's inverse dynamics, plus
+rotor inertia, viscous and Coulomb friction of each joint as in the thesis. Usage:
+identification_sysid.py SAMPLES.npz ARM.urdf
 """
 
 import json
@@ -15,7 +15,7 @@ import numpy as np
 from mujoco import sysid
 from mujoco.sysid._src.model_modifier import pi_from_theta
 
-ROWS = 150  # samples of the motion that are fitted: each costs an inverse dynamics a parameter
+ROWS = 150  # samples to fit, because each costs one inverse dynamics per parameter
 FRICTION = ('Ja', 'fv', 'fs')
 
 
@@ -25,7 +25,7 @@ class Problem:
     def __init__(self, urdf: str, joints: list[str]) -> None:
         spec = mujoco.MjSpec.from_file(urdf)
         spec.compile()
-        # Bodies behind fixed joints are fused in what was compiled.
+        # Bodies behind fixed joints are fused in the compiled model.
         self.spec = mujoco.MjSpec.from_string(spec.to_xml())
         self.spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         self.spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
@@ -34,10 +34,10 @@ class Problem:
         self.bodies = [self.model.body(self.model.joint(name).bodyid[0]).name for name in joints]
 
     def _apply(self, theta: np.ndarray, body: str) -> None:
-        """Give a body the inertia of the toolbox's ten parameters.
+        """Set the inertia of a body from the toolbox's ten parameters.
 
-        Its own modifier works on the specification, which would be compiled for every body
-        of every trial.
+        The toolbox's own modifier works on the specification, which would have to be compiled for
+        every body and trial.
         """
         pi = pi_from_theta(theta).ravel()
         mass, centre = pi[0], pi[1:4] / pi[0]
@@ -52,7 +52,7 @@ class Problem:
         mujoco.mju_mat2Quat(self.model.body_iquat[k], axes.ravel())
 
     def parameters(self, tau: np.ndarray) -> sysid.ParameterDict:
-        """Return pseudo-inertias as drawn, and the joints' coefficients."""
+        """Return nominal pseudo-inertias, and the joints' coefficients."""
         parameters = sysid.ParameterDict()
         for body in self.bodies:
             parameters.add(
@@ -98,7 +98,7 @@ def main() -> None:
         return ((problem.torque(params, *few[:3]) - few[3]) * weight).ravel()
 
     def residual(x, params, **_):
-        # Its finite differences ask for many columns at once.
+        # The toolbox's finite differences pass many columns at once.
         x = np.asarray(x)
         many = [errors(column, params) for column in x.reshape(len(x), -1).T]
         return [many[0] if x.ndim == 1 else np.column_stack(many)], None, None

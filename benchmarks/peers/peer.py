@@ -1,4 +1,4 @@
-"""Another tool, in a virtual environment of its own."""
+"""Runner of another tool in a separate virtual environment."""
 
 import json
 import os
@@ -16,18 +16,18 @@ INSTALL_TIMEOUT, RUN_TIMEOUT = 900.0, 600.0  # [s]
 
 @dataclass(frozen=True)
 class Peer:
-    """What pip installs, and the script of this folder that uses it.
+    """Requirements of another tool, and the script in this folder that uses it.
 
-    The environment is made with pip on first use, in build/peers or the folder in AERARM_PEERS.
+    The environment is created with pip on first use, in build/peers or the folder in AERARM_PEERS.
 
     Parameters
     ----------
-    name : for the table, and of the environment.
-    requirements : what pip installs.
-    modules : what must be importable then.
-    script : file of this folder; its last line of output is JSON.
-    library : C library that pip has to build against, by its name for pkg-config; '' for none.
-    library_package : Debian and Ubuntu package that has it.
+    name : name in the table and of the environment.
+    requirements : packages for pip.
+    modules : modules that must be importable afterwards.
+    script : file in this folder; its last line of output is JSON.
+    library : C library required by pip's build, by its name for pkg-config; '' for none.
+    library_package : Debian and Ubuntu package that contains the library.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Peer:
     library_package: str = ''
 
     def run(self, *arguments: object) -> dict:
-        """Return what the script finds, or under 'skipped' why there is nothing."""
+        """Return the script's result, or under 'skipped' the reason for its absence."""
         try:
             command = [self._python(), HERE / self.script, *arguments]
             done = subprocess.run(
@@ -54,11 +54,13 @@ class Peer:
         except subprocess.CalledProcessError as error:
             missing = self._missing_packages() if 'pip' in error.cmd else []
             if missing:
-                return {'skipped': f'not on this machine: apt install {" ".join(missing)}'}
+                return {
+                    'skipped': (f'not installed on this machine: apt install {" ".join(missing)}')
+                }
             return {'skipped': _last_line(error)}
 
     def _python(self) -> Path:
-        """Return the interpreter of the peer's environment, which is made if it is missing."""
+        """Return the interpreter of the environment, creating it if missing."""
         folder = ENVIRONMENTS / self.name.replace(' ', '_').lower()
         python = folder / 'bin' / 'python'
         check = [str(python), '-c', f'import {", ".join(self.modules)}']
@@ -71,7 +73,7 @@ class Peer:
         return python
 
     def _missing_packages(self) -> list[str]:
-        """Return the Debian packages without which the library cannot be built against."""
+        """Return the missing Debian packages that the library's build requires."""
         if not self.library:
             return []
         missing = []

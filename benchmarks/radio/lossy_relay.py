@@ -1,8 +1,8 @@
-"""A relay that loses and delays datagrams between a port of this host and another address.
+"""Relay that drops and delays datagrams between a port of this host and another address.
 
 Usage: python benchmarks/radio/lossy_relay.py LISTENING_PORT TARGET_ADDRESS TARGET_PORT
 
-Lines on standard input change it while it runs: `loss 0.05`, `delay 0.02` [s], `cut 1`.
+Lines on standard input change its settings: `loss 0.05`, `delay 0.02` [s], `cut 1`.
 """
 
 import asyncio
@@ -11,7 +11,7 @@ import sys
 
 
 class _Side(asyncio.DatagramProtocol):
-    """One socket of the relay: what it receives goes out of the other one."""
+    """Socket of the relay that forwards received datagrams to the other socket."""
 
     def __init__(self, relay: 'Relay', target: tuple[str, int] | None) -> None:
         self.transport: asyncio.DatagramTransport | None = None
@@ -31,14 +31,14 @@ class _Side(asyncio.DatagramProtocol):
 
 
 class Relay:
-    """Forwards datagrams as well as its link allows."""
+    """Relay with a loss rate, a delay and a cut-off."""
 
     def __init__(self) -> None:
         self.values = {'loss': 0.0, 'delay': 0.0, 'cut': 0.0}
         self._random = random.Random(1)
 
     def forward(self, side: _Side, data: bytes) -> None:
-        """Send a datagram out of a side, late, or not at all."""
+        """Send a datagram to one side, with delay, or drop it."""
         if self.values['cut'] or self._random.random() < self.values['loss']:
             return
         asyncio.get_running_loop().call_later(self.values['delay'], self._send, side, data)

@@ -1,4 +1,4 @@
-"""Presses the e-stop on the ground, or clears it on the drone, as lines on standard input say.
+"""Press the e-stop on the ground, or clear it on the drone, by commands on standard input.
 
 Usage: python benchmarks/radio/stop_presser.py [watch]
 
@@ -29,7 +29,7 @@ SERVICES = {'press': 'e_stop', 'clear': 'clear_fault'}
 
 
 def say(**row: object) -> None:
-    """Print a row."""
+    """Print a JSON row."""
     print(json.dumps({'time': time.monotonic(), **row}), flush=True)
 
 
@@ -60,7 +60,7 @@ def diagnostics(node: Node) -> dict[str, float]:
 
 
 def sweep(node: Node) -> topics.JointTrajectory:
-    """Return a trajectory from where the arm is."""
+    """Return a trajectory that starts at the present posture."""
     message = newest(node)
     begin, end = list(message.position), list(message.position)
     end[0] -= 1.0
@@ -90,7 +90,7 @@ class StateWatch:
 
 
 def newest(node: Node) -> topics.JointState:
-    """Return the next joint states."""
+    """Return the next joint states message."""
     came: list[topics.JointState] = []
     topic = topics.JOINT_STATES
     subscription = node.create_subscription(topic.type, topic.name, came.append, topic.qos)
@@ -101,7 +101,7 @@ def newest(node: Node) -> topics.JointState:
 
 
 def main() -> None:
-    """Serve until standard input ends."""
+    """Process commands until standard input ends."""
     stay_on_this_host()
     use_packaged_profile()
     rclpy.init()

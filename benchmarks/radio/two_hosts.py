@@ -1,8 +1,8 @@
-"""Two hosts with a radio between them, made from Linux namespaces of one machine.
+"""Two hosts connected by a radio link, emulated by Linux namespaces on one machine.
 
-Each host has its own network, IPC, shared memory and host name, so Fast DDS takes them for two
-computers. A pair of virtual interfaces joins them; `tc tbf` makes it a slow radio, and a relay
-process (`lossy_relay.py`) delays and loses datagrams, because many kernels lack `sch_netem`.
+Each host has a separate network, IPC, shared memory and host name, so Fast DDS treats them as two
+computers. A pair of virtual interfaces connects them. `tc tbf` limits the rate like a slow radio. A
+relay process (`lossy_relay.py`) delays and drops datagrams, because many kernels lack `sch_netem`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from types import TracebackType
 DRONE, GROUND = '10.77.0.1', '10.77.0.2'
 """Addresses of the two hosts on the radio."""
 RADIO = 'radio'
-"""Name of the radio's interface on both hosts."""
+"""Name of the radio link's interface on both hosts."""
 
 _TOOLS = ('unshare', 'nsenter', 'ip', 'tc', 'chrt')
 _SET_UP = (
@@ -29,10 +29,10 @@ _SET_UP = (
 
 
 def missing_rights() -> str:
-    """Return why this machine cannot make two hosts, '' if it can."""
+    """Return why this machine cannot emulate two hosts, '' if possible."""
     absent = [tool for tool in _TOOLS if shutil.which(tool) is None]
     if absent:
-        return f'{", ".join(absent)} not installed: install util-linux and iproute2'
+        return f'{", ".join(absent)} is not installed: install util-linux and iproute2'
     probe = 'mount -t tmpfs tmpfs /dev/shm && ip link add name probe type veth peer name other'
     tried = subprocess.run(
         ['unshare', '-n', '-i', '-u', '-m', 'sh', '-c', probe], capture_output=True, text=True
@@ -43,14 +43,14 @@ def missing_rights() -> str:
 
 
 class Host:
-    """One host: a process that keeps its namespaces, and the way into them.
+    """Emulated host: a process that keeps its namespaces, with commands to run in them.
 
     Parameters
     ----------
     name
         Host name.
     address
-        On the radio.
+        IP address on the radio link.
     """
 
     def __init__(self, name: str, address: str) -> None:
@@ -64,7 +64,7 @@ class Host:
 
     @property
     def pid(self) -> int:
-        """Process id of the keeper, which names the namespaces."""
+        """Process id of the keeper, which identifies the namespaces."""
         return self._keeper.pid
 
     def command(self, *words: str, cwd: Path | None = None) -> list[str]:
@@ -97,18 +97,18 @@ class Host:
         )
 
     def close(self) -> None:
-        """End the keeper; the namespaces end with their last process."""
+        """End the keeper process; the namespaces end with their last process."""
         self._keeper.kill()
         self._keeper.wait()
 
 
 class TwoHosts:
-    """The drone's host and the ground's, joined by a radio of full speed until `set_rate`.
+    """Hosts of drone and ground, connected by a radio link of full speed until `set_rate`.
 
     Attributes
     ----------
     drone, ground
-        The hosts.
+        The two hosts.
     """
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class TwoHosts:
             host.run('ip', 'route', 'add', 'default', 'dev', RADIO)  # for multicast
 
     def set_rate(self, rate: str) -> None:
-        """Limit the radio both ways, as in '2mbit' or '8kbit'; '' removes the limit."""
+        """Limit the radio in both directions, e.g. '2mbit' or '8kbit'; '' removes the limit."""
         for host in (self.drone, self.ground):
             if rate:
                 limit = ('rate', rate, 'burst', '4kb', 'limit', '1mb')
@@ -133,7 +133,7 @@ class TwoHosts:
                 host.run('tc', 'qdisc', 'replace', 'dev', RADIO, 'root', 'pfifo', 'limit', '1000')
 
     def traffic(self, host: Host) -> tuple[int, int]:
-        """Return how many bytes and packets a host has sent over the radio."""
+        """Return the number of bytes and packets that a host has sent over the radio."""
         table = Path(f'/proc/{host.pid}/net/dev').read_text().splitlines()
         fields = next(line.split() for line in table if line.strip().startswith(f'{RADIO}:'))
         return int(fields[9]), int(fields[10])
@@ -166,7 +166,7 @@ class TwoHosts:
         return self.start(host, *command, environment=environment or {}, log=log)
 
     def close(self) -> None:
-        """End what was started, and both hosts."""
+        """End all started processes, and both hosts."""
         stop(self._processes)
         for host in (self.drone, self.ground):
             host.close()
@@ -184,7 +184,7 @@ class TwoHosts:
 
 
 def stop(processes: Sequence[subprocess.Popen[str]], timeout: float = 20.0) -> None:
-    """Ask processes to end, the last first, and kill what does not within `timeout` [s]."""
+    """Terminate processes, the last first, and kill those still running after `timeout` [s]."""
     for process in reversed(processes):
         if process.poll() is None:
             process.terminate()

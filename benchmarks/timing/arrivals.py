@@ -1,6 +1,6 @@
-"""When commands arrive, counted from the stamp of the state that each answers.
+"""Arrival times of commands, relative to the stamp of the state to which each responds.
 
-A program of its own, at the priority of a bridge: it prints quantiles [us] as JSON.
+It runs as a separate program at the priority of a bridge, and prints quantiles [us] as JSON.
 """
 
 import argparse
@@ -21,18 +21,18 @@ from aerarm_ros.realtime.scheduling import freeze_garbage_collector, set_fifo
 from aerarm_ros.ros.process.node_process import ros_environment
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
-PRIORITY = 75  # between bridge and controller: it only stands by
+PRIORITY = 75  # between bridge and controller, because it only observes
 SHARES = (0.5, 0.99)
 _PATIENCE = 20.0  # [s] for the first command
 
 
 class Arrivals:
-    """Runs the bystander beside a measurement.
+    """Run the observer in parallel with a measurement.
 
     Parameters
     ----------
     seconds
-        How long, from the first command.
+        Duration from the first command [s].
     """
 
     def __init__(self, seconds: float) -> None:
@@ -42,10 +42,10 @@ class Arrivals:
         )
 
     def quantiles(self) -> list[float]:
-        """Wait for its end; return median and 99 % quantile from state to command [us]."""
+        """Wait for the observer to end; return median and p99 from state to command [us]."""
         output, _ = self._process.communicate()
         if self._process.returncode:
-            raise ArmClientError('no joint_command was heard by a third process')
+            raise ArmClientError('no joint_command was received by a third process')
         return json.loads(output)
 
 
@@ -69,7 +69,9 @@ def listen(seconds: float) -> list[float]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='from the first command')
+    parser.add_argument(
+        '--seconds', type=float, default=10.0, help='duration from the first command'
+    )
     options = parser.parse_args()
     set_fifo(PRIORITY)
     rclpy.init(args=[])

@@ -1,4 +1,4 @@
-"""What nodes say of themselves while they are measured, and a client that asks them things."""
+"""Diagnostics of measured nodes, and a client of their parameters."""
 
 import time
 
@@ -27,7 +27,7 @@ class Diagnosed:
         )
 
     def spin(self, seconds: float) -> None:
-        """Receive for a time [s]."""
+        """Receive messages for a time [s]."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             rclpy.spin_once(self._node, timeout_sec=left)
@@ -38,18 +38,18 @@ class Diagnosed:
         Raises
         ------
         ArmClientError
-            If it does not come.
+            If the status does not arrive.
         """
         end = time.monotonic() + 20.0
         while key not in self.values.get(status, {}) if key else status not in self.values:
             if time.monotonic() > end:
                 raise ArmClientError(
-                    f'no diagnostics of {status} {key} in 20 s: is the machine overloaded?'
+                    f'no diagnostics of {status} {key} in 20 s: check the load of this computer'
                 )
             self.spin(0.1)
 
     def use_parameters(self, seconds: float) -> int:
-        """Get and set a parameter ten times a second; return how many answers came."""
+        """Get and set a parameter ten times per second; return the number of responses."""
         answers = 0
         for step in range(round(seconds / CLIENT_PERIOD)):
             start = time.monotonic()
@@ -64,7 +64,7 @@ class Diagnosed:
         return answers
 
     def destroy(self) -> None:
-        """Take the subscription back."""
+        """Destroy the subscription."""
         self._node.destroy_subscription(self._subscription)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

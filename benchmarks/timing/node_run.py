@@ -1,4 +1,4 @@
-"""A bridge and one that answers it, as people run them, measured for some seconds in real time."""
+"""Measurement of a bridge and a controller node in real time for some seconds."""
 
 import os
 import sys
@@ -25,7 +25,7 @@ import spi_boards
 
 EMULATED, REAL = 'fake_hardware', 'hardware_bridge'
 EXCITATION = 'excitation'
-# Gentle, and longer than any run.
+# Slow, and longer than any run.
 LONG_MOTION = {'amplitude': 0.2, 'harmonics': 2, 'fundamental': 0.2, 'periods': 100}
 WARM_UP = 2.0  # [s]
 _RUNS = count()
@@ -33,22 +33,22 @@ _RUNS = count()
 
 @dataclass(frozen=True)
 class NodeFigures:
-    """What a run of two nodes showed; times [us], shares [%].
+    """Figures of a run of two nodes; times [us], fractions [%].
 
     Attributes
     ----------
     torque, torque_99
-        From a state's publication to the torque, median and 99 % quantile, since the node's start.
+        Time from a state's publication to the torque, median and p99, since the node's start.
     command, command_99
-        From a state's stamp to the command's arrival at another process of the host.
+        Time from a state's stamp to the command's arrival at another process of the host.
     answered
-        Cycles with a command that answers the last state.
+        Cycles with a command that responds to the last state.
     missed
         Cycles that the bridge missed.
     cycle
-        Time that a cycle of the bridge takes, median.
+        Median duration of a bridge cycle.
     bridge, controller
-        Processor time of a core.
+        Processor load per core.
     """
 
     torque: float
@@ -74,15 +74,15 @@ def why_not(bridge: str) -> str:
 
 
 def measure(bridge: str, controller: str, seconds: float, ask: bool) -> NodeFigures:
-    """Run both, and with `ask` a client of the bridge's parameters, and return the figures.
+    """Run both nodes, and with `ask` a client of the bridge's parameters; return the figures.
 
-    Both have real-time priority where it is granted, as on an arm. The real bridge reaches its
-    emulated boards, which are a process of their own, through a preloaded SPI bus.
+    Both nodes have real-time priority if permitted, as on an arm. The real bridge accesses its
+    emulated boards, which run in a separate process, through a preloaded SPI bus.
 
     Raises
     ------
     ArmClientError
-        If the arm does not come to follow its controller; with what both said.
+        If the arm does not start to follow its controller; with the last output of both nodes.
     """
     with TemporaryDirectory() as folder:
         logs = [Path(folder) / name for name in (bridge, controller)]
@@ -123,9 +123,9 @@ def _run(
 
 @contextmanager
 def _node_in_own_domain() -> Iterator[Node]:
-    """Give a node of a domain in which no earlier run was.
+    """Yield a node in a ROS domain that no earlier run used.
 
-    Who starts in the place of one that did not end by itself is deaf at first
+    A process that replaces one with an abnormal end initially receives no messages
     (docs/decisions.md, 58).
     """
     os.environ['ROS_DOMAIN_ID'] = str(1 + (os.getpid() + next(_RUNS)) % 100)
@@ -171,7 +171,7 @@ def _figures(
 
 
 def processor_time(process: NodeProcess) -> float:
-    """Processor time that a process has used [s]."""
+    """Return the processor time that a process has used [s]."""
     with open(f'/proc/{process.pid}/stat') as file:
         fields = file.read().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')

@@ -1,9 +1,9 @@
-"""Somebody who looks at the page: a client that takes what it is sent, and counts pictures."""
+"""Client of the view page that receives all messages and counts frames."""
 
 import threading
 import time
 
-import msgspec  # these three come with viser
+import msgspec  # viser installs these three
 import numpy as np
 import viser
 import zstandard
@@ -27,12 +27,12 @@ _WINDOW = 10.0  # [s]
 
 
 class Onlooker:
-    """Looks at a page of this host from now on until it ends.
+    """Client that views a page of this host until it ends.
 
     Parameters
     ----------
     port
-        Of the page.
+        Port of the page.
     """
 
     def __init__(self, port: int) -> None:
@@ -43,13 +43,13 @@ class Onlooker:
 
     @property
     def is_there(self) -> bool:
-        """Whether it still looks: the page lets go of who does not answer it for 20 s."""
+        """Whether the client is still connected; the page disconnects a client silent for 20 s."""
         return self._thread.is_alive()
 
     def rates(self, begun: float) -> tuple[float, float]:
-        """Return pictures a second since the monotonic time `begun` [s]: the mean, the worst 10 s.
+        """Return frames per second since the monotonic time `begun` [s]: the mean, the worst 10 s.
 
-        Only what moves is a picture: of an arm at rest there are none.
+        Only changes count as frames, so an arm at rest gives none.
         """
         now = time.monotonic()
         times = np.array(self._pictures)
@@ -75,6 +75,6 @@ class Onlooker:
     def _take(self, raw: bytes) -> None:
         size = int.from_bytes(raw[8:16], 'little')
         messages = msgspec.msgpack.decode(zstandard.decompress(raw[16 : 16 + size]))['messages']
-        # What is sent at once is one picture, however many links move.
+        # Messages sent together form one frame, however many links move.
         if any(message['type'] in _MOVES for message in messages):
             self._pictures.append(time.monotonic())

@@ -1,4 +1,4 @@
-"""Bags to read, written by this suite."""
+"""Bags written by this suite, for tests of the readers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ JOINT_STATE = 'sensor_msgs/msg/JointState'
 
 @dataclass(frozen=True)
 class BagOnDisk:
-    """What is in the bags: joint states and motor states by turns, and a silent topic."""
+    """Content of the bags: alternating joint states and motor states, and a silent topic."""
 
     names: tuple[str, ...] = ('joint1', 'joint2', 'joint3', 'joint4')
     start_ns: int = 1_700_000_000_123_456_789

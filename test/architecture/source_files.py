@@ -1,4 +1,4 @@
-"""The suite's source files, and what they import, read from their syntax trees."""
+"""The suite's source files and their imports, from their syntax trees."""
 
 import ast
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ SUITE = ('aerarm_ros', 'aerarm_msgs_py')
 
 
 def python_files(*folders: str) -> list[Path]:
-    """Return the Python files of folders and of all below them; each must have some."""
+    """Return the Python files of directories, searched recursively; each must have some."""
     files = []
     for folder in folders:
         found = sorted((ROOT / folder).rglob('*.py'))
@@ -26,17 +26,17 @@ def module_name(path: Path) -> str:
 
 
 def modules_in(folder: str) -> list[str]:
-    """Return the names of the modules in a package's own folder."""
+    """Return the names of the modules in a package's own directory."""
     return sorted(path.stem for path in (ROOT / folder).glob('*.py') if path.stem != '__init__')
 
 
 def executables() -> list[str]:
-    """Return the names in the list EXECUTABLES of setup.py."""
-    return listed_in_setup('EXECUTABLES')
+    """Return the names of the commands."""
+    return sorted(path.stem for path in (ROOT / 'aerarm_ros' / 'nodes').rglob('[a-z]*.py'))
 
 
 def listed_in_setup(name: str) -> list[str]:
-    """Return a list of texts of setup.py."""
+    """Return a list of texts in setup.py."""
     for statement in ast.parse((ROOT / 'setup.py').read_text()).body:
         if isinstance(statement, ast.Assign):
             (target,) = statement.targets
@@ -47,7 +47,7 @@ def listed_in_setup(name: str) -> list[str]:
 
 @cache
 def imported_modules(path: Path, at_import: bool = False) -> frozenset[str]:
-    """Return the full names of the modules that a file imports, or imports when it is imported.
+    """Return the full names of a file's imports, or only of those executed at import.
 
     `from a.b import c` imports `a.b.c` if that is a module or package of the suite, else `a.b`.
     """
@@ -68,7 +68,7 @@ def _imported(nodes: 'Iterator[ast.AST] | list[ast.stmt]', path: Path) -> Iterat
 
 @cache
 def is_package(name: str) -> bool:
-    """Return whether a dotted name is that of one of the suite's packages."""
+    """Return whether a dotted name is one of the suite's packages."""
     return (ROOT / name.replace('.', '/') / '__init__.py').is_file()
 
 

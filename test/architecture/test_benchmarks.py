@@ -1,4 +1,4 @@
-"""What every benchmark does with a command line that it does not know."""
+"""Reaction of every benchmark to an unknown command line."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Rules of imports and of modules, read from the syntax trees."""
+"""Rules of imports and modules, checked by the syntax trees."""
 
 import ast
 import xml.etree.ElementTree as ElementTree
@@ -99,8 +99,11 @@ def test_nothing_imports_an_executable() -> None:
 
 
 def test_nodes_holds_the_executables_and_nothing_else() -> None:
-    assert modules_in('aerarm_ros/nodes') == sorted(executables())
-    assert not list((ROOT / 'aerarm_ros' / 'nodes').glob('*/*.py'))
+    folders = ('aerarm_ros/nodes', 'aerarm_ros/nodes/controllers')
+    assert sorted(name for folder in folders for name in modules_in(folder)) == executables()
+    for folder in folders:
+        for name in modules_in(folder):
+            assert '\ndef main(' in (ROOT / folder / f'{name}.py').read_text()
 
 
 def test_every_ros_module_is_a_dependency() -> None:
@@ -124,7 +127,7 @@ def test_a_module_is_a_concept_neither_a_scrap_nor_a_book() -> None:
     for path in python_files(*SUITE, 'test', 'benchmarks'):
         assert len(path.read_text().splitlines()) <= LONGEST, path
     for path in python_files(*SUITE):
-        entry = path.stem == '__init__' or path.parent.name == 'nodes'
+        entry = path.stem == '__init__' or 'nodes' in path.parts
         assert entry or len(path.read_text().splitlines()) >= SHORTEST, path
 
 

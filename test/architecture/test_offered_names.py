@@ -1,4 +1,4 @@
-"""The names that `import aerarm_ros` offers: they exist, and cost nothing until used."""
+"""The names that `import aerarm_ros` offers exist, and are imported on first use."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What is installed: executables, both packages, and the shared files where they are found."""
+"""Installed files: executables, both packages, and shared files."""
 
 import json
 import os
@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 from source_files import listed_in_setup
+
+from aerarm_ros.executables import command_modules
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -63,7 +65,8 @@ def test_every_executable_has_a_main(wheel: zipfile.ZipFile) -> None:
     for line in lines:
         name, target = (part.strip() for part in line.split('='))
         assert target == f'aerarm_ros.executables:{name}'
-        assert 'def main(' in wheel.read(f'aerarm_ros/nodes/{name}.py').decode()
+        module = command_modules()[name].replace('.', '/')
+        assert 'def main(' in wheel.read(f'{module}.py').decode()
 
 
 def test_package_xml_is_format_3_ament_python_of_the_same_version() -> None:
@@ -105,7 +108,7 @@ def test_makefile_setup_ci_and_hosts_name_the_same_pythons() -> None:
 
 
 def requirements(distribution: str) -> list[str]:
-    """Return what setup.py asks for where that ROS distribution is sourced, '' for none."""
+    """Return the requirements of setup.py under a ROS distribution, '' for none."""
     script = (
         'import json, runpy, setuptools\n'
         "setuptools.setup = lambda **given: print(json.dumps(given['install_requires']))\n"

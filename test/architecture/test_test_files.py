@@ -1,4 +1,4 @@
-"""What launch_testing's pytest plugin asks of every test file: it imports all by their path."""
+"""Requirements of launch_testing's pytest plugin, which imports all test files by path."""
 
 import ast
 from collections import Counter
@@ -13,7 +13,7 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 
 def at_module_level(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield what runs when a module is imported."""
+    """Yield the nodes that run when a module is imported."""
     for child in ast.iter_child_nodes(node):
         yield child
         if isinstance(child, FUNCTIONS):
@@ -22,7 +22,7 @@ def at_module_level(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def module_level_skips(source: str) -> list[int]:
-    """Return the lines of a module that skip it as a whole."""
+    """Return the lines that skip a whole module."""
     return [
         node.lineno
         for node in at_module_level(ast.parse(source))

@@ -1,6 +1,7 @@
-"""What PX4 and its simulator said to each other, recorded from the real firmware, and replayed.
+"""Recorded exchange between the real PX4 firmware and its simulator, and its replay.
 
-`python test/autopilot/px4_recording.py` records anew, with PX4 naming the folder of a build.
+`python test/autopilot/px4_recording.py` records it again; the variable PX4 names a build
+directory.
 """
 
 import gzip
@@ -31,13 +32,13 @@ DRONE = load_drone_config()
 BODY = MassProperties(4.49, np.array([0.0, 0.0, -0.05]), np.diag([0.2, 0.2, 0.1]))
 SETUP = Px4Setup(Px4Gains.scaled(1.5, 6.5, 2.0))
 STILL = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
-FLOWN = 100  # steps in the air
+FLOWN = 100  # steps in flight
 _USED = 'HEARTBEAT', 'LOCAL_POSITION_NED', 'STATUSTEXT', 'TIMESYNC'
 _KNOWN = {LAYOUTS[name].number for name in _USED}
 
 
 def pushed(step: int) -> FeedForward:
-    """Return what an arm does in a step in the air."""
+    """Return the arm's feedforward in a step in flight."""
     wrench = np.array([np.sin(0.05 * step), 0.5, 0.0, 0.1, -0.2, 0.0])
     return FeedForward(BODY, wrench, wrench, np.array([0.1, 0.0, 0.0]), np.zeros(3))
 
@@ -51,9 +52,9 @@ def flight(
 
 @dataclass
 class Step:
-    """A step of the simulator: lengths and checksums of what went in, and what came out.
+    """A step of the simulator: lengths and checksums of its input, and its output.
 
-    `early` came over UDP before the sensors of the step went in, `late` after it; hexadecimal.
+    UDP data `early` arrived before the sensors of the step, `late` after them; hexadecimal.
     """
 
     length: int = 0
@@ -71,14 +72,14 @@ def load() -> list[Step]:
 
 
 class RecordingSimulator(SimulatorLink):
-    """Notes what it sends and what comes back."""
+    """Simulator connection that records its input and output."""
 
     def __init__(self, port: int, steps: list[Step]) -> None:
         super().__init__(port)
         self._steps = steps
 
     def await_px4(self) -> None:
-        """Wait until PX4 connects: a replay begins there."""
+        """Wait until PX4 connects, where a replay begins."""
         self._connected(60.0)
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
@@ -89,7 +90,7 @@ class RecordingSimulator(SimulatorLink):
         assert line is not None
 
         class Spy:
-            """The line, of which all is noted that is read."""
+            """Connection that records all received data."""
 
             def sendall(self, data: bytes) -> None:
                 line.sendall(data)
@@ -112,7 +113,7 @@ class RecordingSimulator(SimulatorLink):
 
 
 class RecordingCompanion(CompanionLink):
-    """Notes what it sends, and which frames come that are read here."""
+    """Companion connection that records its output and the known received frames."""
 
     def __init__(self, port: int, px4_port: int, steps: list[Step]) -> None:
         super().__init__(port, px4_port)
@@ -120,7 +121,7 @@ class RecordingCompanion(CompanionLink):
 
     def send(self, frame: bytes) -> None:
         now = self._steps[-1]
-        if now.length:  # the step before has ended
+        if now.length:  # the previous step has ended
             now = Step()
             self._steps.append(now)
         now.companion = crc32(frame, now.companion)
@@ -152,7 +153,7 @@ def _frames(data: bytes) -> list[bytes]:
 
 
 class ScriptedPx4(threading.Thread):
-    """Replays a recording as PX4 would speak, and checks what it receives, byte by byte.
+    """Replay a recording of PX4, and check the received data byte by byte.
 
     Parameters
     ----------
@@ -160,16 +161,16 @@ class ScriptedPx4(threading.Thread):
     tcp, udp, companion : int
         Ports of the simulator, of this PX4, and of the companion.
     ends_at : int, optional
-        Step in which it ends without an answer.
+        Step in which PX4 ends without an answer.
     damaged : int, optional
         Step whose answer has a wrong bit.
 
     Attributes
     ----------
     differing : list of int
-        Steps in which it did not receive what the real PX4 received.
+        Steps whose input differs from that of the real PX4.
     done : int
-        Steps that were answered.
+        Number of answered steps.
     """
 
     def __init__(
@@ -192,14 +193,14 @@ class ScriptedPx4(threading.Thread):
             if self._udp in ready:
                 self._hear()
             elif self._tcp in ready and not self._advance():
-                break  # the simulator is gone
+                break  # the simulator has ended
             elif not ready:
                 break
         self._tcp.close()
         self._udp.close()
 
     def _hear(self) -> None:
-        """Take a datagram; a TIMESYNC is answered by what came after it."""
+        """Receive a datagram; answer a TIMESYNC by the data recorded after it."""
         data = self._udp.recv(65536)
         self._heard = crc32(data, self._heard)
         if any(message.name == 'TIMESYNC' for message in self._reader.feed(data)):
@@ -230,7 +231,7 @@ class ScriptedPx4(threading.Thread):
 
 
 def record() -> None:
-    """Record the start of the real firmware, and some steps in the air."""
+    """Record the start of the real firmware, and some steps in flight."""
     sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
     from flying.px4_program import HOW, Px4Program, find_px4
 
@@ -253,7 +254,7 @@ def record() -> None:
 
 
 def fly(control: Px4FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> None:
-    """Lead a PX4 into the air and through some steps there."""
+    """Fly PX4 through take-off and some steps in flight."""
     target = FlightTarget.here(STILL)
 
     def begin() -> None:
@@ -261,7 +262,7 @@ def fly(control: Px4FirmwareFlight, steps: list[Step] | None = None, flown: int 
             steps.append(Step())
 
     control.update(STILL, target, 0.004)
-    while control.is_settling and 'closed the line' not in control.problem:
+    while control.is_settling and 'closed the connection' not in control.problem:
         begin()
         control.settle()
     for step in range(flown):

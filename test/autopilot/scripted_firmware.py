@@ -1,4 +1,4 @@
-"""What Betaflight does with sticks in angle mode, in a few lines; also as a program over UDP."""
+"""Simple model of Betaflight's angle mode; also a program with UDP."""
 
 import socket
 import struct
@@ -23,7 +23,7 @@ BOOT = 100  # states after its start in which it does not arm
 
 
 class ScriptedFirmware:
-    """A hexarotor's loops: proportional on the angle, proportional and integral on the rate."""
+    """Control loops of a hexarotor: P control of the angle, PI control of the rate."""
 
     def __init__(self) -> None:
         self.states = 0
@@ -64,7 +64,7 @@ class ScriptedFirmware:
 
 
 def main(motor_port: int, state_port: int, rc_port: int) -> None:
-    """Answer every state packet, by the layout of a C compiler."""
+    """Answer every state packet, in the layout of a C compiler."""
     states, sticks = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     states.bind(('127.0.0.1', state_port))
     sticks.bind(('127.0.0.1', rc_port))

@@ -1,4 +1,4 @@
-"""A drone is held at its place through the sticks of a Betaflight, and armed before."""
+"""Position control of a drone through Betaflight's sticks, including arming."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def test_it_is_armed_then_hovers_and_goes_where_it_is_told() -> None:
     flight = StickFlight()
     assert 'no data from Betaflight' in flight.law.problem
     flight.go(0.3)
-    assert flight.law.problem == 'Betaflight is being armed'
+    assert flight.law.problem == 'Betaflight is arming'
     assert flight.firmware.sticks == [1500, 1500, 1000, 1500, 1000, 2000]
     np.testing.assert_allclose(flight.plant.base.position, 0.0, atol=1e-9)
     flight.go(0.7)
@@ -62,7 +62,7 @@ def test_it_is_armed_then_hovers_and_goes_where_it_is_told() -> None:
 
 
 def sticks(wrench: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
-    """Return roll, pitch, throttle and yaw against a motion's wrench, armed and at the place."""
+    """Return roll, pitch, throttle and yaw against a motion's wrench, in hover."""
     flight = StickFlight(is_armed=True)
     state = flight.state if rotation is None else flight.state._replace(rotation=rotation)
     fed = FeedForward.at_rest(flight.body)._replace(wrench=wrench, wrench_now=wrench)

@@ -1,4 +1,4 @@
-"""Packets against bytes, and a scripted firmware as a process beside us."""
+"""Packets compared with bytes, and a scripted firmware as a process."""
 
 import shutil
 import socket
@@ -115,5 +115,5 @@ def test_a_port_that_is_taken_is_named() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(('127.0.0.1', 0))
         port = other.getsockname()[1]
-        with pytest.raises(ValueError, match=f'UDP port {port}: .*does another'):
+        with pytest.raises(ValueError, match=f'UDP port {port} .*stop the other'):
             BetaflightLink(port)

@@ -1,4 +1,4 @@
-"""The firmware itself, where it is built: set up, armed, and turned by its sticks."""
+"""The real firmware, if it is built: set up, armed, and steered by its sticks."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""Frames against those of MAVLink's own generator, and a stream that is cut and damaged."""
+"""Frames compared with MAVLink's own generator, and a truncated, damaged stream."""
 
 import struct
 

@@ -18,7 +18,7 @@ ARMED_OFFBOARD = {'type': 13, 'autopilot': 12, 'base_mode': 209, 'custom_mode': 
 
 
 class Wire:
-    """The far end of a line that is none: what is sent is kept, what comes is given."""
+    """Test line that stores sent frames and returns prepared messages."""
 
     damaged = 0
 
@@ -36,7 +36,7 @@ class Wire:
         pass
 
     def commands(self) -> list[tuple[int, float]]:
-        """Return the commands that were sent, with their first parameter."""
+        """Return the sent commands with their first parameter."""
         return [(m['command'], m['param1']) for m in self.sent if m.name == 'COMMAND_LONG']
 
 
@@ -111,7 +111,7 @@ def test_a_serial_line_is_raw_in_both_directions() -> None:
         ('udp', 'udp:PORT'),
         ('serial:57600', 'serial:DEVICE:BAUD'),
         ('serial:/dev/no_such_tty:57600', 'No such file'),
-        ('serial:/dev/null:57600', 'no serial device'),
+        ('serial:/dev/null:57600', 'not a serial device'),
         ('udp:127.0.0.1:99999999', 'udp:HOST:PORT'),
         ('udp:no.such.host.invalid:5', 'connection'),
     ],
@@ -201,7 +201,7 @@ def test_what_is_no_number_is_not_used() -> None:
     autopilot.take(message('HIGHRES_IMU', xacc=nan), 0.0)
     assert autopilot.state(0.0) is None
     assert autopilot.imu is None
-    assert 'no unit quaternion' in autopilot.text
+    assert 'not a unit quaternion' in autopilot.text
 
 
 def test_an_answer_to_a_command_is_told_by_name() -> None:

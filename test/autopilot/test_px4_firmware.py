@@ -1,4 +1,4 @@
-"""A scripted PX4 that replays what the real firmware said, and receives what it received."""
+"""A scripted PX4 that replays recorded data and checks the data it receives."""
 
 import socket
 from collections.abc import Callable
@@ -28,7 +28,7 @@ def free_port(kind: socket.SocketKind) -> int:
 
 @pytest.fixture
 def staged() -> Stage:
-    """Return a function that starts a scripted PX4 and what it speaks with."""
+    """Return a function that starts a scripted PX4 and its connections."""
     links = []
 
     def start(**faults: int) -> tuple[Px4FirmwareFlight, ScriptedPx4, SimulatorLink]:
@@ -59,7 +59,7 @@ def test_the_firmware_is_led_into_the_air_as_it_was_when_recorded(staged: Stage)
 
 def test_before_it_is_in_the_air_it_says_how_far_it_is(staged: Stage) -> None:
     control, _, _ = staged()
-    assert 'does not answer yet' in control.problem
+    assert 'no answer from PX4 yet' in control.problem
     seen = []
     control.update(STILL, TARGET, 0.004)
     while control.is_settling:
@@ -67,9 +67,9 @@ def test_before_it_is_in_the_air_it_says_how_far_it_is(staged: Stage) -> None:
         if control.problem not in seen:
             seen.append(control.problem)
     assert [text.split(';')[0] for text in seen if ';' not in text] == [
-        "PX4's estimator settles",
-        'PX4 is being armed',
-        "PX4's rotors spool up",
+        "PX4's estimator is settling",
+        'PX4 is arming',
+        "PX4's rotors are spooling up",
         '',
     ] or seen[-1] == ''
 
@@ -79,7 +79,7 @@ def test_a_firmware_that_ends_is_noticed_at_once(staged: Stage, step: int) -> No
     control, px4, simulator = staged(ends_at=step)
     fly(control)
     assert simulator.is_lost
-    assert 'ended or closed the line' in control.problem
+    assert 'ended or closed the connection' in control.problem
     px4.join(5.0)
     assert px4.done == step
 
@@ -126,6 +126,6 @@ def test_without_a_firmware_it_waits_and_says_so() -> None:
     control.update(STILL, TARGET, 0.004)
     control.settle()
     assert control.is_settling
-    assert 'start it before this node' in control.problem
+    assert 'before this node' in control.problem
     simulator.close()
     companion.close()

@@ -1,4 +1,4 @@
-"""A rigid drone, pushed as an arm pushes, under PX4's loops."""
+"""A rigid drone under PX4's loops, with forces like those of an arm."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ FORCE, MOMENT = np.array([3.0, -2.0, 1.0]), np.array([0.5, 0.8, 0.0])
 
 
 def told(time: float) -> FeedForward:
-    """Return what a swinging arm does at a time."""
+    """Return the feedforward of a swinging arm at a time."""
     s, c = np.sin(W * time), np.cos(W * time)
     wrench = np.concatenate([FORCE * s, MOMENT * c])
     return FeedForward(BODY, wrench, wrench, W * c * FORCE, -(W**2) * s * FORCE)
@@ -33,7 +33,7 @@ def turned(vector: np.ndarray) -> np.ndarray:
 
 
 def distance(is_told: bool, knows_loops: bool = False, seconds: float = 5.0) -> float:
-    """Return the RMS distance from its place [m] of a drone that is pushed, after 2 s."""
+    """Return a pushed drone's RMS distance from its place [m] after 2 s."""
     flight = Px4Flight(DRONE, BODY, GAINS, knows_loops)
     place, velocity, rotation, rate = np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3)
     distances = []

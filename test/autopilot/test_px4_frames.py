@@ -1,4 +1,4 @@
-"""ROS's frames and PX4's."""
+"""Conversion between the axes of ROS and PX4."""
 
 import numpy as np
 import pytest

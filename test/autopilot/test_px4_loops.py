@@ -1,4 +1,4 @@
-"""PX4's cascade: what it answers in places where the answer is known."""
+"""PX4's control cascade at points with a known result."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""An emulated arm that a motion capture measures: made otherwise than drawn."""
+"""An emulated arm with manufacturing deviations, measured by a motion capture."""
 
 from dataclasses import dataclass
 
@@ -24,13 +24,13 @@ def own_chain() -> Chain:
 
 @dataclass(eq=False)
 class MeasuredArm:
-    """One made arm and its motion capture.
+    """A manufactured arm and its motion capture.
 
     Parameters
     ----------
     seed : int
     frames : int
-        That a posture's mean is of.
+        Number of frames in a posture's mean.
     """
 
     seed: int
@@ -48,7 +48,7 @@ class MeasuredArm:
         return np.random.default_rng([self.seed, seed]).uniform(low, high, (count, ROBOT.n))
 
     def observe(self, q: np.ndarray) -> Observations:
-        """Return what the motion capture measures in postures, as recorded by the encoders."""
+        """Return motion capture measurements of postures, with the recorded encoder angles."""
         position = np.full((len(q), len(self.mocap.names), 3), np.nan)
         for k, row in enumerate(q):
             self.plant.reset(row + self.made.offsets)
@@ -58,7 +58,7 @@ class MeasuredArm:
         return Observations(q, (MarkerSource('mocap', self.mocap.names, position),))
 
     def true_positions(self, q: np.ndarray) -> np.ndarray:
-        """Return where the markers are without noise (M, K, 3)."""
+        """Return the true positions of the markers (M, K, 3), without noise."""
         found = []
         for row in q:
             self.plant.reset(row + self.made.offsets)

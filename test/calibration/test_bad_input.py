@@ -1,4 +1,4 @@
-"""What is wrong with measurements: each fault is one error that names it."""
+"""Each fault of the measurements yields one error that names the fault."""
 
 from dataclasses import replace
 
@@ -78,7 +78,7 @@ def test_degrees_are_suspected(good: Observations) -> None:
 
 
 def test_too_few_postures_are_counted(good: Observations) -> None:
-    assert refused(good.rows(range(5))).startswith('5 postures with measurements are too few')
+    assert refused(good.rows(range(5))).startswith('only 5 postures have measurements')
 
 
 def test_postures_in_which_a_joint_rests_name_the_offset_that_they_hide() -> None:
@@ -109,7 +109,7 @@ def test_a_wrong_urdf_is_refused(good: Observations) -> None:
 def test_a_joint_that_turns_the_other_way_is_named(good: Observations) -> None:
     q = good.q.copy()
     q[:, 2] = -q[:, 2]
-    assert 'joint joint3 seems to turn the other way' in refused(replace(good, q=q))
+    assert 'joint joint3 may turn the other way' in refused(replace(good, q=q))
 
 
 def test_copies_of_a_marker_are_left_out_with_a_message(good: Observations) -> None:
@@ -117,22 +117,22 @@ def test_copies_of_a_marker_are_left_out_with_a_message(good: Observations) -> N
     position = np.concatenate([position, position[:, 2:3]], axis=1)
     names = ('a', 'b', 'c', 'd', 'e')
     found = calibrate(own_chain(), changed(good, position, names))
-    assert 'marker e has the values of c in every posture: it is left out' in found.messages
+    assert 'marker e has the values of c in every posture and is ignored' in found.messages
 
 
 def test_a_missing_joint_position_is_named(good: Observations) -> None:
     q = good.q.copy()
     q[2, 1] = np.nan
-    assert refused(replace(good, q=q)).startswith('posture 3: no position of joint joint2')
+    assert refused(replace(good, q=q)).startswith('posture 3 has no position of joint joint2')
 
 
 @pytest.mark.parametrize(
     ('recorded', 'link', 'expected'),
     [
-        (('a', 'b'), '', 'none of the recorded joints (a, b) is in the URDF'),
+        (('a', 'b'), '', 'none of the recorded joints (a, b) is a joint of the URDF'),
         (('joint1', 'joint2', 'joint4'), 'link4', 'no positions of joint joint3'),
-        (ROBOT.joint_names, 'tool7', '--link tool7: unknown link'),
-        (ROBOT.joint_names, 'base_link', 'no recorded joint moves it'),
+        (ROBOT.joint_names, 'tool7', 'link tool7 (--link) is unknown'),
+        (ROBOT.joint_names, 'base_link', 'no recorded joint moves link'),
     ],
 )
 def test_a_wrong_chain_is_one_error(recorded: tuple[str, ...], link: str, expected: str) -> None:

@@ -1,4 +1,4 @@
-"""Calibration of emulated arms that were made otherwise than drawn."""
+"""Calibration of emulated arms with manufacturing deviations."""
 
 from dataclasses import replace
 

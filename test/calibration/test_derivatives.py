@@ -1,4 +1,4 @@
-"""Derivatives of poses and residuals, beside differences."""
+"""Derivatives of poses and residuals, compared with differences."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""URDF, YAML and configuration of a calibration: what is written predicts what was fitted."""
+"""The written URDF, YAML and configuration reproduce the fitted calibration."""
 
 from pathlib import Path
 

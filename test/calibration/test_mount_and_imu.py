@@ -1,4 +1,4 @@
-"""Poses of mount and IMU from recordings of a drone that moves with noisy sensors."""
+"""Poses of mount and IMU from recordings of a moving drone with noisy sensors."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ G = np.array([0.0, 0.0, -9.81])
 
 
 class MovingDrone:
-    """A drone and its arm on sine waves; sensors differentiate finely, and have noise."""
+    """A drone and its arm on sine waves, with noisy sensors."""
 
     def __init__(self, seed: int, turn: float = 0.35, tilt: float = 0.0) -> None:
         self.world = rotation_about(tilt * np.array([0.6, -0.8, 0.0]))
@@ -48,7 +48,7 @@ class MovingDrone:
         ) + (0.0, 1.4, 0.2, -0.3)
 
     def body(self, late: float = 0.0) -> Track:
-        """Return the pose by a motion capture: 0.2 mm, 0.6 mrad, 100 Hz."""
+        """Return the pose from a motion capture: 0.2 mm, 0.6 mrad, 100 Hz."""
         time = np.arange(0.0, DURATION, 0.01)
         place = np.array([self.place(t) for t in time])
         turn = np.array(
@@ -75,7 +75,7 @@ class MovingDrone:
         return time + late, np.array([self.q(t) for t in time])
 
     def imu(self, late: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return what an IMU at its place measures: noise, bias, 250 Hz."""
+        """Return the IMU's measurements at its place: noise, bias, 250 Hz."""
         time = np.arange(0.5, DURATION - 0.5, 0.004)
         h, lever = 1e-4, np.array(self.drone.imu.position)
         rates, forces = [], []

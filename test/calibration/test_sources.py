@@ -119,7 +119,7 @@ def test_rests_and_the_time_offset_are_found(late: float) -> None:
 def test_an_arm_that_never_rests_is_one_error() -> None:
     time, q, track, *_ = recording(0.0)
     q = q + 0.3 * np.sin(3.0 * time)[:, None]
-    with pytest.raises(CalibrationError, match='never rests for 0.4 s: let it stop'):
+    with pytest.raises(CalibrationError, match='never rests for 0.4 s: stop in each posture'):
         rest_observations(resting_arm(time, q), [track], {})
 
 

@@ -1,4 +1,4 @@
-"""Columns of tables: which are joints, markers, poses and contacts, and in which unit."""
+"""Columns of tables: detection of joints, markers, poses, contacts and units."""
 
 from pathlib import Path
 
@@ -73,15 +73,15 @@ def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('header', 'row', 'expected'),
     [
-        ('x1,y1,z1,wrist', '1,2,3,4', 'no column is a joint of the URDF (base_joint, elbow)'),
-        ('elbow,base_joint', '1,2', 'no marker: name its columns x1, y1, z1 [m]'),
-        ('x1,y1,z1,x2,y2,elbow', '1,2,3,4,5,6', 'marker 2 has no z: its columns are x2, y2'),
-        ('x1,y1,z1,x1,elbow', '1,2,3,4,5', 'column x1 is given twice'),
-        ('x1,y1,z1,elbow [turns]', '1,2,3,4', 'unit turns is not known'),
-        ('x1,y1,z1,elbow', '1,2,3', 'line 2 has 3 values for 4 columns'),
-        ('x1,y1,z1,elbow', '1,2,o3,4', "column z1: 'o3' in line 2 is no number"),
-        ('1,2,3,4', '1,2,3,4', 'the first line must name the columns'),
-        ('x1,y1,z1,elbow,q_elbow', '1,2,3,4,5', 'a second one of joint elbow'),
+        ('x1,y1,z1,wrist', '1,2,3,4', 'is a joint of the URDF (base_joint, elbow)'),
+        ('elbow,base_joint', '1,2', 'name marker columns x1, y1, z1 [m]'),
+        ('x1,y1,z1,x2,y2,elbow', '1,2,3,4,5,6', 'has no z, only x2, y2'),
+        ('x1,y1,z1,x1,elbow', '1,2,3,4,5', 'has two columns named x1'),
+        ('x1,y1,z1,elbow [turns]', '1,2,3,4', 'unknown unit turns'),
+        ('x1,y1,z1,elbow', '1,2,3', 'has 3 values, but there are 4 columns'),
+        ('x1,y1,z1,elbow', '1,2,o3,4', "column z1: 'o3' in line 2 is not a number"),
+        ('1,2,3,4', '1,2,3,4', 'must name the columns'),
+        ('x1,y1,z1,elbow,q_elbow', '1,2,3,4,5', 'has two columns of joint elbow'),
     ],
 )
 def test_what_cannot_be_read_is_one_error(
@@ -97,5 +97,5 @@ def test_a_missing_file_and_rubbish_are_errors_too(tmp_path: Path) -> None:
         read_postures(tmp_path / 'none.csv', JOINTS)
     path = tmp_path / 'rubbish.npz'
     path.write_bytes(b'PK\x03\x04 rubbish')
-    with pytest.raises(CalibrationError, match='is no table of numbers'):
+    with pytest.raises(CalibrationError, match='is not a table of numbers'):
         read_postures(path, JOINTS)

@@ -1,10 +1,10 @@
-"""Commissions emulated arms, healthy ones and such with an error of assembly, in virtual time.
+"""Commission emulated arms, healthy ones and ones with assembly errors, in virtual time.
 
 Usage: make commissioning, or python test/commissioning/commissioning_campaign.py --seeds 10
 
-Each arm is led through the whole procedure by `Commissioning` on `BridgeCycle`; an emulated hand
-does what a person is asked for. Prints the findings of each, and ends with 1 if a healthy arm has
-one or an error has none.
+`Commissioning` runs the whole procedure for each arm on `BridgeCycle`; an emulated hand performs
+the user's actions. The program prints the findings of each arm. It returns 1 if a healthy arm has
+a finding or an error has none.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
 
 _ASK_EVERY = 100  # cycles between two requests of the client
 _LONGEST = 200.0  # [s] of virtual time
-# An error of assembly, and what a finding must say of it.
+# Assembly errors, and the required text of their findings.
 ERRORS = {
     'swapped_channels:0': 'encoder of joint',
     'swapped_channels:1': 'encoder of joint',
-    'wrong_sign:0:0': 'counts against',
-    'wrong_sign:0:1': 'counts against',
-    'wrong_sign:1:1': 'counts against',
+    'wrong_sign:0:0': 'counts in the opposite direction',
+    'wrong_sign:0:1': 'counts in the opposite direction',
+    'wrong_sign:1:1': 'counts in the opposite direction',
     'wrong_ratio:0:0:27': 'motor makes 2',
     'wrong_ratio:0:1:31': 'motor makes 3',
     'wrong_ratio:1:0:28': 'motor makes 2',
@@ -48,14 +48,14 @@ ERRORS = {
 
 
 class CommissionedArm:
-    """An emulated arm, its bridge, and the person who commissions it, in virtual time.
+    """An emulated arm, its bridge, and its user, in virtual time.
 
     Parameters
     ----------
     seed
-        Of the arm's deviations from its nominal parameters; None for an arm as drawn.
+        Seed of the arm's deviations from its nominal parameters; None for an arm as drawn.
     fault
-        As `arm fault` takes it; '' for none.
+        Fault in the form of `arm fault`; '' for none.
     """
 
     def __init__(self, seed: int | None, fault: str = '') -> None:
@@ -70,7 +70,7 @@ class CommissionedArm:
             self.pass_time(0.05)
 
     def inject(self, fault: str) -> None:
-        """Make something go wrong."""
+        """Inject a fault."""
         FaultRequest.parse(fault, len(self.boards.boards)).apply(self.boards)
 
     def ask(self, request: ProbeRequest) -> ProbeReport:
@@ -78,7 +78,7 @@ class CommissionedArm:
         return self.bridge.probe.ask(request, self.bridge.mode)
 
     def pass_time(self, duration: float, guided: Commissioning | None = None) -> None:
-        """Run the bridge for a time [s], asked by the procedure ten times a second."""
+        """Run the bridge for a time [s], with ten requests of the procedure per second."""
         for cycle in range(round(1e3 * duration)):
             self.now += 1e-3
             self.bridge.update(self.now)
@@ -86,7 +86,7 @@ class CommissionedArm:
                 guided.update(datetime.now(UTC), self.ask(guided.request))
 
     def commission(self, joints: Sequence[int] | None = None) -> CommissioningRecord:
-        """Lead joints, all if not given, through the procedure; return what was found."""
+        """Run the procedure for some joints, by default all; return the record."""
         config = self.config
         record = CommissioningRecord(config.name, emulated=True)
         chosen = range(config.n) if joints is None else joints
@@ -108,7 +108,7 @@ class CommissionedArm:
 def _run(case: tuple[int, str]) -> tuple[int, str, list[str]]:
     seed, fault = case
     joints = None
-    if fault:  # the joints of its board, of a channel alone that one
+    if fault:  # the joints of the fault's board, or the joint of its channel
         places = [int(place) for place in fault.split(':')[1:3]]
         joints = [2 * places[0] + places[1]] if len(places) > 1 else [2 * places[0]]
     record = CommissionedArm(seed, fault).commission(joints)

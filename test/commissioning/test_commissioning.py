@@ -59,7 +59,7 @@ def test_a_healthy_joint_passes_and_its_numbers_are_those_of_the_arm():
 @pytest.mark.parametrize(
     ('fault', 'finding'),
     [
-        ('swapped_channels:1', 'counted by the encoder of joint3'),
+        ('swapped_channels:1', 'the encoder of joint3 counted this turn'),
         ('dead_board:1', 'board1 does not answer'),
     ],
 )
@@ -99,7 +99,7 @@ def test_the_motor_is_off_when_the_client_falls_silent():
     arm.pass_time(0.2)
     assert arm.bridge.mode == 'unhomed'
     assert not any(board.system_enabled for board in arm.boards.boards)
-    assert drive(arm).reason == 'no request for 1 s: the client is gone'
+    assert drive(arm).reason == 'no request for 1 s: the client has stopped'
     assert drive(arm).phase == 'failed'  # the same request starts nothing again
 
 
@@ -148,7 +148,7 @@ def test_an_enabled_arm_is_not_commissioned():
     assert arm.bridge.home().accepted  # the mode is still that of the last cycle
     report = drive(arm)
     assert report.phase == 'failed'
-    assert 'disable first' in report.reason
+    assert 'disable the arm first' in report.reason
     assert drive(arm, 'joint9', 'me:2').phase == 'failed'
 
 
@@ -170,7 +170,7 @@ def test_a_step_that_is_left_out_does_not_pass():
     guided.answer(False)
     assert guided.is_done
     assert guided.request.kind == 'off'
-    assert guided.record.joints['joint1'].findings == ('joint1: left out by the user',) * 2
+    assert guided.record.joints['joint1'].findings == ('joint1: skipped by the user',) * 2
 
 
 def test_a_joint_is_turned_where_it_has_room():
@@ -178,8 +178,8 @@ def test_a_joint_is_turned_where_it_has_room():
     assert [prompt.hand[1] for prompt in prompts] == pytest.approx(
         [1.571, 3.142, 1.571, 1.571], abs=1e-3
     )
-    assert 'counter-clockwise for an eye that the axis +z of the base points at' in prompts[0].text
-    assert 'the tool sets out towards -x of the base' in prompts[1].text
+    assert "counter-clockwise, seen from the tip of the base's axis +z" in prompts[0].text
+    assert 'the tool starts to move towards -x of the base' in prompts[1].text
 
 
 @pytest.mark.parametrize(

@@ -57,8 +57,8 @@ def test_a_commissioned_arm_has_no_problem_and_pulse_offsets(path):
     ('record', 'problem'),
     [
         (CommissioningRecord('aerarm'), 'joint1, joint2, joint3, joint4 not commissioned'),
-        (replace(commissioned(), arm='other'), 'is of other, not of aerarm'),
-        (replace(commissioned(), emulated=True), 'of an emulated arm'),
+        (replace(commissioned(), arm='other'), 'belongs to arm other, not to aerarm'),
+        (replace(commissioned(), emulated=True), 'to an emulated arm'),
         (commissioned(['joint1: rubs']), r'joint1, .* did not pass .*\(joint1: rubs\)'),
     ],
 )
@@ -86,7 +86,9 @@ def test_a_joint_without_a_pulse_has_no_offset():
     bare = replace(entry, measured={'reduction': 31.0})
     record = replace(record, joints={**record.joints, 'joint3': bare})
     assert record.pulse_offset(CONFIG) == pytest.approx([1.25, 1.25, 0.0, 1.25])
-    assert record.problem(CONFIG).startswith('the record has no pulse_offset of joint3')
+    assert record.problem(CONFIG).startswith(
+        'the commissioning record has no pulse_offset for joint3'
+    )
     assert record.open_joints(CONFIG) == [2]
 
 
@@ -98,10 +100,10 @@ def test_the_names_of_topics_have_the_prefix():
 @pytest.mark.parametrize(
     ('old', 'new', 'error'),
     [
-        ('format: 1', 'format: 2', 'format = 2, must be 1'),
-        ('pulse_offset: 1.25', 'pulse_offset: 7.0', 'not from 0 to 2 pi'),
+        ('format: 1', 'format: 2', 'format = 2 must be 1'),
+        ('pulse_offset: 1.25', 'pulse_offset: 7.0', 'must lie between 0 and 2 pi'),
         ('pulse_offset: 1.25', 'pulse_offset: .nan', 'pulse_offset = nan is not a number'),
-        ('passed: true', 'passed: false', 'passed contradicts findings'),
+        ('passed: true', 'passed: false', "'passed' and 'findings' contradict"),
         ('joints:', 'others:', 'joints = None is not a mapping'),
         ("date: '2026-03-01T12:30:00+00:00'", 'date: yesterday', "'yesterday' is not a date"),
     ],

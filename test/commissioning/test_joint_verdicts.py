@@ -65,10 +65,13 @@ def test_a_gear_within_5_percent_passes(off):
 @pytest.mark.parametrize(
     ('watched', 'finding'),
     [
-        (turned(27.0), r'27.00 turns per turn of the joint, the configuration has 31 \(-13 %\)'),
+        (
+            turned(27.0),
+            (r'27.00 turns per turn of the joint, but the configuration says 31 \(-13 %\)'),
+        ),
         (turned(31.0 * 1.06), r'\(\+6 %\)'),
-        (turned(sign=-1.0), 'counts against the configuration: set sign: -1'),
-        (turned(joint=3), r'counted by the encoder of joint4: swap .* joint4 \(1, 1\)'),
+        (turned(sign=-1.0), 'counts in the opposite direction .* set sign: -1'),
+        (turned(joint=3), r'the encoder of joint4 counted this turn; swap .* joint4 \(1, 1\)'),
         (turned(2.0), 'no encoder counted'),
         (turned(pulses=0), '0 index pulses in 7.8 motor turns'),
         (replace(turned(), span=(0.0, 27.0 * 0.6, 31.0 * TURN, 0.0)), 'joint2 turned as well'),
@@ -89,7 +92,7 @@ def test_a_turn_in_the_negative_direction_is_judged_by_its_own_sign():
 def test_a_joint_that_does_not_come_back_to_its_mark_is_found():
     assert return_findings(CONFIG, JOINT, report(travel=at(31.0 * 0.04))) == []
     (finding,) = return_findings(CONFIG, JOINT, report(travel=at(31.0 * -0.06)))
-    assert 'back at its mark the encoder is -0.060 rad off' in finding
+    assert 'the encoder reads -0.060 rad off' in finding
 
 
 @pytest.mark.parametrize('friction', [0.122 * 0.6, 0.122, 0.122 * 1.5])
@@ -105,11 +108,14 @@ def test_friction_and_current_of_a_made_arm_pass(friction):
     [
         (driven(delivered=0.5), 'the driver delivers 50 % of the requested current'),
         (driven(delivered=1.5), 'the driver delivers 150 %'),
-        (driven(friction=0.5), 'its friction is 0.500 Nm, the configuration has 0.122 Nm'),
-        (driven(span=0.1), 'blocked at 0.85 Nm: its friction is too high'),
-        (driven(span=27.0 * 0.24, joint=3), 'did not move it; joint4 moved instead'),
+        (driven(friction=0.5), 'friction is 0.500 Nm, but the configuration says 0.122 Nm'),
+        (driven(span=0.1), 'blocked at 0.85 Nm, so its friction is too high'),
+        (driven(span=27.0 * 0.24, joint=3), ('did not move it; joint4 moved instead')),
         (driven(speed=-0.15), 'ran at -0.15 and +0.15 rad/s instead of +0.15 and -0.15'),
-        (driven(phase='failed', reason='board1: error 6'), 'it was not driven: board1: error 6'),
+        (
+            driven(phase='failed', reason='board1: error 6'),
+            'the motor was not driven (board1: error 6',
+        ),
         (replace(driven(), span=(0.0, 0.0, 31.0 * 0.24, 27.0 * 0.24)), 'joint4 moved as well'),
     ],
 )

@@ -1,4 +1,4 @@
-"""What pushes drone or arm is found while the arm swings, on the physics engine."""
+"""Contact on drone or arm is detected while the arm swings, in the physics engine."""
 
 from collections.abc import Callable, Iterator
 
@@ -33,7 +33,7 @@ def estimator_of(drone: DroneConfig) -> ContactEstimator:
 
 
 class TouchedFlight(Flight):
-    """A drone that swings its arm, and what is thought to touch it."""
+    """A drone that swings its arm, and its contact estimate."""
 
     def __init__(self, believed: DroneConfig = DRONE) -> None:
         super().__init__(DRONE)
@@ -58,7 +58,7 @@ class TouchedFlight(Flight):
         return self.estimator.update()
 
     def go(self, seconds: float) -> Iterator[np.ndarray]:
-        """Fly on, and yield what is told."""
+        """Continue the flight, and yield the published contact."""
         for _ in range(round(seconds / STEP)):
             told = self.tell()
             if told is not None:
@@ -174,7 +174,10 @@ def test_what_is_wrong_is_refused(estimator: ContactEstimator) -> None:
         (lambda: estimator.offer_odometry(odometry(0.0)), r'stamped -100 s .*synchronise'),
         (lambda: estimator.offer_rotors(['a'], np.ones(1), START), 'rotors'),
         (lambda: estimator.offer_rotors(DRONE.rotor_names, np.full(6, np.nan), START), 'NaN'),
-        (lambda: estimator.offer_rotors(DRONE.rotor_names, np.ones(6), 0.0), 'one clock'),
+        (
+            lambda: estimator.offer_rotors(DRONE.rotor_names, np.ones(6), 0.0),
+            "synchronise the drone's clock",
+        ),
     ]
     for action, reason in refused:
         with pytest.raises(RejectedInputError, match=reason):

@@ -1,4 +1,4 @@
-"""What stays while nothing touches is subtracted, however the drone turns later."""
+"""A constant bias without contact is subtracted, for any later rotation of the drone."""
 
 import numpy as np
 import pinocchio as pin

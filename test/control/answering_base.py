@@ -1,4 +1,4 @@
-"""A base that answers, and what joints do on it: by the whole mass matrix, unlike any law."""
+"""A base that responds, and joint motions on it, by the whole mass matrix."""
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ RATE, WRENCH = np.array([0.4, -0.7, 0.5]), np.array([1.0, -2.0, -30.0, 0.5, -0.4
 
 
 def answering_base() -> FreeBaseMotion:
-    """Return a base that turns, is pushed, and is predicted without doubt."""
+    """Return a base that rotates, is pushed, and is predicted with full weight."""
     return FreeBaseMotion(
         BaseMotion(np.zeros(3), np.zeros(3), RATE, np.zeros(3)), WRENCH, np.ones(6)
     )

@@ -1,4 +1,4 @@
-"""What the tests of control laws share: the arm, and engines to try them on."""
+"""Fixtures of the tests of control laws: the arm, and simulated benches."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ CYCLE = 1e-3
 
 @dataclass
 class Run:
-    """What a simulated run left behind, one row a cycle."""
+    """Results of a simulated run, one row per cycle."""
 
     time: Array
     q: Array
@@ -42,7 +42,7 @@ class LawBench:
         return ArmState(self.plant.position, self.plant.velocity, self.tau)
 
     def run(self, controller: Controller, seconds: float, disturbance: Any = 0.0) -> Run:
-        """Control the arm; `disturbance` (n,) [Nm] acts on the joints, unseen by sensors."""
+        """Control the arm; `disturbance` (n,) [Nm] acts on the joints, invisible to the sensors."""
         rows = []
         for cycle in range(round(seconds / CYCLE)):
             state = self.state()
@@ -73,14 +73,14 @@ def dynamics(robot: Robot, config: ArmConfig) -> MovingBaseDynamics:
 
 @pytest.fixture
 def carried(robot: Robot, config: ArmConfig) -> MovingBaseDynamics:
-    """Return the arm under a body of 2 kg, which is at the base's origin."""
+    """Return the arm under a body of 2 kg at the base's origin."""
     carrier = [2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.03]
     return MovingBaseDynamics(robot, config.column('reflected_inertia'), carrier)
 
 
 @pytest.fixture
 def parameters(config: ArmConfig, robot: Robot) -> PlantParameters:
-    """Return the plant's parameters: the model's own."""
+    """Return the plant's parameters, which are the model's."""
     return PlantParameters.nominal(config, robot)
 
 

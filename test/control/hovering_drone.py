@@ -1,4 +1,4 @@
-"""A drone with its arm in the physics engine, hovering under a plain PID, for control laws."""
+"""A drone with its arm in the physics engine, hovering under a plain PID controller."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,14 +28,14 @@ from aerarm_ros.motion.signals import ArmState, JointReference
 Array = npt.NDArray[np.float64]
 
 CYCLE = 1e-3
-IMU_CYCLES = 4  # 250 Hz; the drone's controller runs at the same rate
+IMU_CYCLES = 4  # 250 Hz, the rate of the drone's controller
 LINK_DELAY = 4e-3
 CENTRE, PHASES = np.array([0.0, np.pi / 2, 0.0, 0.3]), np.array([0.0, 0.7, 1.4, 2.1])
 SWINGS = {
     'slow': (np.array([0.5, 0.4, 0.5, 0.5]), np.array([0.2, 0.25, 0.3, 0.35])),
     'fast': (np.array([0.8, 0.5, 0.8, 0.7]), np.array([0.5, 0.6, 0.75, 0.9])),
 }
-BEGIN = 2.0  # [s] over which a swing grows from rest
+BEGIN = 2.0  # [s] in which a swing grows from rest
 CHEAP = {'force': 0.3, 'rate': 0.01, 'force_bias': 0.15, 'rate_bias': 0.01}
 
 CONFIG = load_arm_config()
@@ -43,7 +43,7 @@ ROTORS = CONFIG.column('reflected_inertia')
 
 
 def drone_of(mass: float) -> DroneConfig:
-    """Return the packaged drone nearest to a mass [kg], scaled to it with its density."""
+    """Return the packaged drone closest to a mass [kg], scaled to that mass with its density."""
     light = mass < 2.0
     path = resource('config', 'drones/quadrotor.yaml') if light else None
     drone = load_drone_config(path)
@@ -69,7 +69,7 @@ class SwingingReference:
         self._rate = 2.0 * np.pi * frequency
 
     def take_over(self, q: Array) -> None:
-        """Start where the arm was put."""
+        """Start at the arm's present posture."""
 
     def update(self, q: Array, now: float, dt: float) -> JointReference:
         w, r = self._rate, min(now / BEGIN, 1.0)
@@ -86,9 +86,9 @@ class SwingingReference:
 
 
 class DroneInEngine:
-    """Arm and drone in the engine, rotors with lag, and the PID that holds the drone.
+    """Arm and drone in the engine, rotors with lag, and the drone's PID controller.
 
-    Where the drone is None the arm hangs from something that doesn't move.
+    Without a drone the arm hangs from a fixed base.
     """
 
     def __init__(self, drone: DroneConfig, is_free: bool = True) -> None:
@@ -114,7 +114,7 @@ class DroneInEngine:
         self.data: Any = mujoco.MjData(self.model)
         self.data.qpos[-4:] = SwingingReference('slow').update(CENTRE, 0.0, CYCLE).q
         mujoco.mj_forward(self.model, self.data)
-        # Posture at take-off, and integral action: what a plain controller has.
+        # A plain controller has the posture at take-off, and integral action.
         whole = WholeBodyDynamics(self.robot, ROTORS, carrier_parameters(drone))
         self._mass, com, inertia = whole.composite_inertia(self.data.qpos[-4:])
         rotation = drone.mount.rotation
@@ -136,7 +136,7 @@ class DroneInEngine:
         return Rotation.from_quat(np.roll(self.data.qpos[3:7], -1))
 
     def imu(self) -> tuple[Array, Array, Array]:
-        """Return attitude, angular velocity and specific force, as `ImuSample` has them."""
+        """Return attitude, angular velocity and specific force, as in `ImuSample`."""
         attitude, spin = self.attitude(), self.data.qacc[3:6]
         rate = np.array(self.data.qvel[3:6])
         place = np.array(self.drone.imu.position)
@@ -145,7 +145,7 @@ class DroneInEngine:
         return attitude.as_quat(), rate, force
 
     def control(self) -> Array:
-        """Return the thrusts that the PID wants, at its rate."""
+        """Return the thrusts of the PID controller, at its rate."""
         period, attitude = IMU_CYCLES * CYCLE, self.attitude()
         position, velocity = self.data.qpos[:3], self.data.qvel[:3]
         self._sums[0] -= period * position
@@ -176,15 +176,15 @@ class DroneInEngine:
 
 @dataclass
 class FlightFaults:
-    """What goes wrong with a flight.
+    """Faults of a flight.
 
     Attributes
     ----------
-    known : the drone as the arm's controller knows it; the true one if not given.
+    known : the drone in the model of the arm's controller; by default the true one.
     noise : of the IMU, as CHEAP.
     latency : of the IMU [s].
-    commands : whether the rotors' commands are told.
-    load : what the last link picks up after half a second [kg].
+    commands : whether the arm's controller receives the rotor commands.
+    load : payload that the last link picks up after half a second [kg].
     """
 
     known: DroneConfig | None = None
@@ -216,9 +216,9 @@ def fly(
     observer: Any = None,
     make_base: Any = make_estimator,
 ) -> Array:
-    """Return the joints' errors (M, n) [rad] of a flight, one row a cycle.
+    """Return the joints' errors (M, n) [rad] of a flight, one row per cycle.
 
-    Mode 'fixed' hangs the arm from something that doesn't move.
+    Mode 'fixed' attaches the arm to a fixed base.
     """
     flight = flight or FlightFaults()
     known = flight.known or drone

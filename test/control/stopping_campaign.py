@@ -2,8 +2,8 @@
 
     python test/control/stopping_campaign.py [--preemptions 10000] [--seed 1]
 
-prints the tables of docs/benchmarks_safety.md, section Stopping. Nothing in it is random but the
-preemptions, whose seed is printed. Times are injected; no clock is read.
+prints the tables of docs/benchmarks_safety.md, section Stopping. Only the preemptions are random,
+and their seed is printed. All times are inputs; no clock is read.
 """
 
 import argparse
@@ -26,12 +26,12 @@ from aerarm_ros.motion.signals import JointReference
 Array = npt.NDArray[np.float64]
 
 CYCLE = 1e-3
-SHARES = (0.3, 0.6, 0.95)  # of a joint's velocity limit, at which stops are measured
-PLAYED = 0.5  # largest time between two preemptions [s]
+SHARES = (0.3, 0.6, 0.95)  # fractions of a joint's velocity limit at which stops are measured
+PLAYED = 0.5  # longest time between two preemptions [s]
 
 
 def make_follower(limits: JointLimits, q: Array, interpolation: str) -> TrajectoryFollower:
-    """Return a follower that holds at `q` and whose arm may be anywhere."""
+    """Return a follower that holds at `q` and does not limit the arm's tracking error."""
     tolerances = FollowerTolerances.uniform(limits.n, start=0.1, path=10.0)
     follower = TrajectoryFollower(limits, tolerances, interpolation)
     follower.take_over(q)
@@ -44,7 +44,7 @@ def make_follower(limits: JointLimits, q: Array, interpolation: str) -> Trajecto
 def cruise(limits: JointLimits, joint: int, speed: float) -> JointTrajectory:
     """Return a trajectory that passes the middle of a joint's range at `speed` [rad/s].
 
-    It begins there, too: a follower that is asked to start in its middle is at that speed at once.
+    The trajectory begins at that speed, for a follower that starts in its middle.
     """
     middle = 0.5 * (limits.position_min + limits.position_max)
     ramp = 2.5 * speed / limits.acceleration_max[joint]
@@ -60,7 +60,7 @@ def cruise(limits: JointLimits, joint: int, speed: float) -> JointTrajectory:
 
 
 def settle(follower: TrajectoryFollower, now: float) -> Array:
-    """Return where the reference comes to rest."""
+    """Return the posture at which the reference comes to rest."""
     for cycle in range(1, 4000):
         follower.update(follower.reference.q, now + cycle * CYCLE, CYCLE)
         if not (follower.reference.dq.any() or follower.reference.ddq.any()):
@@ -69,7 +69,7 @@ def settle(follower: TrajectoryFollower, now: float) -> Array:
 
 
 def canceled_travel(limits: JointLimits, joint: int, speed: float) -> float:
-    """Return how far a joint travels [rad] after a trajectory is canceled at `speed` [rad/s]."""
+    """Return a joint's travel [rad] after a trajectory is canceled at `speed` [rad/s]."""
     trajectory = cruise(limits, joint, speed)
     follower = make_follower(limits, trajectory.q[0], 'quintic')
     follower.follow(trajectory, 0.0)
@@ -81,7 +81,7 @@ def canceled_travel(limits: JointLimits, joint: int, speed: float) -> float:
 
 
 def silent_travel(limits: JointLimits, joint: int, speed: float) -> float:
-    """Return how far a joint travels [rad] once a stream has timed out at `speed` [rad/s]."""
+    """Return a joint's travel [rad] after a stream has timed out at `speed` [rad/s]."""
     start = 0.5 * (limits.position_min + limits.position_max)
     start[joint] = limits.position_min[joint] + 0.1
     follower = make_follower(limits, start, 'quintic')
@@ -105,7 +105,7 @@ def silent_travel(limits: JointLimits, joint: int, speed: float) -> float:
 
 
 def played_travel(limits: JointLimits, joint: int, speed: float) -> float:
-    """Return how far a joint travels [rad] after a player is stopped at `speed` [rad/s]."""
+    """Return a joint's travel [rad] after a player is stopped at `speed` [rad/s]."""
     trajectory = cruise(limits, joint, speed)
     motion = trajectory.path(trajectory.q[0], 'quintic')
     player = ExcitationPlayer(
@@ -129,7 +129,7 @@ TRAVELS = (canceled_travel, silent_travel, played_travel)
 
 
 def print_distances(limits: JointLimits) -> None:
-    """Print what stops travel, beside the least distance and what the blends of old travelled."""
+    """Print the travel of stops, the least possible travel, and the travel of the former method."""
     print(
         'joint  speed [rad/s]  least [rad]  before [rad]  cancel [rad]  stream [rad]  '
         'player before [rad]  player [rad]  worst/least'
@@ -139,8 +139,8 @@ def print_distances(limits: JointLimits) -> None:
             speed = share * limits.velocity_max[joint]
             least = speed**2 / (2.0 * limits.acceleration_max[joint])
             cancel, silent, played = (travel(limits, joint, speed) for travel in TRAVELS)
-            # Before, each joint was blended to where it could stop with a quarter of its
-            # acceleration on average, and a player stopped within 0.5 s.
+            # In the former method each joint stopped with a quarter of its acceleration on
+            # average, and a player stopped within 0.5 s.
             print(
                 f'{joint + 1:5d}  {speed:13.2f}  {least:11.3f}  {4.0 * least:12.3f}  '
                 f'{cancel:12.3f}  {silent:12.3f}  {0.25 * speed:19.3f}  {played:12.3f}  '
@@ -153,16 +153,16 @@ def print_distances(limits: JointLimits) -> None:
 
 @dataclass
 class Tally:
-    """What a run of preemptions has shown."""
+    """Extremes of a run of preemptions."""
 
     tried: int = 0
     rejected: dict[str, int] = field(default_factory=dict)
     beyond: float = -np.inf  # largest distance beyond a position limit [rad]
-    velocity: float = 0.0  # largest share of a velocity limit
+    velocity: float = 0.0  # largest fraction of a velocity limit
     acceleration: float = 0.0
 
     def take(self, rows: JointReference, limits: JointLimits) -> None:
-        """Look at references (M, n)."""
+        """Update the extremes by references (M, n)."""
         beyond = np.maximum(limits.position_min - rows.q, rows.q - limits.position_max)
         self.beyond = max(self.beyond, float(beyond.max()))
         self.velocity = max(self.velocity, float((np.abs(rows.dq) / limits.velocity_max).max()))
@@ -171,7 +171,7 @@ class Tally:
 
 
 class Preemptions:
-    """A follower that gets new motions at random, wherever it is."""
+    """A follower that receives new motions at random times."""
 
     def __init__(self, limits: JointLimits, seed: int) -> None:
         self._limits = limits
@@ -182,7 +182,7 @@ class Preemptions:
         self.tally = Tally()
 
     def run(self, preemptions: int) -> Tally:
-        """Preempt so many times; return what was seen."""
+        """Preempt so many times; return the extremes."""
         events = (self._trajectory, self._replanned, self._fourier, self._point, self._set_point)
         events += (self._stream, self._stop, self._blocked)
         for _ in range(preemptions):
@@ -203,7 +203,7 @@ class Preemptions:
         self.follower.update(self.follower.reference.q, self.now, CYCLE)
 
     def _posture(self) -> Array:
-        """Return a posture, as often near a limit as not."""
+        """Return a posture, near a limit in half of the cases."""
         low, high = self._limits.position_min, self._limits.position_max
         return low + self._random.beta(0.4, 0.4, self._limits.n) * (high - low)
 
@@ -215,12 +215,12 @@ class Preemptions:
 
     def _follow_way(self, times: Array, q: Array) -> None:
         if self._random.random() < 0.5:
-            self._follow(times, q, np.zeros_like(q))  # with rests, so that nothing swings out
+            self._follow(times, q, np.zeros_like(q))  # with rests, so that no joint overshoots
         else:
             self._follow(times, q)
 
     def _way(self, start: Array, points: int) -> tuple[Array, Array]:
-        """Return times and points of a way at a random pace, up to what the limits allow."""
+        """Return times and points of a path at a random pace within the limits."""
         q = np.array([start] + [self._posture() for _ in range(points)])
         limits = self._limits
         steps = np.abs(np.diff(q, axis=0))
@@ -235,14 +235,14 @@ class Preemptions:
         self._follow_way(times, q[1:])
 
     def _replanned(self) -> None:
-        """As a planner sends it that begins where the arm is, or was a moment ago, at rest."""
+        """Send a trajectory from the present or a recent posture at rest, as a planner does."""
         start = self.follower.reference.q + self._random.uniform(-0.05, 0.05, self._limits.n)
         start = np.clip(start, self._limits.position_min, self._limits.position_max)
         times, q = self._way(start, self._random.integers(1, 4))
         self._follow_way(np.append(0.0, times), q)
 
     def _fourier(self) -> None:
-        """As an excitation, sampled: it begins at its own speed, perhaps in its middle."""
+        """Send a sampled excitation that begins at its own speed, possibly in its middle."""
         limits, random = self._limits, self._random
         w = 2.0 * np.pi * random.uniform(0.2, 0.5)
         room = 0.5 * (limits.position_max - limits.position_min)
@@ -259,7 +259,7 @@ class Preemptions:
         self._follow(times[:, 0], middle + share * wave, share * slope + falling * wave)
 
     def _point(self) -> None:
-        """A goal of one point for now, which is where to stay."""
+        """Send a goal of one point without a time, at which the arm stays."""
         near = self.follower.reference.q + self._random.uniform(-0.09, 0.09, self._limits.n)
         near = np.clip(near, self._limits.position_min, self._limits.position_max)
         self._follow(np.zeros(1), near[np.newaxis])
@@ -268,7 +268,7 @@ class Preemptions:
         self.follower.go_to(self._posture(), self.now)
 
     def _stream(self) -> None:
-        """Points that lead on from the present motion, a few of them, then silence."""
+        """Send some points that continue the present motion, then none."""
         limits, random = self._limits, self._random
         q, dq, _ = self.follower.reference
         with_acceleration = random.random() < 0.5
@@ -276,7 +276,7 @@ class Preemptions:
         pull = random.uniform(-0.7, 0.7, limits.n) * a
         period = random.uniform(0.002, 0.05)
         for _ in range(random.integers(1, 20)):
-            # It turns back where it must, at times too late.
+            # The stream reverses at its turning points, sometimes too late.
             ends = q + dq * np.abs(dq) / (random.uniform(0.4, 1.2) * a) + 0.2 * dq
             outside = (ends > limits.position_max) | (ends < limits.position_min)
             turns = outside | (np.abs(dq + 0.1 * pull) > limits.velocity_max)
@@ -296,13 +296,13 @@ class Preemptions:
         self.follower.stop(self.now, 'canceled')
 
     def _blocked(self) -> None:
-        """An arm that is off its path, holds the arm in place."""
+        """Hold an arm that has left its path."""
         q = self.follower.reference.q + self._random.uniform(-0.3, 0.3, self._limits.n)
         self.follower.stop(self.now, 'off path', q)
 
 
 def run_preemptions(limits: JointLimits, preemptions: int, seed: int, each: int = 50) -> Tally:
-    """Preempt many followers, `each` times one; return what was seen of all."""
+    """Preempt many followers, `each` times per follower; return the extremes of all."""
     total = Tally()
     for run in range(-(-preemptions // each)):
         tally = Preemptions(limits, seed + run).run(min(each, preemptions - total.tried))

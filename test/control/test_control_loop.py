@@ -1,4 +1,4 @@
-"""Taking over, gaps, missing numbers, compensation and limits around a law."""
+"""Activation, gaps, missing numbers, compensation and limits around a law."""
 
 import numpy as np
 import pytest
@@ -140,7 +140,7 @@ def test_an_imu_makes_the_law_aware_of_tilt(limits, follower, dynamics) -> None:
 
 
 def test_a_turning_base_is_no_disturbance(limits, follower, dynamics) -> None:
-    """The observer is told of the base when the torque acted, not when the command will."""
+    """The observer uses the base's motion at the time of the torque, not of the command."""
     gravity, rate = np.array([0.0, 0.0, -9.81]), np.array([3.0, 0.0, 0.0])
     estimator = BaseMotionEstimator(gravity, 'full')
     observer = MomentumObserver(dynamics, 40.0)

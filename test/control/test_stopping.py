@@ -37,7 +37,7 @@ def test_no_preemption_leads_beyond_a_limit(limits: JointLimits) -> None:
 
 
 def test_a_goal_that_replaces_a_fast_motion_near_a_limit_keeps_to_it(limits: JointLimits) -> None:
-    """A blend of each joint by itself led joint 2 to 3.91 rad here; its limit is 3.664."""
+    """A separate blend of each joint led joint 2 to 3.91 rad; its limit is 3.664."""
     start, end = np.array([0.0, 0.4, 0.0, 0.0]), np.array([0.0, 3.6, 0.0, 0.0])
     follower = make_follower(limits, start, 'quintic')
     follower.follow(JointTrajectory(limits, limits.names, [1.3], [end]), 0.0)
@@ -89,5 +89,5 @@ def test_a_stream_toward_a_limit_brakes_in_time_to_stop_before_it(limits: JointL
             now += CYCLE
     assert 3.4 < largest <= limits.position_max[1]
     assert 'led to a limit' in follower.outcome
-    assert 'where it can stop: joint2 at 3.6' in rejected
+    assert 'where the arm can stop: joint2 at 3.6' in rejected
     assert not reference.dq.any()

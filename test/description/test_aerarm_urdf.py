@@ -1,4 +1,4 @@
-"""The packaged URDF: inertia of thesis table A.1, shapes that touch only where they should."""
+"""The packaged URDF: inertia of thesis table A.1, and contacts only by design."""
 
 import xml.etree.ElementTree as ElementTree
 from itertools import product

@@ -1,4 +1,4 @@
-"""Reading the arm's YAML: what is right is kept, what is wrong is named."""
+"""Reading the arm's YAML: valid values are kept, errors are named."""
 
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError, replace
@@ -56,27 +56,27 @@ WRONG = {
     'unknown key': (setting('speed', value=1), 'unknown key speed'),
     'unknown joint key': (
         setting('joints', 1, 'limit', value=1),
-        r'joints\[1\]: unknown key limit',
+        r'joints\[1\] has the unknown key limit',
     ),
-    'missing key': (removing('joints', 2, 'offset'), r'joints\[2\]: key offset is missing'),
+    'missing key': (removing('joints', 2, 'offset'), r'joints\[2\] lacks the key offset'),
     'no resistance': (
         removing('motors', 'MN4006', 'resistance'),
-        r'motors\.MN4006: key resistance is missing',
+        r'motors\.MN4006 lacks the key resistance',
     ),
-    'missing section': (removing('boards'), 'key boards is missing'),
-    'empty section': (setting('joints', value=[]), 'joints must be a list'),
-    'section of wrong kind': (setting('motors', value=[1]), 'motors must be a mapping'),
+    'missing section': (removing('boards'), 'lacks the key boards'),
+    'empty section': (setting('joints', value=[]), 'joints must be a non-empty list'),
+    'section of wrong kind': (setting('motors', value=[1]), 'motors must be a non-empty mapping'),
     'entry of wrong kind': (setting('boards', 0, value='spi'), r'boards\[0\] must be a mapping'),
     'joint of wrong kind': (setting('joints', 0, value=7), r'joints\[0\] must be a mapping'),
     'text for a number': (setting('joints', 0, 'coulomb', value='x'), 'coulomb must be a number'),
     'truth for a number': (setting('joints', 0, 'coulomb', value=True), 'must be a number'),
     'coupling of an unknown joint': (
         setting('coupled_joints', value=[['joint3', 'elbow']]),
-        'joint3, elbow are not two of the joints',
+        'joint3 and elbow must be two different joints',
     ),
     'coupling without a driver': (
         setting('coupled_joints', value=['joint3']),
-        r"'joint3' is not a pair \[joint, driver\]",
+        r"'joint3' must be a pair \[joint, driver\]",
     ),
     'NaN': (setting('joints', 0, 'viscous', value=float('nan')), 'joint1: viscous = nan'),
     'infinity': (setting('joints', 0, 'velocity_max', value=float('inf')), 'velocity_max = inf'),
@@ -94,7 +94,7 @@ WRONG = {
     ),
     'more torque than the motor has': (
         setting('joints', 0, 'effort_max', value=40.0),
-        'effort_max = 40.0 Nm exceeds what motor MN5006',
+        'effort_max = 40.0 Nm exceeds the .* Nm of motor MN5006',
     ),
     'sign': (setting('joints', 0, 'sign', value=0), 'sign = 0 must be one of 1, -1'),
     'channel': (setting('joints', 0, 'channel', value=2), 'channel = 2 must be one of 0, 1'),
@@ -102,7 +102,7 @@ WRONG = {
     'board that is not there': (setting('joints', 3, 'board', value=2), 'joint4: board = 2'),
     'shared channel': (
         setting('joints', 3, 'channel', value=0),
-        'joint4: board 1, channel 0 already belongs to joint joint3',
+        'joint4: board 1, channel 0 is already used by joint joint3',
     ),
     'shared device': (
         setting('boards', 1, 'device', value='/dev/spidev0.0'),
@@ -112,9 +112,9 @@ WRONG = {
     'no name': (setting('joints', 1, 'name', value=''), 'name'),
     'unknown motor': (
         setting('joints', 0, 'motor', value='MN1'),
-        r"joints\[0\]: motor = 'MN1' is not one of motors: MN",
+        r"joints\[0\]: motor = 'MN1' must be one of the motors MN",
     ),
-    'unknown gear': (setting('joints', 0, 'gear', value=['x']), 'is not one of gears'),
+    'unknown gear': (setting('joints', 0, 'gear', value=['x']), 'must be one of the gears'),
     'SPI mode': (setting('boards', 0, 'mode', value=4), 'board0: mode = 4'),
     'SPI clock in MHz': (setting('boards', 0, 'clock_hz', value=8), r'clock_hz = 8 .*\[Hz\]'),
     'two gravity components': (setting('gravity_in_base', value=[0.0, -9.81]), 'x, y and z'),
@@ -171,7 +171,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_numbers_may_be_fractions_and_bare_exponents(write: Callable[[Change], Path]) -> None:
-    """YAML 1.1 takes 1e-5 for a text."""
+    """YAML 1.1 reads 1e-5 as text."""
     path = write(lambda d: d['motors']['MN4004'].update(rotor_inertia='1e-5'))
     config = load_arm_config(path)
     assert config.joints[2].motor.rotor_inertia == 1e-5

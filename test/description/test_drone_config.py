@@ -1,4 +1,4 @@
-"""Reading a drone: what is right is kept, what is impossible is named."""
+"""Reading a drone file: valid values are kept, impossible ones are named."""
 
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
@@ -80,7 +80,9 @@ def test_a_wrong_file_says_what_it_is_wrong_by() -> None:
 
 def test_a_heavier_arm_than_the_rotors_lift_is_refused() -> None:
     drone = load_drone_config()
-    with pytest.raises(ConfigError, match=r'hexarotor: its level rotors lift .* \(3 \+ 9 kg\)'):
+    with pytest.raises(
+        ConfigError, match=(r'hexarotor: with level rotors its thrust is .* \(3 \+ 9 kg\)')
+    ):
         drone.check_carries(9.0, [0.0, 0.0, 0.4])
     # Light enough, but too far out: one side would need more than it has.
     drone.check_carries(3.0, [0.0, 0.0, 0.5])
@@ -91,11 +93,11 @@ def test_a_heavier_arm_than_the_rotors_lift_is_refused() -> None:
 WRONG: dict[str, tuple[Document, str]] = {
     'triangle inequality': (
         {'inertia': [0.045, 0.045, 0.2, 0, 0, 0]},
-        r'0\.045, 0\.045, 0\.2 kg m\^2, which no body has',
+        r'0\.045, 0\.045, 0\.2 kg m\^2; none may be larger',
     ),
     'inertia in kg dm^2': (
         {'inertia': [4.5, 4.5, 8.0, 0, 0, 0]},
-        r'principal moment 8 kg m\^2, but 3 kg within body and rotors have at most',
+        r'principal moment 8 kg m\^2, but 3 kg within body and rotors reach',
     ),
     'off-diagonal too large': ({'inertia': [0.05, 0.05, 0.08, 0.06, 0, 0]}, 'principal moment -'),
     'no inertia about z': ({'inertia': [0.05, 0.05, 0.0, 0, 0, 0]}, 'must be positive'),
@@ -106,21 +108,24 @@ WRONG: dict[str, tuple[Document, str]] = {
     'mass as text': ({'mass': 'heavy'}, 'mass must be a number'),
     'mount below the body': (
         {'mount.position': [0, 0, -0.12]},
-        r'mount at \[0\.0, 0\.0, -0\.12\] m is not on the body',
+        r'mount at \[0\.0, 0\.0, -0\.12\] m is outside the body',
     ),
     'mount in mm': ({'mount.position': [0, 0, -80]}, r'mount: position = -80.*\[m\]'),
     'mount in degrees': ({'mount.rpy': [180, 0, 0]}, r'mount: rpy = 180.*\[rad\]'),
     'mount of two numbers': ({'mount.position': [0, 0]}, 'mount: position .* needs x, y and z'),
-    'mount without position': ({'mount': {'rpy': [0, 0, 0]}}, 'mount: key position is missing'),
+    'mount without position': ({'mount': {'rpy': [0, 0, 0]}}, 'mount lacks the key position'),
     'mount that is a list': ({'mount': [0, 0, 0]}, 'mount must be a mapping'),
-    'IMU beside the body': ({'imu.position': [0.2, 0, 0]}, 'imu at .* is not on the body'),
-    'centre outside': ({'centre_of_mass': [0, 0, 0.1]}, 'centre_of_mass at .* not on the body'),
+    'IMU beside the body': ({'imu.position': [0.2, 0, 0]}, 'imu at .* is outside the body'),
+    'centre outside': ({'centre_of_mass': [0, 0, 0.1]}, 'centre_of_mass at .* outside the body'),
     'flat body': ({'size': [0.26, 0.26, 0]}, 'size .* must be positive'),
-    'no rotors': ({'rotors': []}, 'rotors must be a list that is not empty'),
+    'no rotors': ({'rotors': []}, 'rotors must be a non-empty list'),
     'rotor as number': ({'rotors': [1]}, r'rotors\[0\] must be a mapping'),
-    'twin rotors': ({'rotors.1.name': 'front_left'}, 'rotor front_left is given twice'),
+    'twin rotors': ({'rotors.1.name': 'front_left'}, 'rotor front_left is listed twice'),
     'rotor without name': ({'rotors.1.name': ''}, "name = '' must be a name"),
-    'axis of two': ({'rotors.0.axis': [0, 0, 2]}, 'rotor front_left: axis has length 2, not 1'),
+    'axis of two': (
+        {'rotors.0.axis': [0, 0, 2]},
+        'rotor front_left: axis has length 2 instead of 1',
+    ),
     'no thrust': ({'rotors.0.thrust_max': 0}, 'thrust_max = 0'),
     'limits crossed': ({'rotors.0.thrust_min': 30}, 'thrust_min = 30.0 must be below'),
     'lag in ms': ({'rotors.0.time_constant': 25}, r'time_constant = 25.*\[s\]'),
@@ -137,18 +142,18 @@ WRONG: dict[str, tuple[Document, str]] = {
             f'rotors.{i}.position': [0.1 + 0.1 * (i // 2), 0.2 * (i % 3) - 0.2, 0.0]
             for i in range(6)
         },
-        'lift 0.00 times its weight',
+        'thrust is 0.00 times its weight',
     ),
     'too weak': (
         {f'rotors.{i}.thrust_max': 5.0 for i in range(6)},
-        r'lift 1\.0\d times its weight \(3 kg\)',
+        r'thrust is 1\.0\d times its weight \(3 kg\)',
     ),
     'thrust downwards': (
         {f'rotors.{i}.axis': [0.0, 0.0, -1.0] for i in range(6)},
-        'lift 0.00 times its weight',
+        'thrust is 0.00 times its weight',
     ),
     'unknown key': ({'colour': 'red'}, 'unknown key colour'),
-    'unknown rotor key': ({'rotors.2.kv': 300}, r'rotors\[2\]: unknown key kv'),
+    'unknown rotor key': ({'rotors.2.kv': 300}, r'rotors\[2\] has the unknown key kv'),
     'name that is none': ({'name': 7}, 'name = 7 must be a name'),
 }
 

@@ -1,4 +1,4 @@
-"""The URDF of both: the drone's numbers, the arm's kinematics, one tree."""
+"""The URDF of drone and arm: the drone's numbers, the arm's kinematics, one tree."""
 
 from dataclasses import replace
 

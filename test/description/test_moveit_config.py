@@ -1,4 +1,4 @@
-"""config/moveit beside the URDF, the configuration and the executables that it speaks of."""
+"""config/moveit agrees with the URDF, the configuration and the executables."""
 
 from xml.etree import ElementTree
 

@@ -13,5 +13,5 @@ def test_what_frames_may_begin_with(prefix: str) -> None:
     ['/left', '_', '1st_', 'left arm', 'left//', 'left-', 'léft_', '{left}', 'a\n', 65 * 'a'],
 )
 def test_what_cannot_stand_before_names_is_refused(prefix: str) -> None:
-    with pytest.raises(DescriptionError, match='needs a letter first.*, as left_'):
+    with pytest.raises(DescriptionError, match='must begin with a letter .* left_'):
         check_prefix(prefix)

@@ -1,4 +1,4 @@
-"""YAML as a weapon: each text is refused in one line, in no time and memory."""
+"""Malicious YAML: each text is rejected in one line, quickly and with little memory."""
 
 import time
 import tracemalloc
@@ -23,16 +23,16 @@ BOMB = 'a0: &a0 [x, x, x, x, x, x, x, x, x]\n' + '\n'.join(
 )
 REFUSED = {
     'aliases': (BOMB, 'anchors and aliases'),
-    'an alias of a merge': ('a: &a {b: 1}\nc: {<<: *a}', 'line 1: anchors and aliases'),
+    'an alias of a merge': ('a: &a {b: 1}\nc: {<<: *a}', 'line 1: YAML anchors and aliases'),
     'an anchor alone': ('a: &x 1', 'anchors and aliases'),
-    'deep lists': ('a: ' + '[' * 100_000, 'nested more than 20 deep'),
-    'deep mappings': ('{a: ' * 100_000, 'nested more than 20 deep'),
-    'deep blocks': ('- ' * 100_000, 'nested more than 20 deep'),
-    'digits': ('a: ' + '9' * 1_000_000, 'a number of 1000000 characters'),
-    'hexadecimal digits': ('a: 0x' + 'f' * 100_000, 'a number of 100002 characters'),
-    'base 60': ('a: ' + '59:' * 30_000 + '59', 'a number of 90002 characters'),
-    'base 60 by a tag': (f'a: !!int "_1{":1" * 500_000}"', 'a number of 1000002 characters'),
-    'a long file': ('a: ' + 'b' * 2_000_000, 'has more than 1048576 bytes'),
+    'deep lists': ('a: ' + '[' * 100_000, 'nested more than 20 levels deep'),
+    'deep mappings': ('{a: ' * 100_000, 'nested more than 20 levels deep'),
+    'deep blocks': ('- ' * 100_000, 'nested more than 20 levels deep'),
+    'digits': ('a: ' + '9' * 1_000_000, 'the number has 1000000 characters'),
+    'hexadecimal digits': ('a: 0x' + 'f' * 100_000, 'the number has 100002 characters'),
+    'base 60': ('a: ' + '59:' * 30_000 + '59', 'the number has 90002 characters'),
+    'base 60 by a tag': (f'a: !!int "_1{":1" * 500_000}"', 'the number has 1000002 characters'),
+    'a long file': ('a: ' + 'b' * 2_000_000, 'larger than 1048576 bytes'),
     'no date': ('a: 2001-99-99', 'month must be in 1..12'),
     'no number': ('a: !!int x', 'not valid YAML'),
     'a key twice': ('a: 1\nb: 2\na: 3', 'line 3: key a is given twice'),
@@ -89,7 +89,7 @@ def test_profiles_that_extend_each_other_are_refused(tmp_path: Path) -> None:
     first, second = tmp_path / 'first.yaml', tmp_path / 'second.yaml'
     first.write_text(f'name: a\nextends: {second}')
     second.write_text(f'name: b\nextends: {first}')
-    with pytest.raises(ProfileError, match='extends itself, or too many'):
+    with pytest.raises(ProfileError, match='extends itself, or the chain'):
         load_profile(first)
 
 

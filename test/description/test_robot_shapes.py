@@ -53,18 +53,18 @@ def test_a_missing_or_damaged_mesh_is_not_called_too_large(tmp_path):
 
 def endless(path: Path) -> str:
     path.symlink_to('/dev/zero')
-    return 'is no plain file'
+    return 'is not a regular file'
 
 
 def waiting(path: Path) -> str:
     os.mkfifo(path)
-    return 'is no plain file'
+    return 'is not a regular file'
 
 
 def large(path: Path) -> str:
     with path.open('wb') as file:
         file.truncate(9 * 2**20)
-    return 'has 9 MiB, more than the 8 that are read: simplify it$'
+    return 'has 9 MiB, above the limit of 8 MiB: simplify it$'
 
 
 @pytest.mark.parametrize('make', [endless, waiting, large])
@@ -80,15 +80,20 @@ def test_no_mesh_is_read_that_has_no_end_or_is_too_large(tmp_path, make):
 def test_meshes_are_bounded_together_and_in_number(tmp_path):
     with (tmp_path / 'part.stl').open('wb') as file:
         file.truncate(7 * 2**20)
-    with pytest.raises(DescriptionError, match='have 35 MiB together, more than the 32 that are'):
+    with pytest.raises(DescriptionError, match='have 35 MiB in total, above the limit of 32 MiB'):
         load_shapes(arm(tmp_path, *['part.stl'] * 5), pin.GeometryType.COLLISION)
-    with pytest.raises(DescriptionError, match='names 1001 meshes, no arm has over 1000'):
+    with pytest.raises(DescriptionError, match='names 1001 meshes, above the limit of 1000'):
         load_shapes(arm(tmp_path, *['none.stl'] * 1001), pin.GeometryType.COLLISION)
 
 
 def test_a_format_that_may_be_compressed_is_refused(tmp_path):
     (tmp_path / 'part.3mf').write_bytes(b'PK')
-    with pytest.raises(DescriptionError, match=r'part.3mf is none of \.dae, \.obj, \.ply, \.stl'):
+    with pytest.raises(
+        DescriptionError,
+        match=(
+            r'part.3mf has an unsupported format: convert it to one of \.dae, \.obj, \.ply, \.stl'
+        ),
+    ):
         load_shapes(arm(tmp_path, 'part.3mf'), pin.GeometryType.COLLISION)
 
 
@@ -99,7 +104,7 @@ def test_parts_that_show_one_another_are_refused(tmp_path):
         for k in range(1, 40)
     )
     (tmp_path / 'part.dae').write_text(f'<COLLADA><library_nodes>{nodes}</library_nodes></COLLADA>')
-    with pytest.raises(DescriptionError, match='shows its parts too often'):
+    with pytest.raises(DescriptionError, match='repeats its parts too often'):
         load_shapes(arm(tmp_path, 'part.dae'), pin.GeometryType.COLLISION)
 
 

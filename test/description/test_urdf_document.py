@@ -1,4 +1,4 @@
-"""Faults of a URDF are found before the dynamics library sees it."""
+"""Faults of a URDF are detected before the dynamics library reads it."""
 
 import pytest
 
@@ -36,18 +36,18 @@ FAULTS = {
     'xacro': (
         '<link name="wrist"/>',
         '<x:macro xmlns:x="http://www.ros.org/wiki/xacro"/>',
-        'expand it first',
+        'expand them first',
     ),
     'link without name': ('<link name="wrist"/>', '<link/>', 'a link has no name'),
-    'link twice': ('name="tool0"/>', 'name="wrist"/>', 'link wrist is given 2 times'),
-    'joint twice': ('name="joint2"', 'name="joint1"', 'joint joint1 is given 2 times'),
+    'link twice': ('name="tool0"/>', 'name="wrist"/>', 'link wrist is defined 2 times'),
+    'joint twice': ('name="joint2"', 'name="joint1"', 'joint joint1 is defined 2 times'),
     'unknown type': ('type="fixed"', 'type="welded"', "unknown type 'welded'"),
     'no parent': ('<parent link="link1"/>', '', 'joint joint2 has no <parent>'),
-    'no such link': ('<child link="link2"/>', '<child link="x"/>', "no link 'x'"),
+    'no such link': ('<child link="link2"/>', '<child link="x"/>', "link 'x'"),
     'two parents': (
         '<child link="tool0"/>',
         '<child link="link3"/>',
-        'link link3 hangs on two joints, joint3 and tool0_fixed',
+        'link link3 is the child of two joints, joint3 and tool0_fixed',
     ),
     'two bases': ('<link name="wrist"/>', '<link name="wrist"/><link name="x"/>', 'base_link, x'),
     'a loop': (
@@ -99,7 +99,7 @@ WEAPONS = {
         ARM.replace(
             '<link name="wrist"/>', '<link name="wrist">' + '<a>' * 5000 + '</a>' * 5000 + '</link>'
         ),
-        'nested more than 50 deep',
+        'nested more than 50 levels deep',
     ),
     'links': (
         ARM.replace('</robot>', ''.join(f'<link name="x{k}"/>' for k in range(1100)) + '</robot>'),

@@ -1,4 +1,4 @@
-"""A file that is written beside its place first."""
+"""A file that is written under a temporary name first."""
 
 import os
 import threading

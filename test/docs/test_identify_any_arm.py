@@ -1,4 +1,4 @@
-"""Each block of the page on identifying any arm runs, and gives the figures it shows."""
+"""Each code block of the page on identifying any arm runs, and gives the shown figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every notebook runs from its first cell to its last, and shows what it says."""
+"""Every notebook runs completely, and shows the described results."""
 
 import ast
 import json
@@ -11,7 +11,7 @@ FOLDER = Path(__file__).resolve().parents[2] / 'docs' / 'notebooks'
 
 
 def run(name: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> tuple[dict[str, Any], list]:
-    """Run the cells of a notebook; return its names, and what its cells end with."""
+    """Run the cells of a notebook; return its names, and the last values of its cells."""
     monkeypatch.chdir(folder)
     names: dict[str, Any] = {}
     shown = []

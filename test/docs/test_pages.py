@@ -1,4 +1,4 @@
-"""The documents against the code: what they point to exists, and nothing is left out."""
+"""The documents agree with the code: all targets exist, and nothing is missing."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from types import ModuleType
 import pytest
 
 from aerarm_msgs_py.topics import TOPICS
+from aerarm_ros.executables import command_modules
 from aerarm_ros.hardware.bridge_modes import MODES
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS
 
@@ -68,7 +69,7 @@ def test_every_page_can_be_reached_from_the_index() -> None:
 def test_every_executable_has_a_section(reference: ModuleType) -> None:
     page = (DOCS / 'reference' / 'executables.md').read_text()
     sections = set(re.findall(r'^## (\w+)$', page, flags=re.MULTILINE))
-    assert sections >= set(reference.executables())
+    assert sections >= set(command_modules())
 
 
 def test_every_topic_mode_and_service_is_described() -> None:
@@ -85,7 +86,7 @@ def test_the_graphs_name_every_mode_and_existing_nodes(reference: ModuleType) ->
     drawn = set(
         re.findall(r'\b[a-z0-9]+_[a-z_]+\b', ' '.join(re.findall(r'>([^<]+)</text>', nodes)))
     )
-    assert drawn <= {*reference.executables(), *TOPICS, *ACTIONS}
+    assert drawn <= {*command_modules(), *TOPICS, *ACTIONS}
     assert {'hardware_bridge', 'joint_command'} <= drawn
 
 
@@ -110,14 +111,14 @@ GIVEN = re.compile(r'(?<![\w.~])(?P<name>[a-z][a-z_.]*[a-z]):=(?P<value>"[^"]*"|
 
 
 def launch_arguments() -> set[str]:
-    """Return the names that the drive-it page lists, which another test holds to the files."""
+    """Return the arguments on the drive-it page, which another test compares with the files."""
     return set(re.findall(r'`(\w+)`', (DOCS / 'how-to' / 'drive_it.md').read_text()))
 
 
 def test_parameters_in_the_text_exist_and_may_have_that_value(
     reference: ModuleType, ros_domain: dict[str, str]
 ) -> None:
-    tables = {name: reference.parameters_of(name) for name in reference.executables()}
+    tables = {name: reference.parameters_of(name) for name in command_modules()}
     known = [parameter for table in tables.values() for parameter in table]
     other = launch_arguments()
     wrong = []

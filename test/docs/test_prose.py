@@ -1,4 +1,4 @@
-"""The prose check: what people read keeps to the vocabulary and to short sentences."""
+"""The prose check: user texts follow the vocabulary and have short sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages that the pages quote are messages that the programs print."""
+"""Messages quoted in the pages are messages that the programs print."""
 
 from __future__ import annotations
 

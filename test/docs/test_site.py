@@ -1,8 +1,7 @@
-"""The documentation site builds without a warning, and code in its pages can be used."""
+"""The documentation site builds without a warning, and code in its pages works."""
 
 from __future__ import annotations
 
-import ast
 import re
 import shlex
 import subprocess
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.nodes.arm import make_parser
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,13 +34,6 @@ def blocks(page: Path, *languages: str) -> list[str]:
     return found
 
 
-def executables() -> set[str]:
-    """Return the executables of setup.py."""
-    text = (ROOT / 'setup.py').read_text()
-    (listing,) = re.findall(r'^EXECUTABLES = (\[.*?\])$', text, flags=re.MULTILINE | re.DOTALL)
-    return set(ast.literal_eval(listing))
-
-
 def commands(text: str) -> list[list[str]]:
     """Return the words of each simple command of a shell block, without assignments before it."""
     text = re.sub(r"<<'?(\w+)'?\n.*?^\1$", '', text, flags=re.MULTILINE | re.DOTALL)
@@ -57,7 +50,7 @@ def commands(text: str) -> list[list[str]]:
 
 
 def problem(command: list[str]) -> str:
-    """Return what is wrong with a command, '' if nothing is."""
+    """Return the problem of a command, or an empty text."""
     name, *rest = command
     if '/' in name:
         return '' if (ROOT / name).exists() or re.search(r'^/|/bin/', name) else name
@@ -67,7 +60,7 @@ def problem(command: list[str]) -> str:
         return next((word for word in wanted if word not in targets), '')
     if name == 'ros2' and rest[:2] in (['run', 'aerarm_ros'], ['launch', 'aerarm_ros']):
         if rest[0] == 'run':
-            return problem(rest[2:]) if rest[2] in executables() else rest[2]
+            return problem(rest[2:]) if rest[2] in command_modules() else rest[2]
         return '' if (ROOT / 'launch' / rest[2]).exists() else rest[2]
     if name == 'arm' and not {'-h', '--help'} & {*rest}:
         try:
@@ -81,7 +74,7 @@ def problem(command: list[str]) -> str:
     missing = [word for word in scripts if not (ROOT / word).exists()]
     if missing:
         return missing[0]
-    return '' if name in HOST | executables() else name
+    return '' if name in HOST | set(command_modules()) else name
 
 
 def test_a_command_that_is_not_there_is_found() -> None:

@@ -1,4 +1,4 @@
-"""Drafts of arms: what the URDF says is kept, what is guessed is marked, and such an arm runs."""
+"""Drafts of arms keep the URDF's values, mark estimated ones, and run."""
 
 import math
 from collections.abc import Callable
@@ -95,7 +95,7 @@ def test_every_mark_stands_at_a_value_that_the_head_explains(drafts: dict[str, A
 def test_the_drafted_loop_is_damped_in_every_posture(
     name: str, drafts: dict[str, ArmDraft], robots: dict[str, Robot]
 ) -> None:
-    """As (4.5) on the boards is linearised, behind their velocity filter of 100 Hz."""
+    """The board's loop (4.5), linearized, with the velocity filter of 100 Hz."""
     config, robot = drafts[name].config, robots[name]
     drive, n = DriveTrain(config), config.n
     dynamics = Dynamics(robot, drive.reflected_inertia)
@@ -138,8 +138,12 @@ def test_an_arm_that_hangs_has_no_ground(robots: dict[str, Robot]) -> None:
 @pytest.mark.parametrize(
     ('old', 'new', 'message'),
     [
-        ('type="revolute"', 'type="prismatic"', 'joint shoulder slides, the drives here turn'),
-        ('effort="8"', 'effort="1"', 'its effort limit of 1 Nm does not hold the arm stretched'),
+        (
+            'type="revolute"',
+            'type="prismatic"',
+            ('joint shoulder is prismatic, but the drives are rotary'),
+        ),
+        ('effort="8"', 'effort="1"', 'its effort limit of 1 Nm cannot carry the outstretched'),
     ],
 )
 def test_what_no_drive_can_be_guessed_for(old: str, new: str, message: str) -> None:
@@ -152,7 +156,7 @@ def test_what_a_urdf_leaves_open_is_guessed_and_told() -> None:
     text = resource('config', 'examples', 'three_joints.urdf').read_text()
     bare = text.replace('<collision>', '<!--').replace('</collision>', '-->')
     draft = ArmDraft(load_robot(bare.replace('effort="8"', 'effort="0"')), 'bare')
-    assert 'no <collision> shape' in draft.problem
+    assert 'no moving link of the URDF has a <collision> shape' in draft.problem
     assert 'effort_max' in draft.guesses[1]
     load = Dynamics(load_robot(text)).gravity(np.array([0.0, math.pi / 2, 0.0]))[1]
     assert draft.config.joints[1].effort_max > 2.0 * abs(load)
@@ -173,7 +177,7 @@ def test_a_trajectory_is_designed_for_the_ur5(robots: dict[str, Robot]) -> None:
 
 
 def test_three_joints_are_identified_from_their_designed_motion(robots: dict[str, Robot]) -> None:
-    """The whole way: configuration as drafted, emulated boards, its motion, a model."""
+    """The whole process: drafted configuration, emulated boards, designed motion, model."""
     config, robot = shipped('three_joints'), robots['three_joints']
     folder = resource('config', 'examples')
     surroundings = load_excitation_config(folder / 'three_joints_excitation.yaml')

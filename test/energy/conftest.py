@@ -13,6 +13,6 @@ def config() -> ArmConfig:
 
 @pytest.fixture(scope='session')
 def model(config: ArmConfig, robot: Robot) -> EnergyModel:
-    """Return the model of the emulated arm as drawn, friction under load included."""
+    """Return the energy model of the emulated arm as drawn, with load-dependent friction."""
     load = PlantParameters.nominal(config, robot).load_friction
     return EnergyModel(config, robot, load_friction=load)

@@ -1,4 +1,4 @@
-"""The emulated arm in simulated time, with a meter of its own at every motor and gear."""
+"""The emulated arm in simulation time, with an energy meter at every motor and gear."""
 
 from dataclasses import dataclass, field
 
@@ -23,14 +23,14 @@ CYCLE = 1e-3
 
 @dataclass
 class Meter:
-    """What motors and gears of the emulation really did [J], (4,) each, and the arm's energy."""
+    """True energies of the simulated motors and gears [J], (4,) each, and the arm's energy."""
 
     copper: np.ndarray = field(default_factory=lambda: np.zeros(4))
     shaft: np.ndarray = field(default_factory=lambda: np.zeros(4))
     friction: np.ndarray = field(default_factory=lambda: np.zeros(4))
     supplied: np.ndarray = field(default_factory=lambda: np.zeros(4))
     stored: float = 0.0
-    told: np.ndarray = field(default_factory=lambda: np.zeros(4))  # by motor_power
+    told: np.ndarray = field(default_factory=lambda: np.zeros(4))  # from motor_power
 
 
 class MeteredArm:
@@ -64,7 +64,7 @@ class MeteredArm:
         self._limits, self._law = JointLimits.from_config(config), law
 
     def play(self, motion: JointMotion, settle: float = 0.05) -> tuple[Meter, list]:
-        """Play a motion; return the meter and the states that the bridge told, with times."""
+        """Play a motion; return the meter and the bridge's states, with times."""
         source = MotionSource(motion)  # type: ignore[arg-type]
         loop = ControlLoop(self._limits, source, self._law)
         states, bridge = [], self._bridge

@@ -1,4 +1,4 @@
-"""The balance from what the bridge tells, against what the emulated motors themselves take."""
+"""The energy balance from the bridge's topics, compared with the emulated motors' power."""
 
 import numpy as np
 import pytest

@@ -1,10 +1,10 @@
-"""The arm with an obstacle of its own."""
+"""The arm with an obstacle."""
 
 from aerarm_ros.description.robot import Robot, load_robot
 
 
 def with_box(robot: Robot, centre: str, size: str, link: str = 'base_link') -> Robot:
-    """Return the arm with a box fixed to its base, in the base link or in a link of its own."""
+    """Return the arm with a box fixed to its base, in the base link or in a separate link."""
     box = (
         f'<collision name="box"><origin xyz="{centre}"/>'
         f'<geometry><box size="{size}"/></geometry></collision>'

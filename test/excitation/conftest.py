@@ -22,7 +22,7 @@ from aerarm_ros.excitation.trajectory_designer import (
     TrajectoryDesigner,
 )
 
-# For boxed_arm.py and mujoco_arm.py; the latter serves the benchmark too.
+# For boxed_arm.py and mujoco_arm.py; the benchmark uses the latter too.
 sys.path.append(str(Path(__file__).parent))
 
 

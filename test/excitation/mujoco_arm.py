@@ -1,4 +1,4 @@
-"""The arm on another engine, to check feasibility with nothing in common but the URDF."""
+"""The arm on another engine, for checks of feasibility that share only the URDF."""
 
 import mujoco
 import numpy as np
@@ -14,13 +14,13 @@ class MujocoArm:
     Parameters
     ----------
     robot : Robot
-        With collision shapes that are primitives.
+        Arm whose collision shapes are primitives.
     rotor_inertia : (n,) ndarray
         Reflected [kg m^2].
     ground_height : float
         [m]
     reach : float
-        Distances beyond are not looked at [m].
+        Largest computed distance [m].
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class MujocoArm:
     def _checked_pairs(self, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
         """Return pairs of shapes (P, 2), and shapes that could touch the ground.
 
-        Moving neighbours touch by construction. What is fixed to the base may be an obstacle to
-        link 1 too, which turns in front of it: left out is only what joint 1 does not move
-        nearer, judged on a full turn.
+        Moving neighbours touch by design. A shape fixed to the base may be an obstacle to link 1,
+        which turns in front of it. Only pairs whose distance is constant over a full turn of joint
+        1 are left out.
         """
-        # Bodies are numbered along the chain, 0 is the base with all that is fixed to it.
+        # Bodies are numbered along the chain; 0 is the base with all fixed shapes.
         body = self.model.geom_bodyid
         shapes = [geom for geom in range(self.model.ngeom) if geom != self._plane]
         pairs = [(a, b) for a in shapes for b in shapes if body[b] - body[a] > 1]
@@ -79,7 +79,7 @@ class MujocoArm:
     def distances(self, q: np.ndarray) -> tuple[float, float]:
         """Return the smallest distance to itself and to the ground [m], infinite if far.
 
-        Neighbouring bodies, and what turns on the base without coming nearer, are left out.
+        Neighbouring bodies, and pairs of constant distance, are left out.
         """
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)

@@ -1,4 +1,4 @@
-"""A drone with its arm on the physics engine, and a flight controller of them."""
+"""A drone with its arm on the physics engine, and its flight controller."""
 
 from collections.abc import Callable
 
@@ -25,12 +25,12 @@ STIFF, DAMPED = np.array([200.0, 200.0, 100.0, 100.0]), np.array([12.0, 12.0, 5.
 
 
 def body(drone: DroneConfig) -> MassProperties:
-    """Return mass properties of drone and hanging arm."""
+    """Return the mass properties of drone and hanging arm."""
     return MassProperties.of(drone, *ARM.composite_inertia(HANGING))
 
 
 class Flight:
-    """Drone and arm, 4 ms at a time, under a controller that believes a drone's file."""
+    """Drone and arm in steps of 4 ms, under a controller with the model of a drone file."""
 
     def __init__(self, drone: DroneConfig, believed: DroneConfig | None = None) -> None:
         self.plant = FlyingPlant(ROBOT, PLANT, HANGING, drone)
@@ -53,7 +53,7 @@ class Flight:
         return float(np.arccos(min(1.0, self.state.rotation[2, 2])))
 
     def step(self, reference: Reference | None = None) -> None:
-        """Fly for 4 ms, the arm held or on q(t), dq(t) by stiff springs."""
+        """Fly for 4 ms, with stiff springs that hold the arm or move it along q(t), dq(t)."""
         arm = None if self.arm is None else self.arm.at(self.time)
         self.thrust = self.control.update(self.state, self.target, 0.004, arm)
         self.plant.rotors.command(self.thrust)

@@ -55,7 +55,7 @@ def test_lift_gives_way_to_the_moments_that_keep_it_upright(drone: DroneConfig) 
 
 @names
 def test_as_much_is_given_of_the_moments_that_keep_it_upright_as_can_be(drone: DroneConfig) -> None:
-    """By more or less lift, if that helps: the same problem, solved as a linear program."""
+    """By more or less lift, if that helps; compared with a linear program."""
     low, high = drone.column('thrust_min'), drone.column('thrust_max')
     allocation, hover = Allocation(drone), np.array([0.0, 0.0, HOVER, 0.0, 0.0, 0.0])
     tilt = np.array([0.0, 0.0, 0.0, 12.0, 30.0, 0.0])

@@ -1,4 +1,4 @@
-"""What a drone is told of its arm, taken by the time that it is about."""
+"""The arm's forecast for the drone, evaluated by its stamps."""
 
 import numpy as np
 import pytest
@@ -117,7 +117,7 @@ def test_nonsense_is_refused(arm: ArmFeedForward) -> None:
         with pytest.raises(RejectedInputError, match='arm_inertia'):
             arm.offer_inertia(0.0, mass, COM, INERTIA)
     for com, inertia in ((1e3 * COM, INERTIA), (COM, INERTIA - 0.06 * np.diag([0.0, 0.0, 1.0]))):
-        with pytest.raises(RejectedInputError, match='arm_inertia: its centre'):
+        with pytest.raises(RejectedInputError, match='arm_inertia: the centre'):
             arm.offer_inertia(0.0, 1.5, com, inertia)
     for force, moment in ((np.nan, 0.0), (1e4, 0.0), (0.0, 1e4)):
         with pytest.raises(RejectedInputError, match='base_wrench_motion'):

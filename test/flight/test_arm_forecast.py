@@ -1,4 +1,4 @@
-"""The joints' motion a moment ahead: as planned where the arm does that, else as measured."""
+"""The joints' forecast: as planned if the arm follows the plan, otherwise as measured."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The arm's load against the physics engine: what is fed forward keeps a free drone still."""
+"""The arm's load compared with the physics engine: feedforward keeps a free drone still."""
 
 import mujoco
 import numpy as np

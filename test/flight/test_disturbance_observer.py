@@ -1,4 +1,4 @@
-"""A constant push on a drone is found from its momentum, and from what its IMU feels."""
+"""A constant push on a drone is estimated from its momentum, and from its IMU."""
 
 import numpy as np
 import pytest

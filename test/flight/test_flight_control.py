@@ -1,4 +1,4 @@
-"""Hovering on the physics engine, with the arm at rest and in motion, light and heavy."""
+"""Hovering in the physics engine, with the arm at rest and in motion, light and heavy."""
 
 from dataclasses import replace
 
@@ -64,9 +64,9 @@ def test_it_stays_up_while_the_arm_swings_fast(fly, name: str) -> None:
 
 
 def fed(flight, motion, seconds: float, turning: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far off [m] and how steep [rad] a drone is that is told of its arm 60 ms ahead.
+    """Return position error [m] and tilt [rad] of a drone with a forecast of 60 ms.
 
-    The heading that is asked for turns at a constant rate [rad/s].
+    The commanded heading turns at a constant rate [rad/s].
     """
     drone = flight.plant.drone
     model = ArmLoadModel(load_robot(gravity_in_base=drone.gravity_in_base))
@@ -96,7 +96,7 @@ def test_what_is_fed_forward_of_the_arm_keeps_the_drone_in_place(fly) -> None:
 
 
 def test_what_is_fed_forward_turns_with_the_heading(fly) -> None:
-    """Its lean follows a force that the arm makes in axes which turn."""
+    """The tilt follows the arm's force in rotating axes."""
     flight = fly(DRONES['3 kg'])
     flight.arm = ArmFeedForward(flight.plant.drone, flight.body, lead=0.03)
     off, tilt = fed(flight, fast_motion, 3.5, turning=2.0)
@@ -105,7 +105,7 @@ def test_what_is_fed_forward_turns_with_the_heading(fly) -> None:
 
 
 def test_a_heading_that_is_not_reached_leans_no_drone(fly) -> None:
-    """The arm reaches out, so that heading and tilt are coupled by a product of inertia."""
+    """The arm reaches out, so a product of inertia couples heading and tilt."""
 
     def reach(time: float) -> tuple[np.ndarray, np.ndarray]:
         s, out = min(1.0, time / 1.5), np.array([0.0, -np.pi / 2, 0.0, 0.0])
@@ -129,7 +129,7 @@ def test_a_wrong_mass_is_found_out_by_the_integral(fly) -> None:
 
 
 def test_height_and_place_have_stiffnesses_of_their_own(fly) -> None:
-    """Off by e it is pushed back by m w^2 e."""
+    """An error e causes a restoring force m w^2 e."""
     flight = fly(DRONES['3 kg tilted'])
     gains = FlightGains(1.5, 4.0, position_integral=0.0, attitude_integral=0.0)
     control, body = FlightControl(flight.plant.drone, flight.body, gains), flight.body

@@ -1,4 +1,4 @@
-"""A way through places and headings, continuous, and refused where no drone could take it."""
+"""A continuous path through places and headings, rejected if no drone can follow."""
 
 import numpy as np
 import pytest
@@ -48,13 +48,13 @@ def test_a_single_point_is_a_place() -> None:
 @pytest.mark.parametrize(
     ('change', 'reason'),
     [
-        ({'times': [0.0, 2.0, 1.0]}, 'must rise'),
-        ({'times': [-1.0, 2.0, 4.0]}, 'begin before zero'),
+        ({'times': [0.0, 2.0, 1.0]}, 'must increase'),
+        ({'times': [-1.0, 2.0, 4.0]}, 'must not be negative'),
         ({'times': [0.0, 0.1, 0.2]}, 'more time'),
         ({'times': []}, 'a time and a pose'),
         ({'positions': PLACES * np.nan}, 'finite'),
         ({'yaws': [0.0]}, 'a time and a pose'),
-        ({'velocities': np.zeros((2, 3))}, 'or none'),
+        ({'velocities': np.zeros((2, 3))}, 'or for none'),
     ],
 )
 def test_what_is_no_way_is_refused(change: dict[str, object], reason: str) -> None:

@@ -1,14 +1,15 @@
-"""Attacks the bridge at random, and prints what each kind of attack reached: `make attacks`.
+"""Attack the bridge at random, and print the result of each kind of attack: `make attacks`.
 
-One row an attack: runs, the furthest that the true arm was beyond a position limit, the highest
-true speed as a share of its limit, and the arm of the worst run, so that it can be run again.
-Then the same attacks on arms that were just switched on, whose zeros are unknown, and on bridges
-that are restarted meanwhile (`attack_zeros`). Ends with status 1 if a promise was broken.
+The table has one row per attack with the number of runs. It shows the largest distance of the true
+arm beyond a position limit, and the highest true speed as a fraction of its limit. The arm of the
+worst run is listed for a repetition. Then the attacks are repeated on arms that were just switched
+on, with unknown zeros, and on bridges that are restarted (`attack_zeros`). The exit status is 1 if
+a promise was broken.
 
-With `--lost-commands RATE ...` the boards lose that share of the commands from a random moment on
-(MOSI of the first, of the second, of both in turn), while their answers arrive. What is printed and
-promised then is the speed for as long as the boards drive: a board that receives nothing lets go
-after `board_timeout`, and the arm falls.
+With `--lost-commands RATE ...` the boards lose that fraction of the commands from a random moment
+on, while their answers arrive. The lost signal is MOSI of the first board, of the second, or of
+both. The table then shows, and limits, the speed while the boards drive. A board that receives no
+commands switches its motors off after `board_timeout`, and the arm falls.
 """
 
 import argparse
@@ -30,13 +31,13 @@ from aerarm_ros.model.drive_train import DriveTrain
 BEYOND_MAX = 0.02  # [rad]
 SPEED_MAX = 1.15
 _SECONDS = 1.5
-_LOSING_SECONDS = 0.8  # after the wire begins to lose commands
+_LOSING_SECONDS = 0.8  # after the connection begins to lose commands
 _LOSING_BOARDS = ((0,), (1,), (0, 1))
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run reached, and what it was."""
+    """Result and identification of a run."""
 
     attack: str
     number: int
@@ -49,12 +50,12 @@ class Outcome:
 
     @property
     def names_the_wire(self) -> bool:
-        """Whether the stop, if there was one, is not blamed on what works."""
+        """Return whether the reason of a stop, if any, does not name a working part."""
         return not any('check the controller and the encoder' in fault for fault in self.faults)
 
     @property
     def is_doubted(self) -> bool:
-        """Whether a joint was said to have turned although its encoder, which is sound, did not."""
+        """Return whether the bridge reported a wrong angle of a sound encoder."""
         return any('must have turned it' in fault for fault in self.faults)
 
 
@@ -65,7 +66,7 @@ def run(
     settings: BridgeSettings | None = None,
     lost_commands: float = 0.0,
 ) -> Outcome:
-    """Run an attack on the arm that its number draws, with a share of the commands lost."""
+    """Run an attack on the arm of a number, with a fraction of the commands lost."""
     config, robot = load_arm_config(), load_robot()
     random = np.random.default_rng([number, *attack.encode()])
     low, high = config.column('position_min'), config.column('position_max')
@@ -82,7 +83,7 @@ def run(
         down = random.standard_normal(3)
         gravity = 9.81 * down / np.linalg.norm(down)
     if number % 8 == 7 and attack in WITHOUT_EFFORT:
-        # Boards with an integral, in frames without a feed-forward current.
+        # Boards with an integral, in frames without a feedforward current.
         config = replace(config, profile='laas_power')
         kp, kd = config.column('board_kp'), config.column('board_kd')
         gains = (kp, kd, random.uniform(1.0, 5.09, 4))
@@ -133,7 +134,7 @@ def _row(outcomes: list[Outcome]) -> str:
 
 
 def _sweep(pool: ProcessPoolExecutor, options: argparse.Namespace, rate: float) -> int:
-    """Run all attacks at one rate of lost commands; return how many broke a promise."""
+    """Run all attacks at one rate of lost commands; return the number of broken promises."""
     settings = BridgeSettings(period=options.period)
     futures = [
         pool.submit(run, name, number, _LOSING_SECONDS, settings, rate)
@@ -165,7 +166,7 @@ def _zero_row(name: str, outcomes: list[ZeroOutcome]) -> str:
 
 
 def _attack_zeros(pool: ProcessPoolExecutor, names: list[str], numbers: range) -> int:
-    """Print a row each for unknown zeros and for restarts; return the number of broken promises."""
+    """Print rows for unknown zeros and for restarts; return the number of broken promises."""
     broken = 0
     for name, attack in (('unknown zeros', attack_unknown), ('restarts', attack_restart)):
         futures = [pool.submit(attack, one, number) for one in names for number in numbers]

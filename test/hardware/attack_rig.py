@@ -1,22 +1,23 @@
 """A bridge under attack: emulated boards, the true arm, and a host of the attacker's choice.
 
-Everything is in virtual time and exact: the same attack gives the same figures on any machine.
-What is under test is `BridgeCycle` whole, commands in and frames out; the plant is MuJoCo.
+All times are virtual and exact: an attack gives equal figures on any machine. The test covers the
+whole `BridgeCycle`, from commands to frames; the plant is MuJoCo.
 
     rig = AttackRig(config, robot, posture=[0, 1.2, 0, 0], payload=0.2, seed=3)
     log = rig.run(2.0, lambda rig: Offer(velocity=[0, 5, 0, 0]))
     log.beyond(config).max()    # [rad] how far the true arm was beyond its position limits
     log.time, log.q, log.dq     # true time and joints, every millisecond and when time was read
-    log.modes, log.faults       # what the bridge said, a mode a cycle
+    log.modes, log.faults       # modes of the bridge, one per cycle, and its faults
     rig.frames.commands(0)      # every frame to board 0, decoded without the suite's codec
 
 - Posture, seed (of the arm's deviations from its drawing), payload: arguments of the rig. Base:
   `gravity`, its direction in the base frame.
-- Command source: a function of the rig that returns an `Offer`, or None for silence; called once a
-  cycle with the bridge's newest state, and its answer acts in the next update, as over topics.
-- Host: a function `delays(cycle, point)` in seconds, see `attack_world`: it holds the host up at
-  WAKE, READ, or before (EXCHANGE) and after (ANSWER) a frame. Cycles that are missed are skipped,
-  as the real loop does, and the arm is looked at all the same. None is a perfect 1 kHz.
+- Command source: a function of the rig that returns an `Offer`, or None for silence. It is called
+  once per cycle with the bridge's newest state; its result acts in the next update, as over
+  topics.
+- Host: a function `delays(cycle, point)` in seconds, see `attack_world`. It delays the host at
+  WAKE, READ, or before (EXCHANGE) and after (ANSWER) a frame. Missed cycles are skipped, as in the
+  real loop, but the arm is still checked. None is a perfect 1 kHz.
 - Boards: `rig.world.boards`, an `EmulatedTransport`; faults with `inject`.
 """
 
@@ -45,7 +46,7 @@ _QUICK = AlignmentTiming(forward=0.25, reverse=0.25, hold=0.1)
 
 
 class Offer(NamedTuple):
-    """A joint command, (n,) each, None or NaN where unused, and who sends it."""
+    """A joint command, (n,) each, None or NaN where unused, and its sender."""
 
     position: Sequence[float] | np.ndarray | None = None
     velocity: Sequence[float] | np.ndarray | None = None
@@ -59,20 +60,20 @@ Source = Callable[['AttackRig'], Offer | None]
 
 @dataclass
 class AttackLog:
-    """A run: the true arm each millisecond, the bridge's mode each cycle, its stops, its trust.
+    """Log of a run: the true arm each millisecond, the bridge's mode each cycle, its stops.
 
     Attributes
     ----------
     time, q_rows, dq_rows
         Rows of `q` and `dq` with their true times [s].
     driven_rows
-        Number of rows before the first in which a board had let its motors go.
+        Number of rows before a board first switched its motors off.
     modes
         The bridge's mode after each cycle.
     faults
         Every stop, and every fault of a board, once.
     accepted
-        Commands that passed.
+        Number of accepted commands.
     """
 
     time: list[float] = field(default_factory=list)
@@ -94,7 +95,7 @@ class AttackLog:
         return np.array(self.dq_rows)
 
     def beyond(self, config: ArmConfig) -> np.ndarray:
-        """Return how far each joint was beyond its position limits at most [rad], (n,)."""
+        """Return the largest distance of each joint beyond its position limits [rad], (n,)."""
         above = self.q - config.column('position_max')
         below = config.column('position_min') - self.q
         return np.maximum(above, below).max(axis=0)
@@ -104,7 +105,7 @@ class AttackLog:
         return np.abs(self.dq).max(axis=0) / config.column('velocity_max')
 
     def driven(self) -> 'AttackLog':
-        """Return the run up to when a board let go of its motors: nobody keeps a limit then."""
+        """Return the run until a board switched its motors off, after which no limit applies."""
         rows = self.driven_rows
         return replace(
             self, time=self.time[:rows], q_rows=self.q_rows[:rows], dq_rows=self.dq_rows[:rows]
@@ -119,20 +120,20 @@ class AttackRig:
     config, robot
         The arm as drawn.
     posture
-        Joint angles (n,) at the start [rad]; the configuration's home configuration if not given.
+        Joint angles (n,) at the start [rad]; by default the home configuration.
     payload
-        Mass at the tool [kg], which the bridge is not told.
+        Mass at the tool [kg], unknown to the bridge.
     seed
-        Of the arm's deviations from its drawing; None for an arm as drawn.
+        Seed of the arm's deviations from its drawing; None for an arm as drawn.
     settings, gains
-        The bridge's, the host's period among them; gains are (kp, kd) or (kp, kd, integral_gain),
-        motor side.
+        Settings of the bridge, including the host's period; gains are (kp, kd) or (kp, kd,
+        integral_gain), motor side.
     delays
-        The host's script, None for one that is never late.
+        Delays of the host, None for a host without delays.
     gravity
-        (3,) in the base frame [m/s^2], which the bridge is not told.
+        (3,) in the base frame [m/s^2], unknown to the bridge.
     homed
-        Whether the zeros are known at the start, as after homing; else the boards are just
+        Whether the zeros are known at the start, as after homing; otherwise the boards are just
         switched on.
     """
 
@@ -195,7 +196,7 @@ class AttackRig:
     def bring_up(self) -> 'AttackRig':
         """Enable the arm, declare its motors aligned, and let it carry its weight.
 
-        The host's script begins afterwards, with cycle 0.
+        The host's delays begin afterwards, with cycle 0.
         """
         self.run(0.02)
         answer = self.bridge.enable()
@@ -212,7 +213,7 @@ class AttackRig:
         return self
 
     def run(self, seconds: float, source: Source | None = None) -> AttackLog:
-        """Run for a true time [s]; return the log since `bring_up`, which goes on growing."""
+        """Run for a true time [s]; return the log since `bring_up`, which continues to grow."""
         end = self.now + seconds
         while self.now < end - 1e-9:
             self.cycle(source)
@@ -247,5 +248,5 @@ class AttackRig:
     def inject(
         self, fault: str, board: int = 0, motor: int = 0, value: float | None = None
     ) -> None:
-        """Make a board or motor faulty."""
+        """Inject a fault into a board or motor."""
         inject(self.boards, fault, board, motor, value)

@@ -1,4 +1,4 @@
-"""Emulated boards and arm that live in true time, whatever the host does meanwhile."""
+"""Emulated boards and arm that continue in true time during all delays of the host."""
 
 from collections.abc import Callable
 
@@ -6,30 +6,29 @@ from frame_log import FrameLog
 
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
-_PIECE = 1e-3  # [s] in which the arm is looked at; less than what the boards catch up with at once
+_PIECE = 1e-3  # [s] between checks of the arm; less than the boards' longest step
 
-# Where the host may be held up in a cycle; an exchange with board 0 as an example.
-WAKE = 'wake'  # before it reads its clock
-READ = 'read'  # between reading its clock and the first exchange
-EXCHANGE = 'exchange'  # ('exchange 0') before the frame is on the wire
-ANSWER = 'answer'  # ('answer 0') after it, before the answer is looked at
+# Points at which the host may be delayed in a cycle; for an exchange, the example is board 0.
+WAKE = 'wake'  # before the host reads its clock
+READ = 'read'  # between reading the clock and the first exchange
+EXCHANGE = 'exchange'  # ('exchange 0') before the frame is on the bus
+ANSWER = 'answer'  # ('answer 0') after the frame, before the answer is read
 
 Delays = Callable[[int, str], float]
 
 
 class AttackWorld:
-    """A `Transport` to emulated boards that notes every frame, and the host's clock.
+    """A `Transport` to emulated boards that records every frame, and the host's clock.
 
-    Time passes where the host's script, `delays(cycle, point)` in seconds, says so, and to the
-    next cycle; boards and plant go on with it, and the board time-outs strike, as they do beside
-    a real host.
+    Time advances by the host's delays, `delays(cycle, point)` in seconds, and to the next cycle.
+    Boards and plant continue meanwhile, and the boards' time-outs apply, as with a real host.
 
     Parameters
     ----------
     boards
         The emulated boards on their plant.
     watch
-        Called every millisecond of true time, pauses of the host included, with that time [s].
+        Called every millisecond of true time, delays of the host included, with that time [s].
 
     Attributes
     ----------
@@ -38,7 +37,7 @@ class AttackWorld:
     frames
         Every frame of the run.
     cycle
-        Number of the host's cycle, for the script.
+        Number of the host's cycle, for the delays.
     """
 
     def __init__(self, boards: EmulatedTransport, watch: Callable[[float], None]) -> None:
@@ -48,11 +47,11 @@ class AttackWorld:
         self.cycle = 0
         self._watch = watch
         self._delays: Delays | None = None
-        self._exchanged = [(0.0, 0.0) for _ in boards.boards]  # end and duration of the last
+        self._exchanged = [(0.0, 0.0) for _ in boards.boards]  # of the last exchange: end, duration
         boards.advance(self.now)
 
     def script(self, delays: Delays | None) -> None:
-        """Take another script for the host."""
+        """Set other delays of the host."""
         self._delays = delays
 
     def clock(self) -> float:
@@ -60,27 +59,27 @@ class AttackWorld:
         return self.now
 
     def pass_time(self, until: float) -> None:
-        """Let boards and arm live until a true time [s]."""
+        """Simulate boards and arm until a true time [s]."""
         while until > self.now:
             self.now = until if until - self.now < 1.001 * _PIECE else self.now + _PIECE
             self.boards.advance(self.now)
             self._watch(self.now)
 
     def hold_up(self, point: str) -> None:
-        """Hold the host up where its script says so."""
+        """Delay the host according to its script."""
         if self._delays is not None:
             seconds = self._delays(self.cycle, point)
             if seconds > 0.0:
                 self.pass_time(self.now + seconds)
 
     def open(self) -> None:
-        """Nothing to open."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
     def advance(self, now: float) -> None:
-        """Nothing to catch up with: the world is always at its true time."""
+        """Do nothing: the simulation is always at its true time."""
         self.hold_up(READ)
 
     def exchange(self, board: int, frame: bytes) -> bytes:
@@ -94,13 +93,13 @@ class AttackWorld:
         return answer
 
     def exchange_time(self, board: int) -> float:
-        """Duration of the last exchange [s]: that which the bus claims, and the host's delays."""
+        """Duration of the last exchange [s]: the bus' own, plus the host's delays."""
         return self.boards.exchange_time(board) + self._exchanged[board][1]
 
     def exchanged_at(self, board: int) -> float:
-        """True time at which the last exchange with a board was over [s]."""
+        """True time at the end of the last exchange with a board [s]."""
         return self._exchanged[board][0]
 
     def problem(self, board: int) -> str:
-        """What the bus says about a board."""
+        """Bus problem of a board."""
         return self.boards.problem(board)

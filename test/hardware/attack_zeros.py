@@ -1,4 +1,4 @@
-"""The attacks on arms that were just switched on, and on bridges that are restarted meanwhile."""
+"""Attacks on arms that were just switched on, and on bridges that are restarted."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -13,29 +13,29 @@ from aerarm_ros.hardware.boards.kept_zeros import HostClock, KeptZeros, arm_iden
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
 
-WRONG_MAX = 0.005  # [rad] by which an angle that is taken for known may be off
+WRONG_MAX = 0.005  # [rad] largest error of an angle with a known zero
 _HOST = HostClock('the same', 0.0)
 _ASK = 50  # cycles between two requests of an attacker
 
 
 @dataclass(frozen=True)
 class ZeroOutcome:
-    """What came of an attack.
+    """Result of an attack.
 
     Attributes
     ----------
     driven
-        Frames that told a board to drive while a zero was unknown.
+        Number of frames that let a board drive while a zero was unknown.
     accepted
-        Commands and requests but `home` that were accepted meanwhile.
+        Number of accepted commands and requests, other than `home`, meanwhile.
     wrong
-        Largest error [rad] of an angle whose zero was taken for known.
+        Largest error [rad] of an angle whose zero counted as known.
     cycled
-        Number of boards that were switched off and on while the bridge was away.
+        Number of boards that were switched off and on while the bridge was stopped.
     unknown
-        Number of joints whose zero was unknown after the restart.
+        Number of joints with an unknown zero after the restart.
     beyond, speed
-        As of the other attacks, once the arm was driven again.
+        As for the other attacks, once the arm was driven again.
     """
 
     attack: str
@@ -50,7 +50,7 @@ class ZeroOutcome:
 
     @property
     def is_clean(self) -> bool:
-        """Whether no wrong angle was taken for known, and nothing was driven by an unknown one."""
+        """Return whether no wrong angle counted as known, and no arm drove with an unknown zero."""
         quiet = self.driven == 0 and self.accepted == 0 and self.wrong <= WRONG_MAX
         found = self.unknown == 0 if self.cycled == 0 else self.unknown >= 2 * self.cycled
         return quiet and found
@@ -62,7 +62,7 @@ def _posture(config, random):
 
 
 def _asked(rig: AttackRig, seconds: float, source) -> tuple[int, int]:
-    """Attack an arm with unknown zeros; return frames that drive, and what was accepted."""
+    """Attack an arm with unknown zeros; return the numbers of driving frames and acceptances."""
     before, accepted = rig.log.accepted, 0
     seen = len(rig.frames.commands(0)['enable_system']) if rig.cycles else 0
     for cycle in range(round(seconds / 1e-3)):
@@ -84,14 +84,14 @@ def attack_unknown(attack: str, number: int) -> ZeroOutcome:
 
 
 def attack_restart(attack: str, number: int) -> ZeroOutcome:
-    """Restart the bridge in the middle of an attack, beside boards that stayed on or did not."""
+    """Restart the bridge during an attack, with boards that stayed on or were restarted."""
     config, robot = load_arm_config(), load_robot()
     random = np.random.default_rng([number, *attack.encode()])
     rig = AttackRig(config, robot, posture=_posture(config, random))
     for board in rig.boards.boards:
         board._clock = random.choice([0.0, random.uniform(0.0, 65.0), TIMESTAMP_PERIOD - 0.3])
         for motor in board.motors:
-            motor.encoder.index_detected = True  # homing has met it
+            motor.encoder.index_detected = True  # homing has detected the index
     rig.bridge = BridgeCycle(config, rig.world, robot=robot)
     rig.bridge.zeros.found()
     rig.bring_up()
@@ -99,7 +99,7 @@ def attack_restart(attack: str, number: int) -> ZeroOutcome:
     rig.run(random.uniform(0.1, 0.5), make())
     arm = arm_identity(config)
     kept = KeptZeros.parse(rig.bridge.recall.keep(arm, _HOST).text())
-    # The file is up to a second old when the bridge ends in order; somebody holds the arm.
+    # After a normal end of the bridge the file is up to a second old; a person holds the arm.
     rig.run(random.uniform(0.0, 0.2), make())
     rig.bridge.shutdown()
     rig.boards.carry()

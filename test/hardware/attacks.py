@@ -1,7 +1,7 @@
-"""Streams of commands that try to break the arm, each of the kind that passes the gate.
+"""Streams of accepted commands that try to damage the arm, by kind.
 
-An attack is a function of a random generator that returns a `Source` for `AttackRig`; what the
-generator draws are directions, amplitudes, frequencies and which joints are attacked.
+An attack is a function of a random generator that returns a `Source` for `AttackRig`. The
+generator selects directions, amplitudes, frequencies and the attacked joints.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from attack_rig import AttackRig, Offer, Source
 
 Attack = Callable[[np.random.Generator], Source]
 NAN = np.nan
-# Over a limit by less than what stops the arm (`velocity_factor`, `effort_factor`, ...).
+# Beyond a limit by less than the margin at which the arm is stopped (`velocity_factor`, ...).
 _OVER_SPEED = 1.24
 _OVER_EFFORT = 1.99
 _OVER_REACH = 0.49  # [rad]
@@ -31,7 +31,7 @@ def _efforts(rig: AttackRig) -> np.ndarray:
 
 
 def _ahead(rig: AttackRig, way: np.ndarray) -> np.ndarray:
-    """Return positions as far ahead of the arm as the gate bears."""
+    """Return positions as far ahead of the arm as the gate accepts."""
     q = rig.bridge.q + _OVER_REACH * way
     low = rig.config.column('position_min') - _BEYOND
     return np.clip(q, low, rig.config.column('position_max') + _BEYOND)
@@ -50,25 +50,25 @@ def position(random: np.random.Generator) -> Source:
 
 
 def position_velocity(random: np.random.Generator) -> Source:
-    """Positions far ahead, with the speed to it."""
+    """Positions far ahead, with the corresponding velocity."""
     way = _signs(random)
     return lambda rig: Offer(_ahead(rig, way), way * _speeds(rig))
 
 
 def full_law(random: np.random.Generator) -> Source:
-    """Position, velocity and effort, all one way."""
+    """Position, velocity and effort, all in one direction."""
     way = _signs(random)
     return lambda rig: Offer(_ahead(rig, way), way * _speeds(rig), way * _efforts(rig))
 
 
 def effort(random: np.random.Generator) -> Source:
-    """Full torque one way."""
+    """Full torque in one direction."""
     way = _signs(random)
     return lambda rig: Offer(effort=way * _efforts(rig))
 
 
 def effort_against_reference(random: np.random.Generator) -> Source:
-    """A feed-forward effort that works against a position that holds still."""
+    """A feedforward effort against a constant position reference."""
     way, held = _signs(random), []
 
     def source(rig: AttackRig) -> Offer:
@@ -80,7 +80,7 @@ def effort_against_reference(random: np.random.Generator) -> Source:
 
 
 def velocity_waves(random: np.random.Generator) -> Source:
-    """Square waves of velocity about the loop's resonance."""
+    """Square waves of velocity near the loop's resonance."""
     way, turn = _signs(random), random.uniform(0.3, 15.0)
     return lambda rig: Offer(
         velocity=way * _speeds(rig) * np.sign(np.sin(2 * np.pi * turn * rig.now))
@@ -107,7 +107,7 @@ def effort_chatter(random: np.random.Generator) -> Source:
 
 
 def pump(random: np.random.Generator) -> Source:
-    """Effort along the motion: each joint is driven on, wherever it goes, and back at a limit."""
+    """Effort along the motion of each joint, reversed at its limits."""
     way = _signs(random)
 
     def source(rig: AttackRig) -> Offer:
@@ -118,7 +118,7 @@ def pump(random: np.random.Generator) -> Source:
 
 
 def pump_loop(random: np.random.Generator) -> Source:
-    """The same with velocity references."""
+    """Velocity references along the motion of each joint, reversed at its limits."""
     way = _signs(random)
 
     def source(rig: AttackRig) -> Offer:
@@ -129,7 +129,7 @@ def pump_loop(random: np.random.Generator) -> Source:
 
 
 def alternating(random: np.random.Generator) -> Source:
-    """Another mode in each cycle, all one way."""
+    """Another mode in each cycle, all in one direction."""
     way, every = _signs(random), random.integers(1, 4)
 
     def source(rig: AttackRig) -> Offer:
@@ -148,7 +148,7 @@ def alternating(random: np.random.Generator) -> Source:
 
 
 def any_mode(random: np.random.Generator) -> Source:
-    """Each joint in a mode of its own, drawn anew now and then; NaN for what is unused."""
+    """Each joint in a mode of its own, changed at random times; NaN for unused values."""
     state = {'way': _signs(random), 'mode': random.integers(1, 8, 4)}
 
     def source(rig: AttackRig) -> Offer:
@@ -167,7 +167,7 @@ def any_mode(random: np.random.Generator) -> Source:
 
 
 def random_walk(random: np.random.Generator) -> Source:
-    """Efforts and velocities that wander."""
+    """Efforts and velocities as random walks."""
     level = np.zeros(4)
     by_effort = random.random(4) < 0.5
 
@@ -182,14 +182,14 @@ def random_walk(random: np.random.Generator) -> Source:
 
 
 def stopping(random: np.random.Generator) -> Source:
-    """A stream that stops at speed, and comes back."""
+    """A stream that stops at speed, and returns."""
     inner = random.choice([velocity, position_velocity, effort, full_law])(random)
     on, off = random.uniform(0.05, 0.5), random.uniform(0.02, 0.4)
     return lambda rig: inner(rig) if rig.now % (on + off) < on else None
 
 
 def violation(random: np.random.Generator) -> Source:
-    """At speed, a command so far out that the arm is stopped for good."""
+    """At speed, a command so far out that the arm is stopped permanently."""
     inner, after = random.choice([velocity, effort])(random), random.uniform(0.1, 0.8)
     begin = []
 
@@ -201,7 +201,7 @@ def violation(random: np.random.Generator) -> Source:
 
 
 def swinging(random: np.random.Generator) -> Source:
-    """Joint 2 is pressed to a limit while the others swing as hard as they can."""
+    """Joint 2 is pressed to a limit while the other joints swing as strongly as they can."""
     way, turn = _signs(random)[1], random.uniform(1.0, 12.0)
     by_effort = random.random() < 0.5
 
@@ -234,7 +234,7 @@ def unloading(random: np.random.Generator) -> Source:
 
 
 def throwing(random: np.random.Generator) -> Source:
-    """Joint 2 is driven to a limit while all others, at full speed, throw the arm outward."""
+    """Joint 2 is driven to a limit while all other joints, at full speed, throw the arm outward."""
     way, by_effort = _signs(random), random.random() < 0.5
 
     def source(rig: AttackRig) -> Offer:
@@ -247,13 +247,13 @@ def throwing(random: np.random.Generator) -> Source:
 
 
 def creeping(random: np.random.Generator) -> Source:
-    """Slowly into the limits, and on."""
+    """Slow motion into the limits and beyond."""
     way, slow = _signs(random), random.uniform(0.02, 0.6)
     return lambda rig: Offer(velocity=slow * way)
 
 
 def limp(random: np.random.Generator) -> Source:
-    """No torque at all for some joints, which fall, while others are driven."""
+    """Zero torque for some joints, which fall, while others are driven."""
     way, driven = _signs(random), random.random(4) < 0.5
 
     def source(rig: AttackRig) -> Offer:
@@ -266,7 +266,7 @@ def limp(random: np.random.Generator) -> Source:
 
 
 def returning(random: np.random.Generator) -> Source:
-    """Full speed away from one limit to the other, turned round at the last moment."""
+    """Full speed from one limit to the other, reversed at the last moment."""
     way, at = _signs(random), random.uniform(0.0, 0.6, 4)
     by_effort = random.random(4) < 0.5
 
@@ -310,7 +310,7 @@ ATTACKS: dict[str, Attack] = {
         returning,
     )
 }
-# Those that boards without a feed-forward current can be attacked with.
+# Attacks for boards without a feedforward current.
 WITHOUT_EFFORT = frozenset(
     attack.__name__
     for attack in (velocity, position, position_velocity, velocity_waves, pump_loop, creeping)

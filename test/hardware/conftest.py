@@ -1,4 +1,4 @@
-"""A bridge on emulated boards, with time in the test's hands."""
+"""A bridge on emulated boards, with time controlled by the test."""
 
 from collections.abc import Callable, Sequence
 
@@ -23,7 +23,8 @@ Reference = Callable[[float], tuple[Sequence[float] | None, ...]]
 class Rig:
     """Emulated boards and a bridge, run cycle by cycle.
 
-    `homed`: the zeros are known at the start, as after homing; else boards just switched on.
+    `homed`: the zeros are known at the start, as after homing; otherwise the boards are just
+    switched on.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class Rig:
         self.bridge.update(self.now)
 
     def run(self, seconds: float, reference: Reference | None = None) -> np.ndarray:
-        """Run, commanding position, velocity, effort = reference(time); return q of each cycle."""
+        """Run with position, velocity, effort = reference(time); return q of each cycle."""
         history = []
         for _ in range(round(seconds / PERIOD)):
             if reference is not None:
@@ -87,7 +88,7 @@ class Rig:
     def bring_up(self, aligned: bool = True) -> 'Rig':
         """Enable the arm and let it carry its own weight at rest.
 
-        Unless the alignment is what a test is about, the motors are declared aligned.
+        Unless a test covers the alignment, the motors are declared aligned.
         """
         self.enable()
         if aligned:

@@ -1,4 +1,4 @@
-"""CRC-32/MPEG-2 by a table of remainders: shares no code with the one by zlib, and checks it."""
+"""CRC-32/MPEG-2 by a table of remainders, as an independent check of the one by zlib."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -11,10 +11,10 @@ _WORDS = np.dtype('>u2')
 
 
 class FrameLog:
-    """The frames that were exchanged with each board, and when.
+    """Frames exchanged with each board, and their times.
 
-    Decoded as docs/reference/frames.md draws profile uomodri_v3, not by `FrameCodec`: what is
-    wrong in the codec shows here.
+    The frames are decoded by the layout of profile uomodri_v3 in docs/reference/frames.md, not by
+    `FrameCodec`, so errors of the codec are visible.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class FrameLog:
         self.rows: list[tuple[float, int, bytes, bytes]] = []
 
     def add(self, time: float, board: int, sent: bytes, received: bytes) -> None:
-        """Note an exchange at a true time [s]."""
+        """Record an exchange at a true time [s]."""
         self.rows.append((time, board, sent, received))
 
     def times(self, board: int) -> np.ndarray:
@@ -34,7 +34,7 @@ class FrameLog:
         return np.array([row[0] for row in self.rows if row[1] == board])
 
     def commands(self, board: int) -> dict[str, np.ndarray]:
-        """Return what was sent to a board, (M,) or (M, 2) by channel, in SI units, motor side.
+        """Return the commands to a board, (M,) or (M, 2) by channel, in SI units, motor side.
 
         Keys: good (the CRC is right), enable_system, enable_motor, timeout [s], position,
         velocity, current, kp, kd, current_saturation, index.

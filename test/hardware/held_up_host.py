@@ -1,8 +1,8 @@
-"""Motions of a healthy arm whose host is held up at random, in every mode of the bridge.
+"""Motions of a healthy arm whose host is delayed at random, in every mode of the bridge.
 
-Whatever the bridge says of a fault is false here, whoever is told to switch off is dropped, and no
-joint may be faster than in an attack. As a program it is a part of `make attacks`: it runs a number
-of trials, prints a row for each kind, and ends with status 1 if one was not clean.
+Every fault that the bridge reports here is false. No board may be switched off, and no joint may
+be faster than in an attack. As a program, this module is a part of `make attacks`: it runs a
+number of trials, prints one row per kind, and returns 1 if a trial failed.
 """
 
 import argparse
@@ -22,34 +22,34 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
 
 POINTS = (WAKE, READ, f'{EXCHANGE} 0', f'{ANSWER} 0', f'{EXCHANGE} 1', f'{ANSWER} 1')
-_MARGIN = 0.35  # [rad] that the motions leave to the position limits
+_MARGIN = 0.35  # [rad] margin of the motions to the position limits
 _PACE = np.array([8.0, 2.2, 8.0, 8.0])  # [rad/s] of the fastest swings
-# A position without its speed lags by kd/kp times the speed: joint 2 by 0.1 s.
+# A position without its velocity lags by kd/kp times the velocity: joint 2 by 0.1 s.
 _POSITION_SPEED = np.array([4.0, 1.5, 4.0, 4.0])  # [rad/s]
-# Beyond it joint 2 lacks the torque to turn round a stretched arm within its limits.
+# Above this speed joint 2 lacks the torque to reverse a stretched arm within its limits.
 _TRACKED_SPEED = np.array([5.0, 3.0, 5.0, 5.0])  # [rad/s]
 _EFFORT_GAINS = np.array([6.0, 12.0, 1.0, 1.0]), np.array([1.5, 3.0, 0.15, 0.15])
 _EFFORT_SPEED = 2.0  # [rad/s]
 
 
 class RandomDelays:
-    """A host's script: hold-ups of random length, at random cycles and points.
+    """Random delays of a host, at random cycles and points.
 
     Parameters
     ----------
     random
-        Draws them.
+        Random generator.
     every
-        Cycles between two hold-ups, on average.
+        Mean number of cycles between two delays.
     shortest, longest
         Their length [s].
     points
-        Where they happen, see `attack_world`.
+        Points of the cycle at which they happen, see `attack_world`.
 
     Attributes
     ----------
     count
-        Hold-ups so far.
+        Number of delays so far.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class RandomDelays:
         self._draw(0)
 
     def __call__(self, cycle: int, point: str) -> float:
-        """Return how long the host is held up here [s]."""
+        """Return the host's delay at a point [s]."""
         due, where = self._next
         if cycle < due or point != where:
             return 0.0
@@ -78,19 +78,19 @@ class RandomDelays:
         return float(self._random.uniform(*self._bounds))
 
     def _draw(self, cycle: int) -> None:
-        # Several in one cycle too, at one point or another.
+        # Several in one cycle are possible, at different points.
         gap = int(self._random.exponential(self._every))
         self._next = cycle + gap, str(self._random.choice(self._points))
 
 
 class WideSwing:
-    """Every joint swings as far as its limits allow, at a speed of its own up to the given."""
+    """Swings of all joints over their range, at individual speeds up to the given one."""
 
     def __init__(self, random: np.random.Generator, speed_max: np.ndarray | float) -> None:
         config = load_arm_config()
         low = config.column('position_min') + _MARGIN
         high = config.column('position_max') - _MARGIN
-        # Some joints rest, and some go at the very limit.
+        # Some joints rest, and some move at the limit.
         speed = speed_max * np.clip(random.uniform(-0.2, 1.1, 4), 0.0, 1.0)
         self._pace = np.maximum(_PACE * random.uniform(0.7, 1.0, 4), 2.01 * speed / (high - low))
         self._reach = speed / self._pace
@@ -100,7 +100,7 @@ class WideSwing:
         self._begin = inf
 
     def at(self, rig: AttackRig) -> tuple[np.ndarray, np.ndarray]:
-        """Return positions [rad] and velocities [rad/s] now; it begins with the first call."""
+        """Return positions [rad] and velocities [rad/s]; the motion begins with the first call."""
         self._begin = min(self._begin, rig.now)
         phase = self._pace * (rig.now - self._begin)
         q = self.start + self._way * self._reach * (1.0 - np.cos(phase))
@@ -129,7 +129,7 @@ def full_law(random: np.random.Generator) -> Motion:
 
 
 def effort(random: np.random.Generator) -> Motion:
-    """A controller's efforts."""
+    """Efforts of a controller."""
     swing, dynamics = WideSwing(random, _EFFORT_SPEED), Dynamics(load_robot())
     kp, kd = _EFFORT_GAINS
 
@@ -142,7 +142,7 @@ def effort(random: np.random.Generator) -> Motion:
 
 
 def start_and_stop(random: np.random.Generator) -> Motion:
-    """Velocities that step to and fro, with rests between."""
+    """Velocities that step between directions, with rests in between."""
     swing, way = WideSwing(random, 0.0), random.choice([-1.0, 1.0], 4)
     speed = random.uniform(0.5, 4.0, 4) * [1.0, 0.5, 1.0, 1.0]
 
@@ -154,13 +154,13 @@ def start_and_stop(random: np.random.Generator) -> Motion:
 
 
 def stopping_controller(random: np.random.Generator) -> Motion:
-    """A controller that stops at speed and comes back: followed, damped, followed."""
+    """A controller that stops at speed and returns: followed, damped, followed."""
     start, source = velocity(random)
     return start, lambda rig: source(rig) if rig.now % 0.3 < 0.15 else None
 
 
 def holding(random: np.random.Generator) -> Motion:
-    """Nobody commands: the bridge holds the arm in place."""
+    """No commands: the bridge holds the arm in place."""
     return WideSwing(random, 0.0).start, None
 
 
@@ -193,22 +193,22 @@ MOTIONS: dict[str, Callable[[np.random.Generator], Motion]] = {
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of it.
+    """Result of a trial.
 
     Attributes
     ----------
     motion, number
-        What it was.
+        Kind of motion and number of the arm.
     delays
-        How often the host was held up.
+        Number of delays of the host.
     faults
-        What the bridge said, besides an emergency stop; all of it false.
+        Faults that the bridge reported, except an emergency stop; all are false.
     drops
-        Frames that told a board to switch off.
+        Number of frames that switched a board off.
     errors
         Error codes of the boards.
     speed
-        Highest true speed of a joint, as a share of its limit.
+        Highest true speed of a joint, as a fraction of its limit.
     """
 
     motion: str
@@ -221,12 +221,12 @@ class Trial:
 
     @property
     def is_clean(self) -> bool:
-        """Whether nobody was taken for faulty, dropped or let become too fast."""
+        """Return whether no part counted as faulty, was switched off or became too fast."""
         return not (self.faults or self.drops or any(self.errors) or self.speed > SPEED_MAX)
 
 
 def run(motion: str, number: int, seconds: float = 1.0, **delays: object) -> Trial:
-    """Hold up the host of an arm that the number draws; `delays` as of `RandomDelays`."""
+    """Delay the host of the arm of a number; for `delays` see `RandomDelays`."""
     config, robot = load_arm_config(), load_robot()
     random = np.random.default_rng([number, *motion.encode()])
     posture, source = MOTIONS[motion](random)

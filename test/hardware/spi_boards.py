@@ -13,7 +13,7 @@ FLAGS = ('-shared', '-fPIC', '-O2', '-Wall', '-Werror')
 
 
 def missing() -> str:
-    """Return why these tests can't run on this host, or ''."""
+    """Return why these tests cannot run on this host, or an empty text."""
     if not sys.platform.startswith('linux'):
         return 'preloading needs Linux'
     if compiler() is None:
@@ -30,8 +30,8 @@ def compiler() -> str | None:
 class SpiBoards:
     """Context with a running server; `environment` is for the processes that use the bus.
 
-    With `paced` the boards' time is that of the frames and their encoders are absolute, see
-    `spi_server`; the bridge needs a configuration that declares it.
+    With `paced`, the boards' time follows the frames and their encoders are absolute, see
+    `spi_server`. The bridge then needs a configuration with absolute encoders.
     """
 
     def __init__(self, paced: bool = False) -> None:
@@ -47,30 +47,30 @@ class SpiBoards:
             stdout=subprocess.PIPE,
             text=True,
         )
-        self._read()  # it is up
+        self._read()  # the server is running
 
     def set(self, device: str, **attributes: object) -> None:
         """Change attributes of a `spi_server.Device`."""
         self._ask({'set': {'device': device, **attributes}})
 
     def vanish(self, device: str) -> None:
-        """Take a device away."""
+        """Remove a device."""
         self._ask({'vanish': device})
 
     def come_back(self, device: str) -> None:
-        """Put another device of the same name where one has vanished."""
+        """Replace a removed device by another one of that name."""
         self._ask({'come back': device})
 
     def inject(self, fault: str) -> None:
-        """Make something go wrong with a board."""
+        """Inject a fault into a board."""
         self._ask({'inject': fault})
 
     def let_pass(self, seconds: float) -> None:
-        """Let the time of paced boards go on without frames."""
+        """Advance the time of paced boards without frames."""
         self._ask({'pass': seconds})
 
     def report(self) -> list[dict]:
-        """Return what each board saw and in what state it is."""
+        """Return the received data and the state of each board."""
         return self._ask({})
 
     def _ask(self, command: dict) -> list[dict]:
@@ -87,5 +87,5 @@ class SpiBoards:
     def __exit__(self, *_: object) -> None:
         self._process.stdin.close()
         self._process.stdout.close()
-        self._process.wait(120.0)  # on a busy machine it takes its time
+        self._process.wait(120.0)  # slow on a busy machine
         self._folder.cleanup()

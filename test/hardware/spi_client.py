@@ -1,9 +1,9 @@
-"""Uses a SpidevTransport and prints what came of it, for test_spidev_bus.py.
+"""Use a SpidevTransport and print the result, for test_spidev_bus.py.
 
 Usage: python spi_client.py CONFIG EXCHANGES [SECONDS]
 
-After half of the exchanges it prints a line and waits for one. With SECONDS it does so once more at
-the end, and then exchanges frames until every board answers, for that long at most.
+After half of the exchanges the program prints a line and waits for one. With SECONDS it does so
+again at the end, and then exchanges frames until every board answers, for at most SECONDS.
 """
 
 import json
@@ -22,7 +22,7 @@ from aerarm_ros.hardware.transports.spidev_transport import (
 
 
 def exchange(transport: SpidevTransport, boards: int, count: int) -> dict:
-    """Exchange frames with every board; return what each answered."""
+    """Exchange frames with every board; return each board's answers."""
     codec = FrameCodec(load_profile())
     good, indices, slowest = [0] * boards, [0] * boards, [0.0] * boards
     for index in range(1, count + 1):

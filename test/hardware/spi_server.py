@@ -1,21 +1,22 @@
-"""Emulated boards behind the socket of spi_shim.c, in real time or in that of the frames.
+"""Emulated boards behind the socket of spi_shim.c, in real time or in the time of the frames.
 
 Usage: python spi_server.py SOCKET [PACED]
 
-With PACED a millisecond passes with each round of frames, however long the host takes for it, and
-none without frames but what a command lets pass: nobody is too late. The encoders are absolute
-then: homing turns the joints by the host's time, so a slow host would drive paced ones too fast.
+With PACED, each round of frames advances time by a millisecond, however slow the host is. Without
+frames only the command `pass` advances time, so no frame is too late. The encoders are then
+absolute, because homing moves the joints by the host's time, and a slow host would drive paced
+joints too fast.
 
-Takes commands as lines of JSON on standard input and answers each with a line:
+The program reads commands as lines of JSON on standard input and answers each with a line:
 
     {"set": {"device": PATH, ...}}   change attributes of a Device
-    {"vanish": PATH}                 the device is gone
-    {"come back": PATH}              another device of that name is there
+    {"vanish": PATH}                 remove the device
+    {"come back": PATH}              add another device of that name
     {"inject": "NAME:BOARD..."}      a fault of an emulated board, see FaultRequest
-    {"pass": SECONDS}                time goes on for paced boards, without frames
+    {"pass": SECONDS}                advance the time of paced boards, without frames
     {}                               nothing
 
-The answer tells, for each board, what it saw and in what state it is.
+The answer contains the received data and the state of each board.
 """
 
 import errno
@@ -36,12 +37,12 @@ NAME_BYTES = 32
 HEADER = struct.Struct('=III')
 COUNT = struct.Struct('=i')
 ROUND = 1e-3  # [s] of paced boards between two frames for one of them
-IDLE = 1e-3  # [s] between two steps of the arm while nobody transfers anything
+IDLE = 1e-3  # [s] between two steps of the arm without transfers
 
 
 @dataclass
 class Device:
-    """One chip select, and what is wrong with its bus."""
+    """One chip select, and the faults of its bus."""
 
     board: int
     working_mode: int = 0
@@ -55,7 +56,7 @@ class Device:
 
 
 class SpiServer:
-    """The boards, the sockets of the devices that are open, and the commands."""
+    """The boards, the sockets of the open devices, and the commands."""
 
     def __init__(self, path: str, paced: bool = False) -> None:
         self.paced = paced
@@ -93,7 +94,7 @@ class SpiServer:
         self.selector.register(connection, selectors.EVENT_READ, lambda: self.serve(device))
 
     def serve(self, device: Device) -> None:
-        if device.connection is None:  # it vanished in the same round
+        if device.connection is None:  # removed in this round
             return
         try:
             self.transfer(device)
@@ -122,7 +123,7 @@ class SpiServer:
         device.connection.sendall(COUNT.pack(len(answer)) + answer)
 
     def let_pass(self, seconds: float) -> None:
-        """Advance paced boards, in steps as short as between frames: longer ones would be cut."""
+        """Advance paced boards in steps as between frames, because longer ones would be limited."""
         end = self.time + seconds
         while self.time < end:
             self.time = min(self.time + ROUND, end)
@@ -161,7 +162,7 @@ class SpiServer:
                 'mode': device.mode,
                 'speed': device.speed,
                 'enabled': board.system_enabled,
-                'told_on': board._command.enable_system,  # by the last frame that it took
+                'told_on': board._command.enable_system,  # from the last accepted frame
                 'gains': max(*board._command.kp, *board._command.kd),
                 'current': max(map(abs, board._command.current)),
                 'error': board.error,

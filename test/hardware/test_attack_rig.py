@@ -1,4 +1,4 @@
-"""The rig that attacks the bridge: exact, repeatable, and true to what is on the wires."""
+"""The attack rig is exact, repeatable, and consistent with the frames."""
 
 import numpy as np
 import pytest

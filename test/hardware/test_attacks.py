@@ -1,4 +1,4 @@
-"""What the limits promise, under every kind of attack: `make attacks` runs hundreds more."""
+"""Promised limits under every kind of attack; `make attacks` runs hundreds more."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Every fault that can be injected, at rest and in motion: what the bridge does about it."""
+"""Every injected fault, at rest and in motion, and the bridge's reaction."""
 
 import re
 from dataclasses import replace
@@ -14,18 +14,30 @@ MOVING = [0.8, 0.0, 0.8, 0.8]
 
 # Fault, board, motor, value; what the first text of the list of faults must say.
 STOPPING = [
-    ('dead_board', 0, 0, None, 'board0: .* frames in a row were bad'),
-    ('dead_board', 1, 0, None, 'board1: .* frames in a row were bad'),
-    ('bit_errors', 1, 0, 1.0, 'board1: .* frames in a row were bad'),
-    ('lost_frames', 0, 0, 1.0, 'board0: .* frames in a row were bad'),
+    ('dead_board', 0, 0, None, 'board0: .* consecutive frames were bad'),
+    ('dead_board', 1, 0, None, 'board1: .* consecutive frames were bad'),
+    ('bit_errors', 1, 0, 1.0, 'board1: .* consecutive frames were bad'),
+    ('lost_frames', 0, 0, 1.0, 'board0: .* consecutive frames were bad'),
     ('encoder_jump', 0, 0, None, 'encoder of joint1 jumped by 3.1'),
     ('encoder_jump', 1, 1, -2.0, 'encoder of joint4 jumped by (2.0|1.9)'),
     ('over_temperature', 0, 0, None, r'board0: error 3 \(critical temperature\): let the board'),
     ('driver_error', 1, 0, None, r'board1: error 7 \(driver fault\): check the supply'),
-    ('board_timeout', 1, 0, None, 'board1: 10 commands in a row did not reach it over MOSI'),
-    ('lost_commands', 0, 0, 0.8, 'board0: .* commands in a row did not reach it over MOSI'),
-    ('mute_board', 0, 0, None, 'board0: .* frames in a row were bad'),
-    ('short_answers', 1, 0, None, 'board1: .* frames in a row were bad'),
+    (
+        'board_timeout',
+        1,
+        0,
+        None,
+        ('board1: 10 consecutive commands did not reach the board over MOSI'),
+    ),
+    (
+        'lost_commands',
+        0,
+        0,
+        0.8,
+        'board0: .* consecutive commands did not reach the board over MOSI',
+    ),
+    ('mute_board', 0, 0, None, 'board0: .* consecutive frames were bad'),
+    ('short_answers', 1, 0, None, 'board1: .* consecutive frames were bad'),
     ('slow_bus', 0, 0, None, 'board0: exchanges take 2.00 ms'),
 ]
 # What others cover, and where.
@@ -124,7 +136,7 @@ def test_a_driven_arm_that_loses_its_zeros_is_stopped(rig):
     assert 'board0 restarted while it was enabled' in rig.bridge.faults[0]
     assert rig.bridge.zeros.unknown == ['joint1', 'joint2']
     assert not rig.send(velocity=MOVING)
-    assert 'disable first' in rig.bridge.clear_fault().message
+    assert 'disable it first' in rig.bridge.clear_fault().message
 
 
 def test_a_board_error_is_cleared_by_a_power_cycle_and_a_new_alignment(rig):
@@ -168,7 +180,7 @@ def test_while_a_board_is_silent_the_others_go_on_damping(rig):
     rig.run(0.1)
     answer = rig.bridge.clear_fault()
     assert not answer.accepted
-    assert 'board1 does not answer: disable first' in answer.message
+    assert 'no answer from board1: disable the arm first' in answer.message
     rig.run(0.1)
     assert rig.boards.boards[0].system_enabled
     rig.bridge.disable()
@@ -195,7 +207,7 @@ def test_a_board_lost_while_off_is_not_a_fault_but_cannot_be_enabled(make_rig):
     rig.inject('dead_board', 1)
     rig.run(0.05)
     assert rig.bridge.mode == 'disconnected'
-    assert 'board1 does not answer' in rig.bridge.faults[0]
+    assert 'no answer from board1' in rig.bridge.faults[0]
     assert not rig.bridge.enable().accepted
     rig.inject('power_cycle', 1)
     rig.run(0.05)

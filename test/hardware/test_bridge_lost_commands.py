@@ -1,4 +1,4 @@
-"""Commands that a board does not receive while its answers arrive: its MOSI wire."""
+"""Commands that a board does not receive (MOSI) while its answers arrive."""
 
 import pytest
 from attack_campaign import SPEED_MAX, run
@@ -40,7 +40,8 @@ def test_a_wire_that_loses_some_commands_is_a_warning(config, robot, board):
     (text,) = rig.bridge.faults
     assert text.startswith(f'board{board}: ')
     assert text.endswith(
-        f'% of the commands do not reach it over MOSI while its answers reach the host: {CHECK}'
+        '% of the commands do not reach the board over MOSI, although its answers reach '
+        f'the host; {CHECK}'
     )
     assert 40 < rig.bridge.counters[f'board{board} lost commands'] < 80
     assert rig.bridge.counters[f'board{1 - board} lost commands'] == 0
@@ -51,7 +52,10 @@ def test_a_wire_that_loses_many_in_a_row_stops_the_arm_and_is_named(config, robo
     rig.inject('lost_commands', 1, 0, 0.8)
     rig.run(0.3)
     assert rig.bridge.mode == 'fault'
-    fault = 'board1: 10 commands in a row did not reach it over MOSI while its answers reach the'
+    fault = (
+        'board1: 10 consecutive commands did not reach the board over MOSI, although its '
+        'answers reach the'
+    )
     assert rig.bridge.gate.stop == f'{fault} host: {CHECK}'
     # Some commands arrive, so the board does not let go.
     assert all(board.system_enabled for board in rig.boards.boards)
@@ -64,7 +68,7 @@ def test_a_cut_wire_is_neither_enabled_nor_cleared(config, robot):
     assert rig.bridge.mode == 'fault'
     answer = rig.bridge.clear_fault()
     assert not answer.accepted
-    assert 'in a row did not reach it over MOSI' in answer.message
+    assert 'did not reach the board over MOSI' in answer.message
     other = AttackRig(config, robot, posture=STRETCHED)
     other.run(0.02)
     other.inject('lost_commands', 0, 0, 1.0)
@@ -72,7 +76,7 @@ def test_a_cut_wire_is_neither_enabled_nor_cleared(config, robot):
     assert other.bridge.mode == 'idle'
     answer = other.bridge.enable()
     assert not answer.accepted
-    assert 'in a row did not reach it over MOSI' in answer.message
+    assert 'did not reach the board over MOSI' in answer.message
 
 
 def test_exchanges_that_fail_both_ways_are_bad_frames_alone(config, robot):

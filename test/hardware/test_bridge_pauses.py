@@ -1,4 +1,4 @@
-"""A host that is held up: a pause shorter than the boards' time-out stops and drops nobody."""
+"""A delayed host: a pause below the boards' time-out switches no board off."""
 
 import numpy as np
 import pytest
@@ -14,12 +14,12 @@ STRETCHED = [0.0, 0.3, 0.0, 0.2]
 
 
 def once(cycle, point, seconds):
-    """Hold the host up once."""
+    """Delay the host once."""
     return lambda at, where: seconds if (at, where) == (cycle, point) else 0.0
 
 
 def is_driven(rig):
-    """Whether no board was told to switch off since it was first enabled, and none did."""
+    """Return whether no board was switched off since it was first enabled."""
     for board in (0, 1):
         told = rig.frames.commands(board)['enable_system']
         if not told[np.argmax(told) :].all():
@@ -43,7 +43,7 @@ def halt(rig):
 
 @pytest.mark.parametrize('motion', MOTIONS)
 def test_random_pauses_and_preemptions_are_nobodys_fault(motion):
-    """Some 30 in a second, of 1 to 15 ms, anywhere in a cycle; `make attacks` does thousands."""
+    """Some 30 per second, of 1 to 15 ms, anywhere in a cycle; `make attacks` does thousands."""
     trial = run(motion, 1001)
     assert trial.delays > 15
     assert trial.is_clean, trial
@@ -69,7 +69,7 @@ def test_a_pause_just_below_the_time_out_drops_nobody(
 
 
 def test_a_latched_fault_and_pauses_longer_than_the_age_of_a_state(config, robot):
-    """The arm goes on being damped: 21 ms were enough to drop it while silence was a time."""
+    """The bridge continues to damp the arm; earlier, 21 ms were enough to switch it off."""
     settings = BridgeSettings(board_timeout=0.255)
     rig = AttackRig(config, robot, posture=STRETCHED, settings=settings).bring_up()
     rig.bridge.e_stop('of the test')
@@ -81,7 +81,7 @@ def test_a_latched_fault_and_pauses_longer_than_the_age_of_a_state(config, robot
 
 
 def test_a_pause_under_full_torque_makes_no_joint_too_fast(config, robot):
-    """It was 1.3 times the speed limit after 5 ms, 1.9 after 10 ms."""
+    """Earlier the speed was 1.3 times the limit after 5 ms, and 1.9 times after 10 ms."""
     push = Offer(velocity=[0.0, 0.0, 0.0, np.nan], effort=[np.nan] * 3 + [9.39])
     for cycle, pause in ((6, 0.015), (18, 0.015), (18, 0.005), (16, 0.036)):
         rig = AttackRig(config, robot, posture=[0.0, 1.57, 0.0, -1.5]).bring_up()
@@ -133,7 +133,7 @@ def test_an_encoder_that_stands_still_is_found_as_soon_as_without_pauses(config,
 
 
 def test_a_doubted_joint_is_damped_until_a_second_look(config, robot):
-    """A reading that was wrong once stops the arm, and the joint is not let go for it."""
+    """A single wrong reading stops the arm, but the joint stays damped."""
     rig = AttackRig(config, robot, seed=1).bring_up()
     rig.run(0.2, spin)
     encoder = rig.boards.boards[1].motors[1].encoder
@@ -178,7 +178,7 @@ def test_a_pause_right_after_the_speed_turned_round(config, robot):
 
 
 def test_a_storm_of_pauses(config, robot):
-    """Every second cycle comes late, each by another time."""
+    """Every second cycle is late, each by another time."""
     late = np.random.default_rng(3).uniform(1e-3, 15e-3, 1000)
     rig = AttackRig(config, robot, posture=[0.0, 1.4, 0.0, 0.0], seed=7).bring_up()
     rig.world.script(lambda at, where: late[at] if at % 2 and where == POINTS[at % 6] else 0.0)
@@ -220,7 +220,7 @@ def test_pauses_about_a_cleared_fault(config, robot):
 
 
 def test_exactly_the_time_out_is_no_time_out(config, robot):
-    """The frame that comes as the time-out strikes keeps the board; one later does not."""
+    """A frame at the time-out keeps the board on; a later one does not."""
     for late, error in ((-1e-3, 0), (1e-3, 2)):
         rig = AttackRig(config, robot, posture=STRETCHED, settings=BridgeSettings())
         rig.bring_up()

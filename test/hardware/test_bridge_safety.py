@@ -1,4 +1,4 @@
-"""Limits, stops and switching off, through the whole path."""
+"""Limits, stops and switching off, through the whole chain."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def test_limits_hold_the_arm_inside(near_limit):
     assert rig.plant.position[3] > highest[3] - 0.1
     assert rig.bridge.mode == 'running'
     assert rig.bridge.counters['limited soft_zone'] > 100
-    assert any('near it' in text for text in rig.bridge.faults)
+    assert any('near the limit' in text for text in rig.bridge.faults)
 
 
 def test_torque_control_into_a_limit_is_braked(near_limit):
@@ -130,11 +130,11 @@ def test_enabling_outside_the_limits_is_refused(make_rig):
     rig.run(0.02)
     answer = rig.bridge.enable()
     assert not answer.accepted
-    assert 'beyond their limits' in answer.message
+    assert 'outside their limits' in answer.message
 
 
 def let_go(rig, speed):
-    """Let an arm fall that starts at a speed of joint 2 [rad/s], until it is measured."""
+    """Release an arm with a speed of joint 2 [rad/s], until the speed is measured."""
     rig.boards._carried = False
     rig.plant.support = 0.0
     rig.plant.reset(rig.plant.position, [0.0, speed, 0.0, 0.0])
@@ -184,7 +184,7 @@ def test_enabling_waits_until_the_boards_are_off(rig):
 
 
 def test_enabling_before_the_boards_answer_is_refused(make_rig):
-    assert 'does not answer' in make_rig().bridge.enable().message
+    assert 'no answer from' in make_rig().bridge.enable().message
 
 
 def test_boards_always_get_a_time_out_and_a_saturation(make_rig):
@@ -214,7 +214,7 @@ def test_a_fault_that_would_come_back_at_once_is_not_cleared(rig):
         rig.cycle()
     answer = rig.bridge.clear_fault()
     assert not answer.accepted
-    assert 'would stop again at once, joint2 is at' in answer.message
+    assert 'would stop the arm again at once, because joint2 is at' in answer.message
     assert rig.bridge.mode == 'fault'
     # The way out: off, back inside by hand, clear, enable.
     rig.bridge.disable()
@@ -222,7 +222,7 @@ def test_a_fault_that_would_come_back_at_once_is_not_cleared(rig):
     assert rig.bridge.clear_fault().accepted
     rig.run(0.01)
     assert rig.bridge.mode == 'idle'
-    assert 'beyond their limits' in rig.bridge.enable().message
+    assert 'outside their limits' in rig.bridge.enable().message
     rig.boards.put_back()
     rig.run(0.02)
     rig.bring_up()

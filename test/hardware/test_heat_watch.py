@@ -1,4 +1,4 @@
-"""Warm motors on the whole bridge: what is promised while they are warned of, limited, stopped."""
+"""Warm motors on the whole bridge: warnings, limits and stops."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ COLD = BridgeSettings(start_temperature=25.0)
 
 
 def quick(config: ArmConfig, factor: float, profile: str = 'uomodri_v3') -> ArmConfig:
-    """Return an arm whose motors warm and cool so many times as fast; nothing else differs."""
+    """Return an arm whose motors warm and cool faster by a factor; all else is equal."""
 
     def quicker(joint):
         thermal = joint.motor.thermal
@@ -25,7 +25,7 @@ def quick(config: ArmConfig, factor: float, profile: str = 'uomodri_v3') -> ArmC
 
 
 def events(rig: AttackRig, joint: int) -> dict[str, bool]:
-    """Return what holds now of a joint's motor."""
+    """Return the present events of a joint's motor."""
     limit = rig.bridge.heat.limits[joint]
     board = rig.config.joints[joint].board
     return {
@@ -39,7 +39,7 @@ def events(rig: AttackRig, joint: int) -> dict[str, bool]:
 
 
 def warmed(rig: AttackRig, estimated: float, true: float) -> AttackRig:
-    """Let all motors be warm: what the bridge estimates of the windings, and what is true."""
+    """Set the bridge's estimated and the true winding temperatures of all motors."""
     for limit in rig.bridge.heat.limits:
         limit.motor.winding, limit.motor.housing = estimated, min(estimated, 70.0)
     for board in rig.boards.boards:
@@ -125,7 +125,7 @@ def test_a_command_gets_the_reduced_torque_and_no_more(config, robot, ahead):
 
 
 def test_ordinary_motion_loses_no_torque(config, robot):
-    """Swinging for minutes, from motors that count as warm; heat is 50 times as quick here."""
+    """Minutes of swings with warm motors; the test's heat model is 50 times as fast."""
     rig = AttackRig(quick(config, 50.0), robot, seed=3).bring_up()
 
     def swing(rig: AttackRig) -> Offer:

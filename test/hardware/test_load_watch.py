@@ -1,4 +1,4 @@
-"""Held torques against the model: healthy arms are silent, wrong ones are warned of."""
+"""Holding torques compared with the model: only wrong arms cause warnings."""
 
 import numpy as np
 
@@ -47,7 +47,7 @@ def test_a_weak_driver_and_a_wrong_sign_are_warned_of_while_the_arm_is_held(make
     weak = make_rig(position=STRETCHED)
     weak.inject('weak_driver', 0, 1, 0.5)
     (text,) = warnings(weak.bring_up())
-    assert text.startswith('joint2 has a torque of ')
+    assert text.startswith('joint2 delivers ')
     assert 'check the driver of joint2' in text
     weak.send(velocity=[0.0] * 4)
     weak.run(0.02)
@@ -56,7 +56,7 @@ def test_a_weak_driver_and_a_wrong_sign_are_warned_of_while_the_arm_is_held(make
     turned = make_rig(position=STRETCHED)
     turned.inject('wrong_sign', 0, 1)
     (text,) = warnings(turned.bring_up())
-    assert text.startswith('joint2 is held with -4.')
+    assert text.startswith('joint2 holds -4.')
     assert 'sign, driver and torque constant of joint2' in text
 
 
@@ -65,7 +65,7 @@ def test_half_the_torque_behind_a_right_current_is_warned_of_but_not_upright(con
     load = Dynamics(robot).gravity(np.array(STRETCHED))
     held = 2.0 * load - nominal.coulomb  # friction helps to hold it
     (text,) = check.warnings(np.array(STRETCHED), held, held)
-    assert text.startswith('joint2 is held with 8.84 Nm')
-    assert 'a load of 4.47 Nm, 5.88 Nm with the rated payload' in text
+    assert text.startswith('joint2 holds 8.84 Nm')
+    assert 'a load of 4.47 Nm, or 5.88 Nm with the rated payload' in text
     home = np.array(config.rest_position)
     assert check.warnings(home, nominal.coulomb, nominal.coulomb) == []  # no joint carries anything

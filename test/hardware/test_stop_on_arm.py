@@ -61,7 +61,7 @@ def test_the_arm_stops_as_its_reference_does(config, robot, joint, travel, secon
 
 
 def test_a_player_in_velocity_mode_stops_the_arm_in_time(config, robot) -> None:
-    """Joint 2 lifts the arm: a velocity loop without feed-forward takes 1.7 times the least way."""
+    """Joint 2 lifts the arm; a velocity loop without feedforward needs 1.7 times the travel."""
     setup = ExcitationSetup.of_arm(robot, config, ExcitationConfig())
     start = np.array([0.0, 0.3, 0.0, 0.0])
     rig = AttackRig(config, robot, posture=start.tolist(), seed=3).bring_up()

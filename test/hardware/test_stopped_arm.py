@@ -1,4 +1,4 @@
-"""The way out that is named, followed from every fault, on emulated boards of both kinds."""
+"""The recovery hint of every fault leads to recovery, on emulated boards of both kinds."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def stopped_by_hand(rig) -> None:
 
 
 def stopped_and_sunk(rig) -> None:
-    """The arm sank while nobody looked: it would stop again at once."""
+    """The arm has sunk meanwhile, so it would stop again at once."""
     rig.bridge.e_stop('test')
     rig.run(0.02)
     beyond = rig.config.joints[1].position_max + 0.08
@@ -59,7 +59,7 @@ def lost_at_homing(rig) -> None:
 
 
 def told_by_a_board(rig) -> None:
-    """What emulated boards do not do: data that is frozen, motors that never align."""
+    """Faults that emulated boards do not have: frozen data, motors that never align."""
     rig.bridge.links[0].monitor.fail('its frames are correct but their data is frozen')
     rig.run(0.1)
 
@@ -86,7 +86,7 @@ FAULTS: dict[str, Callable] = {
 
 
 def command(rig, words: str, emulated: bool) -> Answer:
-    """Do what a bridge does for `arm WORDS`."""
+    """Do the bridge's action for `arm WORDS`."""
     bridge, boards = rig.bridge, rig.boards
     if words.startswith('fault power_cycle:'):
         assert emulated
@@ -105,12 +105,12 @@ def command(rig, words: str, emulated: bool) -> Answer:
 
 
 def put_near_rest(rig) -> None:
-    """Bring the arm to its home configuration as well as a person does; index pulses are near."""
+    """Bring the arm to its home configuration by hand; index pulses are near."""
     rig.boards._put(np.array(rig.config.rest_position) - 0.02)
 
 
 def by_hand(rig, step: str) -> None:
-    """Do what a person is told to do."""
+    """Follow a recovery hint by hand."""
     if step == 'support the arm':
         rig.boards.carry()
     elif step == 'repair the cause':

@@ -1,4 +1,4 @@
-"""An encoder that sticks while its motor is driven is found before the joint runs away."""
+"""An encoder that sticks while its motor is driven is detected before the joint runs away."""
 
 import numpy as np
 import pytest
@@ -8,14 +8,14 @@ NAN = np.nan
 
 
 def effort(joint: int, torque: float):
-    """Drive one joint by a torque [Nm], and hold the others."""
+    """Drive one joint by a torque [Nm], and hold the other joints."""
     others, one = np.zeros(4), np.full(4, NAN)
     others[joint], one[joint] = NAN, torque
     return lambda rig: Offer(velocity=others, effort=one)
 
 
 def velocity(joint: int, speed: float):
-    """Drive one joint at a speed [rad/s], and hold the others."""
+    """Drive one joint at a speed [rad/s], and hold the other joints."""
     speeds = np.zeros(4)
     speeds[joint] = speed
     return lambda rig: Offer(velocity=speeds)
@@ -55,7 +55,7 @@ def test_one_that_sticks_under_torque_is_found(
 
 
 def test_a_joint_that_is_held_or_that_gives_way_to_a_hand_is_not_doubted(config, robot):
-    """A base that turns over, an unknown payload, and hands that do not yield."""
+    """An inverted base, an unknown payload, and an obstacle that does not yield."""
     rig = AttackRig(
         config, robot, posture=[0.4, 0.9, 0.0, 0.6], payload=0.2, seed=5, gravity=[0.0, 6.9, 6.9]
     ).bring_up()

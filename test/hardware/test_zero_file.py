@@ -67,26 +67,26 @@ def test_what_is_written_is_read_by_the_next_bridge(path, make_rig):
 
 
 def contents(path):
-    """Return what the file holds beside its digest."""
+    """Return the file's content without its digest."""
     return json.loads(json.loads(path.read_text())['kept'])
 
 
 def changed(text, old, new):
-    """Return a file's text with something changed and a digest that fits."""
+    """Return a changed file with a valid digest."""
     return sealed(json.loads(text)['kept'].replace(old, new))
 
 
 @pytest.mark.parametrize(
     ('spoil', 'reason'),
     [
-        (lambda text: text[:-20], 'is not whole'),
-        (lambda text: text.replace('zero\\": ', 'zero\\": 1', 1), 'is not whole'),
-        (lambda text: changed(text, '"arm": "', '"arm": "0'), 'is of another arm'),
-        (lambda text: changed(text, '"boot": "', '"boot": "0'), 'from before the host was started'),
-        (lambda text: changed(text, '"time": ', '"time": 9'), 'is newer than now'),
-        (lambda text: b'\xff\xfe', 'is no text'),
-        (lambda text: changed(text, '"windings": [', '"windings": ["x", '), 'is not whole'),
-        (lambda text: changed(text, '"heat": {', '"heat": 5, "old": {'), 'is not whole'),
+        (lambda text: text[:-20], 'is incomplete'),
+        (lambda text: text.replace('zero\\": ', 'zero\\": 1', 1), 'is incomplete'),
+        (lambda text: changed(text, '"arm": "', '"arm": "0'), 'belongs to another arm'),
+        (lambda text: changed(text, '"boot": "', '"boot": "0'), 'before the host was started'),
+        (lambda text: changed(text, '"time": ', '"time": 9'), 'has a time in the future'),
+        (lambda text: b'\xff\xfe', 'is not a text'),
+        (lambda text: changed(text, '"windings": [', '"windings": ["x", '), 'is incomplete'),
+        (lambda text: changed(text, '"heat": {', '"heat": 5, "old": {'), 'is incomplete'),
     ],
 )
 def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, reason):
@@ -98,13 +98,13 @@ def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, r
     spoiled = spoil(path.read_text())
     path.write_bytes(spoiled if isinstance(spoiled, bytes) else spoiled.encode())
     kept = ZeroFile(path, rig.config).read(rig.now)
-    assert kept.startswith(f'the state file {path} cannot be used: it ')
+    assert kept.startswith(f'the state file {path} cannot be used, because it ')
     assert reason in kept
     rig.bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
     rig.run(0.02)
     assert rig.bridge.mode == 'unhomed'
     assert [text.count(reason) for text in rig.bridge.faults] == [1]
-    assert "('arm home')" in rig.bridge.faults[0]
+    assert "then run 'arm home'" in rig.bridge.faults[0]
 
 
 @pytest.mark.parametrize(('away', 'least', 'most'), [(1.0, 100.0, 108.0), (86400.0, 60.0, 60.0)])
@@ -147,7 +147,7 @@ def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):
 def test_what_is_no_file_is_not_waited_for(tmp_path, config):
     pipe = tmp_path / 'arm.json'
     os.mkfifo(pipe)
-    assert 'is no regular file' in ZeroFile(pipe, config).read(time.monotonic())
+    assert 'is not a regular file' in ZeroFile(pipe, config).read(time.monotonic())
     endless = tmp_path / 'endless.json'
     endless.write_text('[' * 10_000_000)
-    assert 'is not whole' in ZeroFile(endless, config).read(time.monotonic())
+    assert 'is incomplete' in ZeroFile(endless, config).read(time.monotonic())

@@ -1,4 +1,4 @@
-"""The motor bench on the emulated arm, in simulated time."""
+"""The motor bench on the emulated arm, in simulation time."""
 
 from collections.abc import Sequence
 
@@ -34,7 +34,7 @@ def measure(
     posture: Sequence[float],
     plan: BenchPlan,
 ) -> tuple[list[MotorRun], MotorSupply]:
-    """Return the runs of one joint, and what its motor took."""
+    """Return the runs of one joint, and its motor's electrical data."""
     arm = EmulatedArm(config, robot, truth, np.array(posture))
     motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
     fields = ('q', 'dq', 'tau', 'current', 'speed', 'power')
@@ -60,7 +60,7 @@ def swing(
     posture: Sequence[float],
     plan: BenchPlan,
 ) -> MotorRun:
-    """Return the swings of one joint alone, of a plan that has steps too."""
+    """Return the swings of one joint alone, from a plan that also has steps."""
     arm = EmulatedArm(config, robot, truth, np.array(posture))
     motion = BenchMotion(plan, MotionLimits.of_arm(config), arm.posture, np.array(posture), [joint])
     (index,) = [i for i, stage in enumerate(motion.sequence.stages) if 'swings' in stage.name]

@@ -1,4 +1,4 @@
-"""A simulated arm whose parameters are known, independent of the plant behind the boards."""
+"""A simulated arm with known parameters, independent of the plant behind the boards."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -34,10 +34,10 @@ class States:
 
 @dataclass
 class SimulatedArm:
-    """Makes recordings of an arm that differs from its URDF.
+    """Create recordings of an arm that differs from its URDF.
 
-    Motion: whole periods of a Fourier series between smooth run-in and run-out, and standing
-    still at both ends. Torque: inverse dynamics plus rotor inertia and friction.
+    The motion is whole periods of a Fourier series between smooth run-in and run-out, with rest at
+    both ends. The torque is inverse dynamics plus rotor inertia and friction.
     """
 
     robot: Robot
@@ -113,7 +113,7 @@ def config() -> ArmConfig:
 
 @pytest.fixture(scope='session')
 def make_arm(robot: Robot, config: ArmConfig) -> Callable[..., SimulatedArm]:
-    """Return a function that makes arms; friction of every kind can be left out."""
+    """Return a function that creates arms, with optional kinds of friction."""
 
     def make(load: float = 0.0, friction: float = 1.0, **other: float) -> SimulatedArm:
         random = np.random.default_rng(5)
@@ -151,5 +151,5 @@ def result(arm: SimulatedArm, robot: Robot, config: ArmConfig) -> Identification
 
 @pytest.fixture(scope='session')
 def cad(robot: Robot) -> ArmParameters:
-    """What the URDF says, without rotors."""
+    """Parameters of the URDF, without rotors."""
     return ArmParameters.stated(robot, None)

@@ -1,6 +1,6 @@
-"""The emulated arm in simulated time: bridge, frames, boards and physics engine, without ROS.
+"""The emulated arm in simulation time: bridge, frames, boards and physics engine, without ROS.
 
-Nothing waits, so that a busy machine changes nothing.
+The simulation does not wait, so the results do not depend on the machine.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ CYCLE = 1e-3
 
 @dataclass(frozen=True)
 class State:
-    """What joint_states, motor_states and motor_power say, and when along the motion [s]."""
+    """Content of joint_states, motor_states and motor_power, and time along the motion [s]."""
 
     stamp_ns: int
     path_time: float
@@ -38,7 +38,7 @@ class State:
 
 
 class EmulatedArm:
-    """An arm made of `truth`, enabled and holding its posture."""
+    """An arm with the parameters `truth`, enabled and holding its posture."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class EmulatedArm:
         return self._bridge.q.copy()
 
     def play(self, motion: MotionSequence) -> Iterator[State]:
-        """Play a motion in velocity mode; yield every state on the way."""
+        """Play a motion in velocity mode; yield every state."""
         bridge = self._bridge
         player = ExcitationPlayer(motion, VelocityLaw(1.0), self._stops)
         while not player.done:

@@ -16,7 +16,7 @@ from aerarm_ros.simulation.arm_plant import PlantParameters
 
 
 def record_excitation(path: Path, truth: PlantParameters, seed: int, periods: int = 2) -> None:
-    """Play a random trajectory on an arm made of `truth` and write joint_states into a bag."""
+    """Play a random trajectory on an arm with the parameters `truth`; record joint_states."""
     config = load_arm_config()
     robot = load_robot(joint_names=config.joint_names)
     setup = ExcitationSetup.of_arm(robot, config, load_excitation_config())

@@ -1,4 +1,4 @@
-"""Runs of a drive whose parameters are known, without noise unless asked for."""
+"""Test runs of a drive with known parameters, by default without noise."""
 
 from math import copysign, cos, sin, tanh
 
@@ -17,7 +17,7 @@ def torque(q, dq, ddq, gravity=GRAVITY, load=LOAD) -> np.ndarray:
 
 
 def step(speed: float, noise: float = 0.0, settling: float = 0.0, **options) -> MotorRun:
-    """A stroke from -0.8 to 0.8 rad; it slows down by a share `settling` of its speed."""
+    """A stroke from -0.8 to 0.8 rad that loses a fraction `settling` of its speed."""
     time = np.arange(0.0, 1.6 / abs(speed), 1e-3)
     ddq = np.full(len(time), -settling * speed * abs(speed) / 1.6)
     dq = speed + ddq * time
@@ -32,7 +32,7 @@ def steps(speeds=(0.2, 0.5, 1.0, 2.0), **options) -> list[MotorRun]:
 
 
 def acceleration(**options) -> MotorRun:
-    """Forth and back with 12 rad/s^2."""
+    """Motion in both directions with 12 rad/s^2."""
     time = np.arange(0.0, 6.0, 1e-3)
     w = np.pi
     q, dq, ddq = np.sin(w * time), w * np.cos(w * time), -(w**2) * np.sin(w * time)
@@ -44,7 +44,7 @@ def swings(
 ) -> MotorRun:
     """Return a motor that follows a sine stiffly, and a link between flanks that only push.
 
-    0.0095 kg m^2 and 0.1 Nm of dry friction are the motor's, 0.004 kg m^2 the link's.
+    The motor has 0.0095 kg m^2 and 0.1 Nm of dry friction, the link 0.004 kg m^2.
     """
     rotor, links, step, rate, amplitude = 0.0095, 0.004, 2e-4, 11.0, 0.25
     count = 2.0 * np.pi / 4096 / 27

@@ -1,4 +1,4 @@
-"""Arms as built: not quite the bodies that their drawing shows."""
+"""Arms as built, with deviations from their drawing."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from aerarm_ros.model.inertia import from_pseudo_inertia, pseudo_inertia
 def other_bodies(
     inertial: np.ndarray, random: np.random.Generator, stretch: float, density: float
 ) -> np.ndarray:
-    """Return (n, 10) inertial parameters of links that were built a little differently.
+    """Return (n, 10) inertial parameters of links with manufacturing deviations.
 
-    Stretching and shifting the matter of a body leaves it a body.
+    A body whose material is stretched and shifted remains a physical body.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the tests by ROS's launch share; where that is missing, they skip and say why."""
+"""Helpers of the tests with ROS's launch; without launch the tests skip with a reason."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from aerarm_ros.ros.process.node_process import ros_environment
 
 NAMESPACE = '/launched'
 PATIENCE = 60.0  # [s]
-# Of a launch file, also where the computer is busy.
+# For a launch file, also on a busy computer.
 LAUNCH_TIMEOUT = 200.0  # [s]
 
 
 def is_in_the_index(package: str) -> bool:
-    """Tell whether ROS's launch finds a package."""
+    """Return whether ROS's launch finds a package."""
     try:
         get_package_prefix(package)
     except (PackageNotFoundError, OSError):  # OSError: no environment is sourced
@@ -56,12 +56,12 @@ NO_COMMAND = MISSING or (
 needs_ros2_launch = pytest.mark.skipif(bool(NO_COMMAND), reason=NO_COMMAND)
 
 if not MISSING:
-    # Tests by launch_testing get no fixtures; the domain is left to whoever asks for one.
+    # Tests with launch_testing get no fixtures; the domain is released for the next user.
     os.environ.update(ros_environment(own_domain()))
 
 
 def launch_test(name: str, values: Sequence[str]) -> Callable:
-    """Mark generate_test_description, which takes an argument of this name."""
+    """Mark generate_test_description, which has an argument of this name."""
     if MISSING:
         return lambda function: function
     import launch_testing
@@ -88,7 +88,7 @@ def parameter_file(**nodes: dict) -> str:
 
 
 def description(file: str, arguments: Mapping[str, str], *actions: object, **context: object):
-    """Return a launch file of this package, enabled in a namespace of the tests, for a test."""
+    """Return a launch file of this package, enabled in a test namespace, for a test."""
     from launch import LaunchDescription
     from launch.actions import IncludeLaunchDescription
     from launch.substitutions import PathJoinSubstitution
@@ -106,11 +106,11 @@ class LaunchedTestCase(unittest.TestCase):
     """Test case of processes that launch has started."""
 
     def assert_clean_end(self, proc_info, allowable: Sequence[int] = (0,)) -> None:
-        """Assert the exit codes of this package's processes; others' nodes are not ours."""
+        """Assert the exit codes of this package's processes only."""
         from launch_testing.asserts import assertExitCodes
 
         nodes = [info for info in proc_info if '/lib/aerarm_ros/' in info.cmd[0]]
-        # arm may be interrupted in what it waits for.
+        # `arm` may be interrupted while it waits.
         ours = [info for info in nodes if not info.cmd[0].endswith('/arm')]
         self.assertTrue(ours)
         for info in ours:
@@ -118,7 +118,7 @@ class LaunchedTestCase(unittest.TestCase):
 
 
 class ListeningTestCase(LaunchedTestCase):
-    """Has a node, and keeps the messages of every topic that it listens to."""
+    """Test case with a node that stores the messages of every subscribed topic."""
 
     def setUp(self):
         rclpy.init(args=[])
@@ -135,17 +135,17 @@ class ListeningTestCase(LaunchedTestCase):
             self.node.create_subscription(topic.type, topic.name, messages.append, topic.qos)
 
     def newest(self, topic: Topic):
-        """Return the last message of a topic that is listened to, None if there is none."""
+        """Return the last message of a subscribed topic, or None."""
         messages = self.received[topic.name]
         return messages[-1] if messages else None
 
     def until_heard(self, *topics: Topic):
-        """Listen until there is a message on every topic."""
+        """Wait until every subscribed topic has a message."""
         self.listen(*topics)
         self.until(lambda: all(self.received[topic.name] for topic in topics))
 
     def until(self, condition):
-        """Listen until a condition holds; fail after `PATIENCE` with the topics received."""
+        """Wait for a condition; fail after `PATIENCE` with the topics received."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             received = sorted(name for name, messages in self.received.items() if messages)
@@ -154,7 +154,7 @@ class ListeningTestCase(LaunchedTestCase):
 
 
 def ros2_launch(file: str, *arguments: str, timeout: float = LAUNCH_TIMEOUT) -> tuple[int, str]:
-    """Run a launch file that ends by itself; return its exit status and what it said."""
+    """Run a launch file that ends automatically; return its exit status and output."""
     process = subprocess.Popen(
         ['ros2', 'launch', 'aerarm_ros', f'{file}.launch.py', *arguments],
         stdout=subprocess.PIPE,
@@ -164,7 +164,7 @@ def ros2_launch(file: str, *arguments: str, timeout: float = LAUNCH_TIMEOUT) -> 
     try:
         output, _ = process.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGINT)  # it takes its processes with it
+        process.send_signal(signal.SIGINT)  # launch ends its processes too
         output, _ = process.communicate()
         pytest.fail(f'{file} has not ended in {timeout:.0f} s:\n{output[-3000:]}')
     return process.returncode, output

@@ -3,18 +3,10 @@
 from launched import LaunchedTestCase, ListeningTestCase, after_shutdown, description, launch_test
 
 from aerarm_msgs_py import topics
-
-CONTROLLERS = [
-    'none',
-    'gravity_compensation',
-    'computed_torque',
-    'impedance_control',
-    'kinematic_control',
-    'world_control',
-]
+from aerarm_ros.executables import controllers
 
 
-@launch_test('controller', CONTROLLERS)
+@launch_test('controller', ['none', *controllers()])
 def generate_test_description(controller):
     return description('bringup', {'controller': controller}, controller=controller)
 

@@ -1,4 +1,4 @@
-"""How ros2 launch ends: before anything starts, with a controller, on request, killed."""
+"""Ends of ros2 launch: before the start, with a controller, on request, killed."""
 
 import os
 import re
@@ -94,11 +94,19 @@ def launched(start: Callable[..., Launched]) -> Launched:
 @pytest.mark.parametrize(
     ('file', 'argument', 'reason'),
     [
-        ('bringup', 'params_file:=/nowhere.yaml', 'params_file: there is no file /nowhere.yaml'),
-        ('bringup', 'plant_urdf:=/nowhere.urdf', 'plant_urdf: there is no file /nowhere.urdf'),
-        ('identification', 'trajectory:=/nowhere.yaml', 'there is no file /nowhere.yaml'),
-        ('motor_bench', 'excitation_config:=/nowhere.yaml', 'there is no file /nowhere.yaml'),
-        ('experiment', 'identified:=/nowhere.urdf', 'there is no file /nowhere.urdf'),
+        (
+            'bringup',
+            'params_file:=/nowhere.yaml',
+            ('the file /nowhere.yaml of params_file does not exist'),
+        ),
+        (
+            'bringup',
+            'plant_urdf:=/nowhere.urdf',
+            'the file /nowhere.urdf of plant_urdf does not exist',
+        ),
+        ('identification', 'trajectory:=/nowhere.yaml', 'the file /nowhere.yaml of'),
+        ('motor_bench', 'excitation_config:=/nowhere.yaml', 'the file /nowhere.yaml of'),
+        ('experiment', 'identified:=/nowhere.urdf', 'the file /nowhere.urdf of'),
     ],
 )
 def test_what_is_missing_is_said_before_anything_starts(

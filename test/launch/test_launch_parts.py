@@ -1,4 +1,4 @@
-"""What the launch files make of the way their processes end."""
+"""Reaction of the launch files to the end of their processes."""
 
 import signal
 from pathlib import Path

@@ -21,7 +21,7 @@ GIVEN = {
 
 @pytest.fixture
 def without(monkeypatch: pytest.MonkeyPatch):
-    """Return a function that takes modules away."""
+    """Return a function that hides modules."""
 
     def take(*modules: str) -> None:
         found = dict.fromkeys(modules)
@@ -37,16 +37,20 @@ def test_what_the_package_brings_is_there() -> None:
 @pytest.mark.parametrize('name', FILES)
 def test_a_file_must_exist(name: str, tmp_path: Path) -> None:
     path = tmp_path / 'given'
-    assert missing({**GIVEN, name: str(path)}) == [f'{name}: there is no file {path}']
+    assert missing({**GIVEN, name: str(path)}) == [
+        (f'the file {path} of {name} does not exist: check the path')
+    ]
     path.mkdir()
-    assert missing({**GIVEN, name: str(path)}) == [f'{name}: there is no file {path}']
+    assert missing({**GIVEN, name: str(path)}) == [
+        f'the file {path} of {name} does not exist: check the path'
+    ]
     path.rmdir()
     path.touch()
     assert missing({**GIVEN, name: str(path)}) == []
     path.chmod(0)
     readable = os.access(path, os.R_OK)  # it is for root
     assert missing({**GIVEN, name: str(path)}) == (
-        [] if readable else [f'{name}: {path} may not be read']
+        [] if readable else [f'the file {path} of {name} is not readable: check its permissions']
     )
 
 
@@ -81,13 +85,15 @@ def test_a_result_that_is_missing_is_not_a_packaged_file(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert missing({**GIVEN, name: 'aerarm.urdf'}) == [f'{name}: there is no file aerarm.urdf']
+    assert missing({**GIVEN, name: 'aerarm.urdf'}) == [
+        f'the file aerarm.urdf of {name} does not exist: check the path'
+    ]
 
 
 def test_a_prefix_is_looked_at_before_anything_starts() -> None:
     assert missing({**GIVEN, 'tf_prefix': 'left_'}) == []
     (problem,) = missing({**GIVEN, 'tf_prefix': '/left'})
-    assert problem.startswith("tf_prefix '/left' cannot stand before names")
+    assert problem.startswith("tf_prefix '/left' must begin with a letter")
 
 
 def test_a_free_base_needs_a_drone() -> None:
@@ -123,7 +129,7 @@ def test_modules_are_missed_only_where_they_are_needed(
     others = {key: text for key, text in GIVEN.items() if key not in ('hardware', name)}
     assert missing(others) == []
     (text,) = missing({**others, name: value})
-    assert text.startswith(f'{name}:={value}: {module} is not installed: ')
+    assert text.startswith(f'{name}:={value} needs the Python package {module}: ')
 
 
 def test_everything_that_is_missing_is_told_at_once(without) -> None:

@@ -1,4 +1,4 @@
-"""What moveit.launch.py tells move_group, without starting either."""
+"""Settings of moveit.launch.py for move_group, without starting either."""
 
 import runpy
 from importlib.util import find_spec

@@ -1,4 +1,4 @@
-"""Every node that needs no controller, beside the arm on fake hardware, by launch_testing."""
+"""Every node without a controller, with the arm on fake hardware, by launch_testing."""
 
 import tempfile
 from importlib.util import find_spec

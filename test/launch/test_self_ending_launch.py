@@ -1,6 +1,6 @@
-"""Launch files that end by themselves, by ros2 launch: what they leave, and their exit status.
+"""Launch files that end automatically, with ros2 launch: their output and exit status.
 
-launch_testing takes such an end for a failure; so they run as a command here.
+launch_testing counts such an end as a failure, so these tests run them as commands.
 """
 
 import json

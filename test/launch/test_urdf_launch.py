@@ -1,4 +1,4 @@
-"""Which URDF reaches whom: an arm of one's own, an identified model, and real boards."""
+"""The URDF of each node: the user's arm, an identified model, and real boards."""
 
 import re
 import tempfile

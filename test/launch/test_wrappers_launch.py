@@ -1,4 +1,4 @@
-"""The launch files that start more than the bring-up, and its page, by launch_testing."""
+"""Launch files that extend the bring-up, and its page, by launch_testing."""
 
 import socket
 from importlib.util import find_spec

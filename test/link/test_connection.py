@@ -13,7 +13,7 @@ TICK = 0.02  # [s]
 
 
 class Link:
-    """Drone and ground, a loss, a delay, and two clocks."""
+    """Drone and ground with losses, a delay and two clocks."""
 
     def __init__(self, loss: float = 0.0, delay: float = 0.01, seed: int = 0) -> None:
         self.drone = Connection(KEY, 'drone', 'ground', 26_000.0)
@@ -33,7 +33,7 @@ class Link:
         return now, round(1e9 * now), round(1e9 * system)
 
     def run(self, seconds: float, until: Callable[[], object] = lambda: False) -> float:
-        """Go on for a time, or until something is so; return the time that passed [s]."""
+        """Continue for a time, or until a condition; return the elapsed time [s]."""
         begin = self.now
         while self.now < begin + seconds - 1e-9 and not until():
             self.now += 0.005

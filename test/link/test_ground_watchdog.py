@@ -1,4 +1,4 @@
-"""What the drone does when the ground is lost."""
+"""Reaction of the drone to the loss of the ground."""
 
 from math import inf
 from types import SimpleNamespace

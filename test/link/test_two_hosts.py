@@ -1,4 +1,4 @@
-"""Drone and ground as two hosts, made from namespaces: real processes and a slow, lossy radio."""
+"""Drone and ground as two hosts in network namespaces, with a slow, lossy radio."""
 
 import signal
 import sys
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(bool(PROBLEM), reason=f'two hosts: {PROBLEM}')
 
 @pytest.fixture(scope='module')
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """Start both hosts with the relay; the environment asks for a network, in vain."""
+    """Start both hosts with the relay; the environment's request for a network is ignored."""
     patch = pytest.MonkeyPatch()
     patch.setenv('PYTHONPATH', str(ROOT))
     patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')

@@ -92,7 +92,7 @@ def test_results_are_not_overwritten_by_the_next_call(arm: Robot) -> None:
 
 
 def test_an_unknown_frame_is_refused_with_the_known_ones(arm: Robot) -> None:
-    with pytest.raises(ValueError, match=r"no link 'tool1'.*tool0"):
+    with pytest.raises(ValueError, match=r"unknown link 'tool1'.*tool0"):
         Kinematics(arm, 'tool1')
 
 

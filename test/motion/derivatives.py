@@ -1,4 +1,4 @@
-"""Whether the parts of a motion belong together."""
+"""Check that the derivatives of a motion agree."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ def assert_derivatives_agree(
 ) -> None:
     """Compare dq and ddq (M, n) with differences of q and dq at evenly spaced times (M,).
 
-    A jump in velocity or acceleration shows as a gap of its own size, whatever the step, so a
-    motion that passes is continuous up to the acceleration.
+    A jump of velocity or acceleration shows as a gap of its own size for any step. So a motion
+    that passes is continuous up to the acceleration.
     """
     numeric = np.gradient(reference.q, time, axis=0)
     np.testing.assert_allclose(numeric[1:-1], reference.dq[1:-1], atol=of_position)

@@ -1,4 +1,4 @@
-"""Services like those of bridges, which answer when a test lets them."""
+"""Services like those of bridges, which answer when a test permits it."""
 
 import time
 from collections.abc import Callable, Collection
@@ -12,13 +12,13 @@ _made: list[Node] = []
 
 
 def destroy_bridges() -> None:
-    """Destroy the nodes of all bridges: a later test in their domain would see their services."""
+    """Destroy the nodes of all bridges, which later tests in their domain would see."""
     while _made:
         _made.pop().destroy_node()
 
 
 class AnsweringBridges:
-    """Answers services of any number of bridges, all on one node."""
+    """Serve the services of any number of bridges with one node."""
 
     def __init__(self) -> None:
         self.node = rclpy.create_node('bridges')

@@ -1,4 +1,4 @@
-"""A node that is asked to end twice; as a program, a campaign of such ends at random times.
+"""Send two stop signals to a node; as a program, a campaign of such ends at random times.
 
 python test/nodes/asked_twice.py --tries 1000
 """
@@ -22,13 +22,13 @@ from aerarm_ros.ros.process.node_process import ros_environment
 
 # As installed commands do.
 COMMAND = 'import sys; from aerarm_ros.executables import {0}; sys.exit({0}())'
-# That a host which is held up stretches the gap makes no second thought of the second signal.
+# A delayed host stretches the gap between signals; this setting still counts them as one.
 _DEAF = 'import aerarm_ros.ros.process.process_end as s; s._SAME = 3600.0; '
 PATIENCE = 120.0  # [s]
-LONGEST_START = 4.0  # [s] by then a node works, on a machine that has little else to do
+LONGEST_START = 4.0  # [s] after which a node works on an idle machine
 LONGEST_GAP = 0.5  # [s]
 
-# Those that serve until they are asked to end, with what they need to start.
+# Nodes that run until stopped, with their required arguments.
 SERVING: Mapping[str, Sequence[str]] = {
     'fake_hardware': (),
     'hardware_bridge': ('-p', 'autostart:=false'),
@@ -49,7 +49,7 @@ SERVING: Mapping[str, Sequence[str]] = {
 
 @dataclass(frozen=True)
 class Ended:
-    """How a node has ended: its status, what it said on standard error, and how it was asked."""
+    """End of a node: exit status, standard error, and the signals sent."""
 
     node: str
     status: int
@@ -70,7 +70,7 @@ def ask_twice(
     number: signal.Signals = signal.SIGINT,
     environment: Mapping[str, str] | None = None,
 ) -> Ended:
-    """Start a node, and ask it to end: `first` [s] after it can be asked, and `gap` [s] later."""
+    """Start a node; send a signal `first` [s] after it can be stopped, and one `gap` [s] later."""
     command = [sys.executable, '-c', _DEAF + COMMAND.format(node), '--ros-args', *arguments]
     with subprocess.Popen(
         command,
@@ -96,7 +96,7 @@ def ask_twice(
 
 
 def catches(pid: int, number: signal.Signals) -> bool:
-    """Whether a process has a handler for a signal, other than the system's."""
+    """Return whether a process has its own handler for a signal."""
     for line in Path(f'/proc/{pid}/status').read_text().splitlines():
         if line.startswith('SigCgt:'):
             return bool(int(line.split()[1], 16) & 1 << number - 1)
@@ -116,14 +116,14 @@ def _try(index: int, folder: Path, seed: int) -> Ended:
 
 
 def main() -> int:
-    """Ask nodes of every kind to end, and print who did not end well."""
+    """Stop nodes of every kind, and print those that ended wrongly."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--tries', type=int, default=1000)
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--at-once', type=int, default=max(2, os.cpu_count() or 1))
     parser.add_argument('--out', type=Path, required=True, help='new folder, for bags')
     options = parser.parse_args()
-    # A shell's background job ignores the one, nohup the other, and so would what is started here.
+    # A shell's background job ignores SIGINT, nohup SIGHUP, and started processes inherit this.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, lambda *_: None)
     bad = 0

@@ -1,4 +1,4 @@
-"""A controller and a user in one: drives a bridge process from a test over real DDS."""
+"""A controller and a user in one, which drives a bridge process from a test over real DDS."""
 
 import time
 from collections import defaultdict
@@ -21,10 +21,10 @@ from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_modes import HELD, OFF
 from aerarm_ros.ros.process.node_process import NodeProcess
 
-StartBridge = Callable[..., NodeProcess]  # of fixture start_bridge
+StartBridge = Callable[..., NodeProcess]  # from fixture start_bridge
 SERVICES = ('enable', 'disable', 'clear_fault', 'home', 'e_stop', 'inject_fault', 'put_back')
-_PAUSE = 4e-3  # [s]; to hear each of a thousand states a second takes a core
-# Every mode, even if this process is held up.
+_PAUSE = 4e-3  # [s]; receiving each of a thousand states per second takes a core
+# Receive every mode, even if this process is delayed.
 _ALL = QoSProfile(
     depth=100,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -34,7 +34,7 @@ JOINTS = ['joint1', 'joint2', 'joint3', 'joint4']
 
 
 class BridgeClient:
-    """Listens to all of a bridge's topics; answers every state while `answer` is set."""
+    """Subscribe to all of a bridge's topics; answer every state while `answer` is set."""
 
     def __init__(self, node: Node, bridge: str = 'fake_hardware') -> None:
         self._node = node
@@ -42,14 +42,14 @@ class BridgeClient:
         self.motors: list[JointState] = []
         self.powers: list[Float64MultiArray] = []
         self.modes: list[str] = []
-        # Empty until they are heard.
+        # Empty until the first message.
         self.diagnostics: dict[str, dict[str, str]] = defaultdict(dict)
         self.messages: dict[str, str] = defaultdict(str)
         self.diagnosed = 0.0  # stamp of the newest diagnostics [s]
         self.answer: Callable[[JointState], JointState | None] | None = None
         self.commands = self._publisher()
         self._parameters = AsyncParameterClient(node, bridge)
-        # Made early: an answer to a client that the bridge has not discovered yet is lost.
+        # Created early: an answer is lost if the bridge has not yet discovered the client.
         self._services = {
             name: node.create_client(Trigger, f'{bridge}/{name}') for name in SERVICES
         }
@@ -69,7 +69,7 @@ class BridgeClient:
         return self._wait_answer(client.call_async(Trigger.Request()))
 
     def set_parameters(self, **values: object) -> list[str]:
-        """Set parameters of the bridge; return the reasons of those that it rejected."""
+        """Set parameters of the bridge; return the reasons of rejected ones."""
         parameters = [Parameter(name, value=value) for name, value in values.items()]
         answer = self._wait_answer(self._parameters.set_parameters(parameters))
         return [result.reason for result in answer.results if not result.successful]
@@ -89,7 +89,7 @@ class BridgeClient:
             self._spin_once()
 
     def wait_for(self, condition: Callable[[], bool], timeout: float = 120.0) -> None:
-        """Wait for what must come; on a busy machine the arm's time is a fraction of this one."""
+        """Wait for a condition; on a busy machine the arm's time is a fraction of the host's."""
         end = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < end, (self.modes, self.messages)
@@ -102,13 +102,13 @@ class BridgeClient:
         """Enable the arm, or home it if its zeros are unknown."""
         self.wait_for(lambda: self.modes[-1:] and self.modes[-1] in OFF)
         assert self.call('enable' if self.modes[-1] == 'idle' else 'home').success
-        # A controller that answers at once makes the mode another before it is heard.
+        # A controller that answers at once may change the mode before this process receives it.
         self.wait_for(lambda: self.modes[-1] in HELD and bool(self.states))
 
     def _spin_once(self) -> None:
         spin_once(self._node, 0.01)
         if self.answer is None:
-            time.sleep(_PAUSE)  # nobody waits for it
+            time.sleep(_PAUSE)  # no code waits for it
 
     def _publisher(self) -> Publisher:
         topic = topics.JOINT_COMMAND

@@ -1,4 +1,4 @@
-"""A bridge on emulated boards as a process of its own, and a client of it."""
+"""A bridge on emulated boards as a separate process, and its client."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -17,8 +17,8 @@ def start_bridge(
 ) -> Iterator[StartBridge]:
     """Return a function that starts fake_hardware with parameters; all are stopped at the end.
 
-    Its world is in lockstep, unless the test is marked with another pace. Its encoders are
-    absolute, unless the test gives others.
+    The simulation runs in lockstep, unless the test is marked with another pace. The encoders are
+    absolute by default.
     """
     marker = request.node.get_closest_marker('pace')
     pace = marker.args[0] if marker else 'lockstep'

@@ -1,5 +1,6 @@
 """The emulated arm, enabled, and controllers as processes, for tests over real DDS."""
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
+from own_domain import others_in
 from quick_spinning import answer_of, spin_once
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
@@ -19,14 +21,14 @@ from aerarm_msgs_py import topics
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 NAMES = ['joint1', 'joint2', 'joint3', 'joint4']
-LIMIT = 120.0  # [s] longest wait for anything; on a busy machine the arm has a fraction of it
+LIMIT = 120.0  # [s] longest wait; on a busy machine the arm has a fraction of it
 
 
-_PAUSE = 0.01  # [s]; to hear each of a thousand states a second takes a core
+_PAUSE = 0.01  # [s]; receiving each of a thousand states per second takes a core
 
 
 class ControllerBench:
-    """The emulated arm, enabled, and a node that hears what it says."""
+    """The emulated arm, enabled, and a node that subscribes to its topics."""
 
     def __init__(self, folder: Path, node: Node, **arm: object) -> None:
         self.folder = folder
@@ -36,6 +38,7 @@ class ControllerBench:
         self.dq = np.full(4, np.nan)
         self.heard: dict[str, object] = {}
         self.problems: list[str] = []
+        self.answers: list[str] = []
         self.listen(topics.ARM_MODE, lambda m: setattr(self, 'mode', m.data))
         self.listen(topics.JOINT_STATES, self._on_state)
         self.listen(topics.DIAGNOSTICS, self._on_diagnostics)
@@ -51,14 +54,18 @@ class ControllerBench:
 
     def start(self) -> None:
         self.wait(lambda: self.mode == 'idle', 'the bridge')
-        self.call('enable')
-        # A controller that runs may have it commanded before this process hears that it is ready.
-        self.wait(lambda: self.mode in ('ready', 'running'), 'the alignment')
+        # On a busy machine the bridge may reject a request that its cycle did not serve in 1 s.
+        # A running controller may send commands before this process receives `ready`.
+        self.wait(
+            lambda: self.mode in ('ready', 'running'), 'the alignment', lambda: self.call('enable')
+        )
 
     def call(self, action: str) -> None:
+        """Send a request to the bridge; a failed wait reports the answer."""
         client = self.node.create_client(Trigger, f'fake_hardware/{action}')
         assert client.wait_for_service(LIMIT)
-        client.call_async(Trigger.Request())
+        future = client.call_async(Trigger.Request())
+        future.add_done_callback(lambda f: self.answers.append(f'{action}: {f.result().message}'))
 
     def listen(self, topic: topics.Topic, act: Callable) -> None:
         self.node.create_subscription(topic.type, topic.name, act, topic.qos)
@@ -82,7 +89,7 @@ class ControllerBench:
         again: Callable | None = None,
         every: float = 4.0,
     ) -> None:
-        """Wait; call `again` at first and every so often [s], as a user would after a hiccup."""
+        """Wait; call `again` at first and every `every` [s], as a user would retry."""
         deadline = time.monotonic() + LIMIT
         repeat = 0.0
         while not condition():
@@ -91,7 +98,11 @@ class ControllerBench:
                 again()
             spin_once(self.node, 0.05)
             time.sleep(_PAUSE)
-            assert time.monotonic() < deadline, f'waited for {what}: {self.mode} {self.q}'
+            late = time.monotonic() > deadline
+            assert not late, (
+                f'waited for {what}: {self.mode} {self.q} {self.answers[-3:]} '
+                f'{others_in(os.environ["ROS_DOMAIN_ID"])}'
+            )
             assert self.hardware.returncode is None, self.hardware.tail()
 
     def wait_for_posture(self, q: list[float], tolerance: float, again: Callable) -> None:

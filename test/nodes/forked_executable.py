@@ -1,7 +1,7 @@
-"""Runs an executable to its end, where it is its answer that is tested and not its start.
+"""Run an executable to its end, for tests of its result instead of its start.
 
-What the executables import takes most of a second of the processor. Here one process imports it,
-and forks for every run: that one has a process, a command line and an exit of its own.
+Importing the libraries of the executables takes most of a second. One process imports them once
+and forks for every run, which has its own process, command line and exit.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environ
 
 _PATIENCE = 600.0  # [s]
 _NODES = 'aerarm_ros.nodes'
-# What they import once they have read their command line.
+# Modules that executables import after they have parsed their command line.
 _LATE = (
     'aerarm_ros.ros.programs.design_run',
     'aerarm_ros.ros.programs.identifier_compare',
@@ -45,7 +45,7 @@ def run(
 ) -> subprocess.CompletedProcess[str]:
     """Run `python -m aerarm_ros.nodes.NAME` with arguments and parameters, in this environment.
 
-    It is killed after ten minutes.
+    The run is killed after ten minutes.
     """
     server = _server()
     assert server.stdin is not None
@@ -80,16 +80,16 @@ def _server() -> subprocess.Popen[str]:
 
 
 def _serve() -> None:
-    """Answer each request, a line, with the status of its end."""
+    """Answer each request, a line, with its exit status."""
     die_with_parent(int(sys.argv[1]))
     (folder,) = importlib.import_module(_NODES).__path__
     names = [file.stem for file in Path(folder).glob('[a-z]*.py')]
     for module in (*(f'{_NODES}.{name}' for name in names), *_LATE):
         importlib.import_module(module)
-    # They are run as programs, which what was imported already is not.
+    # They run as programs, so they must not be imported before.
     for module in [name for name in sys.modules if name.startswith(f'{_NODES}.')]:
         del sys.modules[module]
-    gc.freeze()  # else every process looks through all of it at its end
+    gc.freeze()  # otherwise every process scans all of it at its end
     requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), 'w')
     while line := requests.readline():
         server = os.getpid()
@@ -106,7 +106,7 @@ def _serve() -> None:
 def _become(
     module: str, arguments: list[str], cwd: str, environment: dict[str, str], said: list[str]
 ) -> None:
-    """Be the program; what it raises at its end ends this process, as it would that one."""
+    """Run the program in this process; its exception ends the process as usual."""
     with contextlib.ExitStack() as stack:
         for descriptor, file in ((0, os.devnull), *enumerate(said, 1)):
             stream = stack.enter_context(open(file, 'r+' if descriptor == 0 else 'w'))
@@ -119,7 +119,7 @@ def _become(
 
 
 def _status(pid: int) -> int:
-    """Wait for the end of a process; return its status, minus the signal that ended it."""
+    """Wait for the end of a process; return its status, or minus the signal that ended it."""
     deadline = time.monotonic() + _PATIENCE
     while True:
         ended, status = os.waitpid(pid, os.WNOHANG)

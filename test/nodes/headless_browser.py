@@ -34,7 +34,7 @@ class HeadlessBrowser:
     """One page in Chromium, driven over its DevTools protocol."""
 
     def __init__(self, address: str, profile: Path) -> None:
-        from websockets.sync.client import connect  # comes with viser
+        from websockets.sync.client import connect  # a dependency of viser
 
         assert CHROMIUM
         command = [CHROMIUM, *FLAGS, f'--user-data-dir={profile}', address]
@@ -76,7 +76,7 @@ class HeadlessBrowser:
         self.evaluate(f'{found}.click()')
 
     def picture(self) -> np.ndarray:
-        from PIL import Image  # comes with viser
+        from PIL import Image  # a dependency of viser
 
         data = base64.b64decode(self.call('Page.captureScreenshot')['data'])
         return np.asarray(Image.open(io.BytesIO(data)).convert('RGB')).astype(int)

@@ -1,8 +1,7 @@
 """An arm that follows velocity commands exactly, as a process, with faults on request.
 
-Stands in for the bridge where a test needs an arm that gets stuck, falls silent or faults. Its
-time, which it stamps the states with, stands still while an answer is awaited: what a test
-measures does not depend on how busy the machine is.
+The process replaces the bridge in tests with an arm that gets stuck, falls silent or faults. The
+time of its stamps pauses while an answer is awaited, so measurements do not depend on the machine.
 """
 
 import argparse
@@ -41,7 +40,7 @@ class IdealArm:
         self.answered: list[int] = []
         self.commanded: list[np.ndarray] = []
         self.sent: set[int] = set()
-        self.efforts = 0  # commands with one
+        self.efforts = 0  # commands with effort
         self.moved_for = 0.0
         self.waited = 0
         self.next_damping = 0.5  # [s] of motion

@@ -1,4 +1,4 @@
-"""Runs of the identifier as a process, and bags for it made by another library."""
+"""Runs of the identifier as a process, and bags for it written by another library."""
 
 import subprocess
 import sys
@@ -26,7 +26,7 @@ def write_bag(
     topic: str = '/joint_states',
     desired: np.ndarray | None = None,
 ) -> Path:
-    """Write a bag with a library that the identifier doesn't use."""
+    """Write a bag with a library that the identifier does not use."""
     state, header, when = (
         STORE.types[name]
         for name in (
@@ -44,7 +44,7 @@ def write_bag(
             time_of = when(nanoseconds // 10**9, nanoseconds % 10**9)
             message = state(header(time_of, ''), list(names), *(field[k] for field in fields))
             data = STORE.serialize_cdr(message, state.__msgtype__)
-            # Reception is regular even where stamps are not.
+            # Reception is regular even if stamps are not.
             writer.write(states, 10**12 + round(1e9 * k / RATE), data)
             if desired is not None:
                 command = state(header(time_of, ''), list(names), nothing, desired[k], nothing)
@@ -54,7 +54,7 @@ def write_bag(
 
 
 def motion(seed: int) -> tuple[np.ndarray, ...]:
-    """Stamps, and q, dq, ddq over two periods of 10 s."""
+    """Return stamps, and q, dq, ddq over two periods of 10 s."""
     random = np.random.default_rng(seed)
     alpha, beta = random.uniform(-0.35, 0.35, (2, 4, 5))
     t = np.arange(0.0, 20.0, 1.0 / RATE)
@@ -67,7 +67,7 @@ def motion(seed: int) -> tuple[np.ndarray, ...]:
 
 
 def measured(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    """Torques of an arm that is heavier than its URDF and has rotors and friction."""
+    """Return torques of an arm that is heavier than its URDF and has rotors and friction."""
     shift = np.eye(4)
     shift[:3, 3] = 0.008
     heavier = from_pseudo_inertia(1.2 * shift @ pseudo_inertia(robot.inertial_parameters) @ shift.T)
@@ -83,13 +83,13 @@ def identifier(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 def fresh_identifier(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run it in an interpreter of its own, whose hashes are others."""
+    """Run the identifier in a new interpreter with other hash values."""
     command = [sys.executable, '-m', 'aerarm_ros.nodes.identifier', *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
 def write_bags(folder: Path, robot: Robot) -> Path:
-    """Write an identification and a validation bag into a folder, and return it."""
+    """Write an identification and a validation bag into a directory, and return the directory."""
     for seed, name in ((1, 'identification'), (2, 'validation')):
         stamp, q, dq, ddq = motion(seed)
         write_bag(folder / name, stamp, (q, dq, measured(robot, q, dq, ddq)), desired=dq)

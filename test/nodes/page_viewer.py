@@ -1,4 +1,4 @@
-"""A client that speaks the page's language without a browser, and keeps what it is told."""
+"""A client of the page's protocol without a browser, which stores the received state."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Viewer:
         self._socket = socket
         self.told: list[dict[str, Any]] = []
         self._shown: dict[str, dict[str, Any]] = {}
-        self._read = 0  # messages that are in it
+        self._read = 0  # messages processed so far
 
     def send(self, message: object) -> None:
         self._socket.send(msgspec.msgpack.encode(message))
@@ -52,7 +52,7 @@ class Viewer:
             self.told += content['messages']
 
     def elements(self) -> dict[str, dict[str, Any]]:
-        """Return the properties of the panel's elements, as this client has been told."""
+        """Return the received properties of the panel's elements."""
         shown = self._shown
         for message in self.told[self._read :]:
             kind = message['type']
@@ -68,7 +68,7 @@ class Viewer:
         return shown
 
     def button(self, label: str) -> str:
-        """Return an element's name in messages, '' if it is not shown as it should be."""
+        """Return an element's name in messages, '' if it is not shown correctly."""
         for uuid, element in self.elements().items():
             is_named = 'disabled' in element and str(element.get('label')).startswith(label)
             if is_named and element['visible']:
@@ -76,11 +76,11 @@ class Viewer:
         return ''
 
     def set(self, label: str, value: object) -> None:
-        """Do what a hand does to an element, once it is there."""
+        """Change an element like a user, once it is shown."""
         self.listen(lambda: self.button(label))
         uuid = self.button(label)
         self.send({'type': 'GuiUpdateMessage', 'uuid': uuid, 'updates': {'value': value}})
 
     def text(self) -> str:
-        """Return what is written on the page."""
+        """Return the text of the page."""
         return ' '.join(str(element.get('content', '')) for element in self.elements().values())

@@ -1,6 +1,6 @@
-"""Runs the callbacks of a test's node, at a fraction of what rclpy.spin_once costs.
+"""Run the callbacks of a test's node, at a fraction of the cost of rclpy.spin_once.
 
-That is a millisecond of the processor for each message, and a bridge sends thousands a second.
+rclpy.spin_once takes a millisecond per message, and a bridge sends thousands per second.
 """
 
 import time
@@ -16,18 +16,18 @@ _executors: dict[Node, LeanExecutor] = {}
 
 
 def spin_once(node: Node, timeout_sec: float) -> None:
-    """Wait up to a time [s] for something to do, and do what there is."""
+    """Wait up to a time [s] for ready callbacks, and run them."""
     executor = _executors.get(node)
     if executor is None:
         executor = _executors[node] = LeanExecutor(node)
-    elif node.executor is not executor:  # rclpy's has had it meanwhile
+    elif node.executor is not executor:  # rclpy's executor used the node meanwhile
         node.executor = executor
         executor.wake()
     executor.spin_once(timeout_sec)
 
 
 def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> bool:
-    """Spin until a condition is true; False after `timeout` [s]."""
+    """Spin until a condition is true; return False after `timeout` [s]."""
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:
@@ -37,9 +37,9 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
 
 
 def answer_of(node: Node, ask: Callable[[], Future], timeout: float) -> Any:
-    """Return what is answered within a time [s] to a request that may be made twice.
+    """Return the answer within a time [s] to a request that may be repeated.
 
-    An answer to a client that the server has not discovered yet is lost.
+    An answer is lost if the server has not yet discovered the client.
     """
     deadline = time.monotonic() + timeout
     futures: list[Future] = []
@@ -51,6 +51,6 @@ def answer_of(node: Node, ask: Callable[[], Future], timeout: float) -> Any:
 
 
 def release_nodes() -> None:
-    """Let all nodes go, which are about to be destroyed."""
+    """Release all nodes, which are about to be destroyed."""
     while _executors:
         _executors.popitem()[1].shutdown()

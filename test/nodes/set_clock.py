@@ -1,4 +1,4 @@
-"""A system clock that a test sets for the processes that it starts; nobody else's changes."""
+"""A system clock that a test sets only for the processes that it starts."""
 
 import mmap
 import struct
@@ -23,5 +23,5 @@ class SetClock:
         self.environment = {'LD_PRELOAD': str(shim), 'CLOCK_SHIM_OFFSET': str(offset)}
 
     def set(self, offset: float) -> None:
-        """Let the system clock be that far ahead of the kernel's [s]."""
+        """Set the offset of the system clock from the kernel's [s]."""
         self._memory[:] = _OFFSET.pack(round(offset * 1e9))

@@ -1,4 +1,4 @@
-"""The emergency stop of the command line, against real bridges with any name."""
+"""The emergency stop of the command line, with real bridges of any name."""
 
 import subprocess
 import sys

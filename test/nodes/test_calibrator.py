@@ -1,4 +1,4 @@
-"""The calibrator on tables and on a bag of the emulated arm, from the ride to the bridge."""
+"""The calibrator on tables and on a bag of the emulated arm, up to the bridge's files."""
 
 import csv
 import json
@@ -21,7 +21,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 
 
 def write_table(path: Path, arm: MeasuredArm, q: np.ndarray, scale: float = 1.0) -> Path:
-    """Write postures as a laboratory does: joints, numbered markers, empty cells, notes."""
+    """Write a table of postures: joints, numbered markers, empty cells, notes."""
     source = arm.observe(q).sources[0]
     assert isinstance(source, MarkerSource)
     header = [f'{axis}{k + 1}' for k in range(len(source.names)) for axis in 'xyz']
@@ -79,7 +79,7 @@ def test_without_a_configuration_the_offsets_are_in_the_urdf(
     [
         ('mm', (), 'look like millimetres; pass --length-unit mm'),
         ('swap', (), 'markers marker1 and marker2 are swapped'),
-        ('few', (), '4 postures with measurements are too few'),
+        ('few', (), 'only 4 postures have measurements'),
         ('', ('--link', 'wing'), '--link wing: unknown link'),
         ('', ('--holdout', '2'), '--holdout 2 must lie in 0 .. 1'),
         ('none', (), 'check the path'),

@@ -77,7 +77,9 @@ def test_a_joint_is_commissioned_and_its_wrong_sign_is_found(
     while not answer():
         pass
     assert run.wait(timeout=60.0) == 1
-    assert 'joint4: its encoder counts against the configuration: set sign: -1' in ''.join(lines)
+    assert (
+        'joint4: the encoder counts in the opposite direction to the configuration; set sign: -1'
+    ) in ''.join(lines)
     assert yaml.safe_load(record.read_text())['joints']['joint4']['passed'] is False
 
 

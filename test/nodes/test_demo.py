@@ -1,4 +1,4 @@
-"""The demo as a user runs it, with one period a motion instead of two."""
+"""The demo as a user runs it, with one period per motion instead of two."""
 
 import contextlib
 import json
@@ -22,7 +22,7 @@ DEMO = (sys.executable, '-m', 'aerarm_ros.executables', 'demo')
 
 
 def run_demo(folder: Path) -> None:
-    """Run it into `folder/out`, and write what it printed."""
+    """Run the demo into `folder/out`, and store its output."""
     out = folder / 'out'
     command = [*DEMO, '--out', str(out), '--periods', '1', '--pace', 'lockstep']
     run = subprocess.run(
@@ -121,7 +121,7 @@ def test_ended_early_it_leaves_no_process_and_a_marked_folder(
 
 
 def marked_environment(out: Path) -> dict[str, str]:
-    """Return an environment by which the processes of a demo are found again."""
+    """Return an environment that identifies the processes of a demo."""
     return {**os.environ, **own_domain(), 'DEMO_UNDER_TEST': str(out)}
 
 

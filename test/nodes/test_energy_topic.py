@@ -1,4 +1,4 @@
-"""What `base_reaction` tells of energy, a process that is fed by this one."""
+"""Energy topics of a `base_reaction` process with test inputs."""
 
 import time
 from pathlib import Path

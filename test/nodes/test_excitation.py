@@ -39,7 +39,7 @@ def environment(ros_domain: dict[str, str]) -> dict[str, str]:
 
 @contextmanager
 def ideal_arm(tmp_path: Path, environment: dict[str, str], *options: str) -> Iterator[dict]:
-    """Run the arm; what it saw is in the dictionary once the context is left."""
+    """Run the arm; its log is in the dictionary once the context has ended."""
     out = tmp_path / 'arm.npz'
     process = subprocess.Popen(
         [
@@ -193,7 +193,10 @@ def test_sigint_stops_smoothly_and_exits(tmp_path: Path, environment) -> None:
         ('--silent-after', 'that the computer is not overloaded; state_timeout lengthens the wait'),
         (
             '--fault-after',
-            "arm_mode became 'fault' in the excitation: check the console of the bridge, or view",
+            (
+                "arm_mode became 'fault' in the excitation: check the log of the bridge, or "
+                'the page of view'
+            ),
         ),
     ],
 )
@@ -214,7 +217,7 @@ def test_says_how_much_was_damped(tmp_path: Path, environment, allowed, expected
     told = re.search(r'damped the arm 2 times, for ([0-9.]+) s \(([0-9.]+)% of the motion\)', log)
     assert told is not None, log
     assert float(told[1]) >= 0.2
-    assert ('the motion is not the planned one' in log) == (expected == 1)
+    assert ('the motion deviates from the plan' in log) == (expected == 1)
 
 
 def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[int, str, int]:
@@ -242,8 +245,8 @@ def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
 @pytest.mark.parametrize(
     ('mode', 'advice'),
     [
-        ('running', 'another node commands the arm: stop it'),
-        ('damping', 'holds the arm where it is'),
+        ('running', 'another node commands the arm: stop that node'),
+        ('damping', 'holds the arm in place'),
     ],
 )
 def test_starts_only_from_an_arm_that_is_held(
@@ -279,9 +282,9 @@ def test_a_start_in_collision_is_refused(tmp_path: Path, environment) -> None:
 @pytest.mark.parametrize(
     ('parameters', 'message'),
     [
-        ({'amplitude': 2.0}, 'binds in'),
-        ({'fundamental': 5.0}, 'frequency of highest harmonic'),
-        ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml: No such file'),
+        ({'amplitude': 2.0}, 'is outside its limit in'),
+        ({'fundamental': 5.0}, 'highest harmonic'),
+        ({'trajectory': '/nowhere/file.yaml'}, '/nowhere/file.yaml cannot be read (No such file'),
         ({'mode': 'torque'}, 'one of velocity, position_velocity_effort'),
         ({'periods': -1}, 'from 0 to'),
     ],

@@ -115,9 +115,9 @@ def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatc
     monkeypatch.setattr(design_run, 'design_all', stopped)
     assert main([*SMALL, '--out', str(tmp_path / 'best.yaml')]) == 0
     printed = capsys.readouterr().out
-    assert 'start 0 stopped after its 37 s share of --time-limit: pass a larger limit' in printed
+    assert 'start 0 stopped after 37 s, its part of --time-limit: pass a larger limit' in printed
     assert 'no start improved on a random trajectory: give more time with --time-limit' in printed
-    assert 'breaks' not in printed
+    assert 'exceeds' not in printed
 
 
 def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(
@@ -129,7 +129,7 @@ def test_nothing_is_written_if_a_validation_trajectory_is_infeasible(
     arguments = ['--harmonics', '1', '--fundamental', '0.2', '--duration', '20', '--validation']
     assert main([*arguments, '--excitation-config', str(settings), '--out', str(out)]) == 2
     error = capsys.readouterr().err
-    assert 'fast validation trajectory: frequency of highest harmonic' in error
+    assert 'fast validation trajectory: the highest harmonic' in error
     assert list(tmp_path.iterdir()) == [settings]
 
 
@@ -152,13 +152,13 @@ def test_other_arms_by_the_defaults(
     best = TrajectoryFile.load(out)
     assert best.made_with['margins']['acceleration']['allowed'] == 9.0
     printed = capsys.readouterr().out
-    assert 'misses its limit of 26; ' in printed
-    assert 'no limit is known for motor current' in printed
+    assert 'exceeds its limit of 26; ' in printed
+    assert 'the limit of motor current' in printed
     assert 'built close together' in printed
 
 
 def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
-    """Ctrl-C at any time in the first seconds, libraries still loading."""
+    """Ctrl-C at any time in the first seconds, while libraries are loading."""
     out = tmp_path / 'best.yaml'
     command = [sys.executable, '-m', 'aerarm_ros.nodes.excitation_designer', '--out', str(out)]
     # Told through a pipe that its handlers are set, before the first slow import.
@@ -181,7 +181,8 @@ def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:
         process.kill()
     assert process.returncode == 130
     assert error == (
-        'excitation_designer: stopped before the first feasible trajectory: no files were written\n'
+        'excitation_designer: stopped before the designer found a feasible trajectory: '
+        'no files were written\n'
     )
     assert not out.exists()
 
@@ -204,5 +205,5 @@ def test_a_stop_keeps_the_best_so_far(tmp_path: Path) -> None:
     finally:
         process.kill()
     assert process.returncode == 0
-    assert 'stopped; the best trajectory so far is kept' in printed
+    assert 'stopped, so the best trajectory so far is the result' in printed
     assert TrajectoryFile.load(out).joint_names == ('joint1', 'joint2', 'joint3', 'joint4')

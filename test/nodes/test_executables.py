@@ -1,4 +1,4 @@
-"""The installed commands: interrupted while they are still being imported, and their threads."""
+"""Installed commands: interruption during their imports, and their threads."""
 
 import os
 import signal
@@ -30,8 +30,8 @@ sys.exit(arm())
 @pytest.mark.parametrize(
     ('arguments', 'told'),
     [
-        ([], 'executables: the name of a command comes first: give one of arm, base_reaction'),
-        (['fake_hardwar'], "executables: 'fake_hardwar' is no command: give one of arm, "),
+        ([], 'executables: no command is given: choose one of arm, base_reaction'),
+        (['fake_hardwar'], "executables: 'fake_hardwar' is not a command: choose one of arm, "),
     ],
 )
 def test_by_name_what_is_wrong_is_one_line(arguments: list[str], told: str) -> None:
@@ -78,9 +78,9 @@ sys.exit(getattr(executables, name)())
     ('arguments', 'status', 'said'),
     [
         (['calibrator', '--help'], 0, ''),
-        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
+        (['calibrator', '--bag', 'none.csv'], USER_ERROR, 'the bag none.csv does not exist'),
         (['identifier', '--help'], 0, ''),
-        (['identifier', '--bag', 'none.csv'], USER_ERROR, 'there is no bag none.csv'),
+        (['identifier', '--bag', 'none.csv'], USER_ERROR, 'the bag none.csv does not exist'),
         (['excitation_designer', '--help'], 0, ''),
         (['arm', 'enable'], USER_ERROR, 'arm: needs ROS 2 Jazzy (rclpy is missing): source '),
     ],
@@ -134,4 +134,4 @@ print(len(os.listdir('/proc/self/task')) - len(before))
 @pytest.mark.skipif(os.cpu_count() == 1, reason='one core: NumPy has no threads here anyway')
 def test_executables_share_no_matrix_among_threads() -> None:
     assert threads_added_by('numpy') > 0
-    assert threads_added_by('aerarm_ros.nodes.impedance_control') == 0
+    assert threads_added_by('aerarm_ros.nodes.controllers.impedance_control') == 0

@@ -1,4 +1,4 @@
-"""What the controllers promise of tracking, on the whole stack but ROS."""
+"""Tracking accuracy of the controllers, on the whole stack without ROS."""
 
 from dataclasses import replace
 
@@ -79,7 +79,7 @@ def test_the_observer_makes_up_for_a_wrong_model(nominal, motion) -> None:
 
 @pytest.mark.parametrize('seed', [None, 7], ids=['as drawn', 'a made arm'])
 def test_the_imu_makes_up_for_a_moving_base(nominal, motion, seed) -> None:
-    """30 degrees at 0.5 Hz: errors as on a still base, which the unaware law does not reach."""
+    """Swings of 30 degrees at 0.5 Hz: errors as on a still base, unlike without the IMU."""
     bench = make_bench(nominal if seed is None else nominal.perturbed(seed), motion)
     case = ExperimentCase(HOST, TRUE)
     still = bench.run(case)
@@ -91,7 +91,7 @@ def test_the_imu_makes_up_for_a_moving_base(nominal, motion, seed) -> None:
 
 
 def test_a_joint_held_on_a_moving_base_is_no_stuck_encoder(nominal) -> None:
-    """Its torque follows the base while its angle stays within a count."""
+    """The joint's torque follows the base while its angle stays within one count."""
     zero = np.zeros((4, 1))
     posture = FourierTrajectory(0.25, np.array([0.3, 0.4, 0.2, -0.5]), zero, zero)
     bench = make_bench(nominal.perturbed(7), RampedExcitation(posture, 1, 0.5))
@@ -138,7 +138,7 @@ def test_writes_table_and_page(tmp_path, capsys, monkeypatch) -> None:
     said = capsys.readouterr()
     assert only in said.out
     assert said.err.count('\n') == 1
-    assert f'{file} cannot be written: Is a directory' in said.err
+    assert f'{file} cannot be written (Is a directory)' in said.err
 
 
 def test_an_identified_arm_has_the_friction_of_its_file_and_no_other(tmp_path, monkeypatch) -> None:
@@ -170,7 +170,7 @@ def test_a_missing_model_is_one_clear_line(tmp_path, capsys) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'text'),
     [
-        (['--only', 'nothing'], "no run name contains 'nothing', given with --only: the runs are"),
+        (['--only', 'nothing'], "no run name contains 'nothing', (--only): choose from"),
         (['--out', '/proc/experiment'], '/proc/experiment'),
     ],
 )

@@ -1,4 +1,4 @@
-"""The bridge on emulated boards as a process of its own, driven over real DDS."""
+"""The bridge on emulated boards as a separate process, over real DDS."""
 
 import math
 import os
@@ -84,7 +84,7 @@ def test_arm_is_damped_when_commands_stop_and_held_when_enabled_again(
     assert client.set_parameters(payload=[0.5, 0.1, 0.2, 0.0]) == []
     client.wait_for(lambda: abs(client.states[-1].effort[1] - before) > 0.5)
     (reason,) = client.set_parameters(payload=[0.5])
-    assert 'give a mass' in reason
+    assert 'must be a mass' in reason
 
 
 def changed(**change: object) -> Callable[[JointState], object]:
@@ -217,10 +217,10 @@ def test_true_parameters_are_written_for_the_report(client: BridgeClient, tmp_pa
         ({'config': '/nowhere/arm.yaml'}, 'arm.yaml'),
         ({'urdf': '/nowhere/arm.urdf'}, 'arm.urdf'),
         ({'period': 5.0}, 'period'),
-        ({'truth_file': '/nowhere/truth.yaml'}, 'parameter truth_file'),
+        ({'truth_file': '/nowhere/truth.yaml'}, 'truth_file'),
         (
             {'initial_position': [0.1]},
-            'initial_position has 1 values: give one for each of joint1',
+            'initial_position has 1 values: set one for each of joint1',
         ),
     ],
 )

@@ -1,4 +1,4 @@
-"""Every fault that can be injected, through a running bridge: by parameter and by service."""
+"""Every injectable fault in a running bridge, by parameter and by service."""
 
 import re
 
@@ -13,14 +13,19 @@ STILL = [0.0] * 4
 # Fault, what the diagnostics say, joints whose states still arrive, whether the board needs a
 # power cycle: whoever hears no frame for board_timeout switches off, and keeps that error.
 FAULTS = [
-    ('bit_errors:1:0:1.0', 'board1: .* frames in a row were bad', [0, 1], True),
-    ('lost_frames:0:0:1.0', 'board0: .* frames in a row were bad', [2, 3], True),
+    ('bit_errors:1:0:1.0', 'board1: .* consecutive frames were bad', [0, 1], True),
+    ('lost_frames:0:0:1.0', 'board0: .* consecutive frames were bad', [2, 3], True),
     ('encoder_jump:1:1:20', 'encoder of joint4 jumped by (19|2[0-2])', [0, 1, 2], True),
     ('slow_bus:0', 'board0: exchanges take 2.00 ms', [0, 1, 2, 3], False),
-    ('dead_board:1', 'board1: .* frames in a row were bad', [0, 1], True),
+    ('dead_board:1', 'board1: .* consecutive frames were bad', [0, 1], True),
     ('over_temperature:0', r'board0: error 3 \(critical temperature\)', [2, 3], True),
     ('driver_error:1', r'board1: error 7 \(driver fault\)', [0, 1], True),
-    ('board_timeout:0', 'board0: 10 commands in a row did not reach it over MOSI', [2, 3], True),
+    (
+        'board_timeout:0',
+        ('board0: 10 consecutive commands did not reach the board over MOSI'),
+        [2, 3],
+        True,
+    ),
 ]
 
 
@@ -122,7 +127,7 @@ def test_faults_by_service_and_bad_requests(client: BridgeClient) -> None:
     client.wait_for_mode('ready')
     answer = client.call('inject_fault')
     assert answer.success
-    assert answer.message == "encoder_jump:0:0: a motor's count jumps [rad, motor side]"
+    assert answer.message == "encoder_jump:0:0: a motor's encoder count jumps [rad, motor side]"
     client.wait_for_mode('fault')
 
 

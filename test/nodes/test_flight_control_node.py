@@ -1,4 +1,4 @@
-"""flight_control over topics: it answers odometry, and names a sensor that cannot be believed."""
+"""flight_control over topics: answers to odometry, and names of faulty sensors."""
 
 import time
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ PATIENCE = 60.0  # [s] of the host: diagnostics and the log are in its time
 
 
 class DroneSensors:
-    """What a drone in hover says of itself, 4 ms after 4 ms, and hears."""
+    """Sensors of a hovering drone in steps of 4 ms, and received commands."""
 
     def __init__(self, node: Node, process: NodeProcess) -> None:
         self.node, self.process = node, process
@@ -66,7 +66,7 @@ class DroneSensors:
         return message
 
     def step(self, odometry: Odometry | None = None, imu: Imu | None = None) -> None:
-        """Say what is given, 4 ms later, and hear what comes."""
+        """Publish the given samples 4 ms later, and receive commands."""
         for message, publisher in ((imu, self.imu), (odometry, self.odometry)):
             if message is not None:
                 publisher.publish(message)
@@ -78,7 +78,7 @@ class DroneSensors:
             self.step(self.odometry_message(), self.imu_message())
 
     def hover_until(self, problem: str) -> None:
-        """Hover until that is what diagnostics say last."""
+        """Hover until the last diagnostics fulfil a condition."""
         self.problems.clear()
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
@@ -96,9 +96,9 @@ class DroneSensors:
         return self.process.log.read_text()
 
     def refuse(self, reason: str, make, steps: int = 400) -> None:
-        """Send what `make` makes, some steps at a time, until the log names a reason.
+        """Send samples of `make`, some steps at a time, until the log names a reason.
 
-        Rejections are logged once in some seconds of the host's time.
+        Rejections are logged at most once in some seconds of the host's time.
         """
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
@@ -140,7 +140,7 @@ def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: Drone
     higher.header.frame_id = 'map'
     drone.set_point.publish(higher)
     drone.refuse(
-        "flight_set_point is in frame 'map'",
+        "flight_set_point rejected: its frame is 'map'",
         lambda: (drone.odometry_message(), drone.imu_message()),
     )
     assert drone.thrust() == pytest.approx(WEIGHT, rel=0.01)
@@ -282,12 +282,11 @@ def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: DroneS
         'position jumps by 3.00 m', lambda: (drone.odometry_message(3.0, 0.0, 0.0), None), steps=20
     )
     drone.hover(50)
-    drone.refuse(
-        'its pose repeats itself', lambda: (drone.odometry_message(), drone.imu_message(0.3))
-    )
+    drone.refuse('repeated pose', lambda: (drone.odometry_message(), drone.imu_message(0.3)))
     drone.hover(50)
     drone.refuse(
-        'not that of the odometry', lambda: (drone.odometry_message(), drone.imu_message(20.0))
+        'differs from that of the odometry',
+        lambda: (drone.odometry_message(), drone.imu_message(20.0)),
     )
     # A silent IMU is named; the odometry's rate serves.
     drone.problems.clear()

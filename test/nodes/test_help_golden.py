@@ -1,6 +1,6 @@
-"""The `--help` of every executable and of every `arm` command, as recorded in test/golden/help.
+"""The `--help` of every executable and `arm` command, compared with test/golden/help.
 
-RECORD=1 in the environment records them again: look at the difference before you commit it.
+RECORD=1 in the environment records the texts again: check the difference before committing.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from aerarm_ros.executables import command_modules
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / 'test' / 'golden' / 'help'
@@ -54,10 +56,7 @@ def printed(commands: list[list[str]]) -> dict[str, str]:
 
 @pytest.fixture(scope='module')
 def helps() -> dict[str, str]:
-    setup = (ROOT / 'setup.py').read_text()
-    block = re.search(r'^EXECUTABLES = \[\n(.*?)^\]', setup, flags=re.MULTILINE | re.DOTALL)
-    assert block
-    names = re.findall(r"'(\w+)'", block[1])
+    names = list(command_modules())
     texts = printed([[name] for name in names])
     orders = re.findall(r'^    ([a-z]\w+)(?:  |$)', texts['arm'], flags=re.MULTILINE)
     assert 'enable' in orders

@@ -1,4 +1,4 @@
-"""The identifier as a user runs it: one process, bags in, files out."""
+"""The identifier as a user runs it: one process, bags as input, files as output."""
 
 import json
 import shutil
@@ -186,7 +186,7 @@ def test_truth_holdout_and_options(bags: Path, tmp_path: Path, robot: Robot) -> 
 
 
 def test_renamed_and_amperes(bags: Path, tmp_path: Path, robot: Robot) -> None:
-    """Another naming, torque given as current of a motor with 0.5 Nm/A."""
+    """Other joint names, and torque as current of a motor with 0.5 Nm/A."""
     stamp, q, dq, ddq = motion(1)
     names = ('a', 'joint2', 'joint3', 'joint4')
     tau = measured(robot, q, dq, ddq) / [0.5, 1.0, 1.0, 1.0]
@@ -219,10 +219,10 @@ def test_a_cut_bag_without_metadata_is_used_and_said_to_be_cut(bags: Path, tmp_p
 @pytest.mark.parametrize(
     ('option', 'words'),
     [
-        (('--effort-gain', 'joint2=-1'), "joint2's effort has the opposite sign"),
+        (('--effort-gain', 'joint2=-1'), 'the effort of joint2 has the opposite sign'),
         (('--gravity', 0, 0, 9.81), 'gravity (--gravity)'),
-        (('--fundamental', 0.13), 'the motion repeats itself every 10 s'),
-        (('--harmonics', 2), 'the motion has harmonics up to the 5th'),
+        (('--fundamental', 0.13), 'repeats every 10 s'),
+        (('--harmonics', 2), 'the motion has harmonics up to number 5'),
     ],
 )
 def test_implausible_results_say_what_to_check(

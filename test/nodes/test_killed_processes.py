@@ -1,4 +1,4 @@
-"""Killed, told to end, or without its device: the arm comes to rest and the boards are off."""
+"""After a kill, a stop or the loss of its device, the arm comes to rest with boards off."""
 
 import json
 import os
@@ -108,7 +108,7 @@ def test_a_device_that_comes_back_is_off_until_enabled_and_sigquit_switches_off(
     client.wait_for_mode('idle')
     boards.vanish('/dev/spidev0.1')
     client.wait_for_mode('disconnected')
-    client.wait_for(lambda: 'tries to open it again' in client.messages['arm'])
+    client.wait_for(lambda: 'tries to open the device again' in client.messages['arm'])
     assert '/dev/spidev0.1 reports' in client.call('enable').message
     boards.come_back('/dev/spidev0.1')
     client.wait_for_mode('idle')

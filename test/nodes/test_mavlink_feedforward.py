@@ -1,4 +1,4 @@
-"""The node as a process, an autopilot over UDP at its other end, and the arm over topics."""
+"""The node as a process, with an autopilot over UDP, and the arm over topics."""
 
 import select
 import socket
@@ -40,15 +40,15 @@ class Autopilot:
         self.heard: list[Message] = []
 
     def of(self, name: str) -> list[Message]:
-        """Return what was heard of a name."""
+        """Return the received messages of a name."""
         return [message for message in self.heard if message.name == name]
 
     def commands(self) -> list[int]:
-        """Return the commands that were heard, but those for streams."""
+        """Return the received commands, except those for streams."""
         return [m['command'] for m in self.of('COMMAND_LONG') if m['command'] != 511]
 
     def tick(self) -> None:
-        """Listen, and speak if it is time."""
+        """Receive messages, and send those that are due."""
         while select.select([self._socket], [], [], 0.0)[0]:
             data, self._peer = self._socket.recvfrom(4096)
             for message in self._reader.feed(data):
@@ -93,7 +93,7 @@ class Bench:
         self.places = node.create_publisher(topic.type, topic.name, topic.qos)
 
     def until(self, is_done: object, limit: float = LIMIT) -> bool:
-        """Spin, and let the autopilot live, until something is done."""
+        """Spin, and run the autopilot, until a condition holds."""
         deadline = time.monotonic() + limit
         while time.monotonic() < deadline:
             spin_once(self.node, 0.002)

@@ -1,4 +1,4 @@
-"""The planner as a process, fed with states and goals by this one."""
+"""The planner as a process, with states and goals from the test."""
 
 import json
 import time
@@ -31,7 +31,7 @@ NAMES = load_arm_config().joint_names
 
 
 class Desk:
-    """Feeds a planner and hears it."""
+    """Publish states and goals for a planner, and receive its results."""
 
     def __init__(self, node: Node, process: NodeProcess) -> None:
         self.node, self.process = node, process
@@ -64,7 +64,7 @@ class Desk:
             assert time.monotonic() < deadline, f'waited for {what}: {self.told}'
 
     def ask(self, topic: topics.Topic, message: object) -> dict:
-        """Return what came of a goal."""
+        """Return the planner's result for a goal."""
         told, sent = len(self.told), len(self.sent)
         self._publishers[topic.name].publish(message)
         self.wait(lambda: len(self.told) > told, 'an answer')
@@ -118,8 +118,8 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
     assert desk.set('duration', 0.2)
     refused = desk.ask(topics.JOINT_GOAL, goal)
     assert (refused['accepted'], refused['asked']) == (False, ASKED)
-    assert 'a motion of 0.2 s is out of reach' in refused['text']
-    assert 'the quickest takes' in refused['text']
+    assert 'a motion of 0.2 s is infeasible' in refused['text']
+    assert 'the fastest motion takes' in refused['text']
     point.header.frame_id = 'camera'
     assert "its frame is 'camera'" in desk.ask(topics.TOOL_GOAL, point)['text']
     assert 'needs 4 positions' in desk.ask(topics.JOINT_GOAL, JointState(name=NAMES))['text']
@@ -134,5 +134,5 @@ def test_goals_of_joints_and_tool_become_trajectories_or_one_line(desk: Desk) ->
 def test_a_tool_that_the_arm_has_not_is_refused_at_the_start(ros_domain: dict[str, str]) -> None:
     refused = run('motion_planner', parameters={'frame': 'hand'})
     assert refused.returncode == 1
-    assert "motion_planner: there is no link 'hand': the links are" in refused.stderr
+    assert "motion_planner: unknown link 'hand': choose one of" in refused.stderr
     assert len(refused.stderr.splitlines()) == 1

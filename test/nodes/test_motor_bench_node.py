@@ -37,7 +37,7 @@ def start(tmp_path: Path) -> NodeProcess:
 
 
 def refusal(tmp_path: Path, **parameters: object) -> str:
-    """Return what it says and ends with."""
+    """Return the output and the exit status."""
     done = run('motor_bench', parameters=given(tmp_path, **parameters))
     assert done.returncode == 1
     return done.stderr + done.stdout

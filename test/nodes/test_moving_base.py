@@ -1,4 +1,4 @@
-"""The emulated drone swings under the arm: with the IMU a controller holds it, without not."""
+"""The emulated drone swings under the arm: only with the IMU a controller holds the arm."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,7 +25,7 @@ def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
 
 
 class SwingingArm:
-    """What the IMU says of the base, and how far the joints wander meanwhile."""
+    """The IMU's samples of the base, and the joints' motion meanwhile."""
 
     def __init__(self, bench: ControllerBench) -> None:
         self.bench = bench
@@ -46,11 +46,11 @@ class SwingingArm:
 
     @property
     def span(self) -> float:
-        """Largest range that a joint went through [rad]."""
+        """Largest range of a joint's motion [rad]."""
         return float(np.ptp(self.postures, axis=0).max())
 
     def wait_for_both_sides(self) -> None:
-        """Wait until the base has leaned by more than 25 degrees each way."""
+        """Wait until the base has tilted by more than 25 degrees to both sides."""
         self.reset()
         self.bench.wait(
             lambda: self.angles and min(self.angles) < -0.43 and max(self.angles) > 0.43,

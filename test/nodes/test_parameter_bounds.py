@@ -1,4 +1,4 @@
-"""Every number that a node may be given is bounded on both sides."""
+"""Every numeric parameter of a node is bounded on both sides."""
 
 import importlib
 from importlib.metadata import entry_points

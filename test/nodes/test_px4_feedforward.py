@@ -1,4 +1,4 @@
-"""The acceleration on PX4's set points, in its frames; the node itself needs px4_msgs."""
+"""The acceleration in PX4's set points, in PX4's axes; the node itself needs px4_msgs."""
 
 from importlib.util import find_spec
 from types import SimpleNamespace

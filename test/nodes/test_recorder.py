@@ -1,4 +1,4 @@
-"""The recorder as a process of its own, fed over real DDS."""
+"""The recorder as a separate process, over real DDS."""
 
 import json
 import signal
@@ -32,7 +32,7 @@ PATIENCE = 300.0  # [s] of the host, which may be busy
 
 
 class Source:
-    """Publishes what the arm publishes, and listens to the recorder's status."""
+    """Publish the arm's topics, and receive the recorder's status."""
 
     def __init__(self, node: Node, prefix: str = '') -> None:
         self._node = node
@@ -186,9 +186,12 @@ def test_records_what_it_is_asked_for(start, source, ros_node, tmp_path) -> None
 @pytest.mark.parametrize(
     ('parameters', 'said'),
     [
-        ({'topics': ['joint_stats']}, "'joint_stats' is none of joint_states, "),
+        (
+            {'topics': ['joint_stats']},
+            ("topic 'joint_stats' in parameter topics is unknown: choose from joint_states, "),
+        ),
         ({'compression': 'zip'}, "must be a string, one of none, lz4, zstd, not 'zip'"),
-        ({'bag': '/proc/bag'}, '/proc/bag cannot be made'),
+        ({'bag': '/proc/bag'}, '/proc/bag cannot be created'),
     ],
 )
 def test_a_bad_parameter_is_one_line_and_nothing_starts(start, tmp_path, parameters, said) -> None:
@@ -231,8 +234,10 @@ def test_names_publishers_that_cannot_be_recorded(start, ros_node, tmp_path) -> 
     ros_node.create_publisher(String, 'joint_states', 10)
     ros_node.create_publisher(String, 'arm_mode', names.NEWEST)
     recorder = start()
-    wait_for_text(recorder, '/joint_states of /test is not recorded: it is std_msgs/msg/String')
-    wait_for_text(recorder, '/arm_mode of /test is not recorded: it is best effort')
+    wait_for_text(
+        recorder, '/joint_states of /test is not recorded: its type is std_msgs/msg/String'
+    )
+    wait_for_text(recorder, '/arm_mode of /test is not recorded, because it is best effort')
     assert recorder.stop() == 0
     assert recorder.tail(30).count('/joint_states of /test') == 1
     assert 'no messages received: check that a bridge runs in this ROS domain' in recorder.tail(30)
@@ -263,7 +268,7 @@ def test_an_existing_bag_is_not_touched(start, tmp_path) -> None:
     (tmp_path / 'bag').mkdir()
     recorder = start()
     assert recorder.wait(PATIENCE) == 1
-    assert 'exists and is not overwritten: choose another directory' in recorder.tail()
+    assert 'already exists: choose another directory' in recorder.tail()
     assert not any((tmp_path / 'bag').iterdir())
 
 
@@ -299,7 +304,7 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     assert int(values(found[-1])['messages lost'].removeprefix('at least ')) > 0
     # The console says so while it happens: at most once a second, and what to do.
     begun = time.monotonic()
-    warnings = recorder.tail(100).count('losing messages: ')
+    warnings = recorder.tail(100).count('just lost messages')
     assert warnings >= 1
     while time.monotonic() - begun < 2.5:
         for _ in range(300):

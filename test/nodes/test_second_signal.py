@@ -1,6 +1,6 @@
-"""Nodes that are asked to end, and asked again while they do so: ordinary ends.
+"""Nodes that receive a second stop signal during their end, and still end normally.
 
-asked_twice.py is the same as a campaign of any length.
+asked_twice.py repeats this as a campaign of any length.
 """
 
 import random

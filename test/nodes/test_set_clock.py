@@ -35,7 +35,7 @@ class ClockBench(ControllerBench):
         self.listen(topics.ARM_MODE, lambda m: self.modes.add(m.data))
 
     def move(self, goal: list[float], clock: SetClock) -> bool:
-        """Set the clock on the way to a goal; return whether the arm ends there."""
+        """Set the clock during a motion; return whether the arm reaches the goal."""
         start, steps = np.array(self.q), list(STEPS)
         self.publisher(topics.JOINT_TRAJECTORY).publish(trajectory(goal, SECONDS))
         end = time.monotonic() + 2.0 * SECONDS
@@ -77,7 +77,7 @@ def test_an_arm_that_moves_goes_on_while_the_system_clock_is_set(
         moved = np.abs(np.diff(bench.postures[first - 1 :], axis=0)).max(axis=1)
         assert np.all(moved < 1.5 * 1.875 / SECONDS * np.diff(stamps) + 2e-3)
         assert 'fault' not in bench.modes
-        told = 'the stamps are 2000 ms ahead of the system clock, which was set'
+        told = 'the stamps are 2000 ms ahead of the system clock, because this clock was set'
         bench.wait(lambda: any(told in problem for problem in bench.problems), told)
         bench.call('disable')
         bench.wait(lambda: bench.stamps[-1] < time.time() - 1.0, 'stamps of the system clock')

@@ -1,4 +1,4 @@
-"""The tool's path as a process, fed by this one."""
+"""The tool's path as a process, with states from the test."""
 
 import time
 from pathlib import Path as FilePath

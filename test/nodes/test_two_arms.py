@@ -1,4 +1,4 @@
-"""Two arms in one ROS domain, told apart by their prefixes: one tree of frames, and no mix-up."""
+"""Two arms in one ROS domain with different prefixes: one tree of frames, no confusion."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -26,7 +26,7 @@ JOINTS = ('joint1', 'joint2', 'joint3', 'joint4')
 
 
 class HeardArm:
-    """What is heard of one arm."""
+    """Received messages of one arm."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -151,4 +151,4 @@ def test_what_cannot_stand_before_names_ends_a_node_with_one_line(
     done = run('fake_hardware', parameters={'tf_prefix': '/left'})
     assert done.returncode == 1
     (line,) = (done.stderr + done.stdout).splitlines()
-    assert "tf_prefix '/left' cannot stand before names" in line
+    assert "tf_prefix '/left' must begin with a letter" in line

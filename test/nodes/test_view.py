@@ -1,4 +1,4 @@
-"""The page as a person sees it: the real bridge on emulated boards, in a headless browser."""
+"""The page as a user sees it: the real bridge on emulated boards, in a headless browser."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def page(ros_domain: dict[str, str], port: int, tmp_path: Path) -> Iterator[str]
 
 @contextmanager
 def foreign_site(html: str) -> Iterator[str]:
-    """Serve a page of somebody else; the port makes it another site."""
+    """Serve a page of another site, which differs by its port."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:  # noqa: N802
@@ -132,7 +132,7 @@ def test_shows_the_arm_its_timing_and_stops_it(
 
 
 def assert_fits_a_phone(browser: HeadlessBrowser) -> None:
-    """Stop and mode on top, over the whole width, and the arm below them."""
+    """Check that stop and mode are at the top, over the whole width, with the arm below."""
     browser.call(
         'Emulation.setDeviceMetricsOverride',
         width=390,
@@ -252,7 +252,7 @@ def test_a_wrong_frame_is_one_clear_line(ros_domain: dict[str, str], port: int) 
     done = run('view', parameters={'port': port, 'tool': 'gripper'})
     assert done.returncode == 1
     said = done.stderr + done.stdout
-    assert "no frame 'gripper'" in said
+    assert "frame 'gripper' is not in the URDF" in said
     assert 'Traceback' not in said
 
 

@@ -1,4 +1,4 @@
-"""A person's hour at the page in short: enable, record, play, stop, clear, over its own socket."""
+"""A short session at the page: enable, record, play, stop, clear, over its own socket."""
 
 from __future__ import annotations
 
@@ -124,11 +124,11 @@ def commission(viewer: Viewer, record: Path) -> None:
     wait('The motor of joint3 aligns now')
     viewer.set('Skip this step', True)
     wait(f'joint3 did not pass, see {record}')
-    assert load_record(record).joints['joint3'].findings == ('joint3: left out by the user',) * 2
+    assert load_record(record).joints['joint3'].findings == ('joint3: skipped by the user',) * 2
 
 
 def drive(viewer: Viewer) -> None:
-    """Press the page's buttons as they come."""
+    """Press the page's buttons in order."""
 
     def wait(condition: str) -> None:
         viewer.listen(lambda: mode(viewer) == condition, PATIENCE)

@@ -1,4 +1,4 @@
-"""A controller in a process of its own, to be killed: turns joint 1 for ever."""
+"""A controller process for tests that kill it: it turns joint 1 for ever."""
 
 import rclpy
 from bridge_client import velocity_command

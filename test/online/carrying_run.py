@@ -1,4 +1,4 @@
-"""The emulated arm, which picks something up while it moves, and puts it down."""
+"""The emulated arm, which picks up a payload while it moves, and puts it down."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,17 +16,17 @@ from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_estimator import EstimatorSettings, PayloadEstimator
 from aerarm_ros.simulation.arm_plant import PlantParameters, Spread
 
-LET_GO = 600  # cycles after which whoever carried the arm has let it go
-RADIUS = 0.03  # [m] of the ball that is picked up
-# As on the motor bench: torque constants are known.
+LET_GO = 600  # cycles after which a person who carried the arm has released it
+RADIUS = 0.03  # [m] of the payload ball
+# As after a motor bench: torque constants are known.
 SPREAD = Spread(torque_constant=0.0)
-# The Coulomb friction that the model says over the true one.
+# Coulomb friction of the model over the true one.
 COLD = 1.15
 
 
 @dataclass(frozen=True, eq=False)
 class CarryingRun:
-    """One run, a row a cycle: time [s], q, dq and tau; and what is true of the arm."""
+    """One run, one row per cycle: time [s], q, dq and tau; and the true payload of the arm."""
 
     rows: np.ndarray
     truth: PlantParameters
@@ -43,7 +43,7 @@ class CarryingRun:
         put_down: float = 5.0,
         end: float = 5.6,
     ) -> Self:
-        """Play a motion of excitation; `load` is mass [kg] and centre [m].
+        """Play an excitation; `load` is mass [kg] and centre [m].
 
         The arm deviates from its nominal parameters by `seed`, unless that is negative.
         """
@@ -71,12 +71,12 @@ class CarryingRun:
 
     @classmethod
     def load(cls, path: Path, seed: int, pick_up: float = 2.6, put_down: float = 5.0) -> Self:
-        """Read the rows that `record` has made."""
+        """Read the rows that `record` has written."""
         table = np.load(path)
         return cls(table[:-1], true_arm(seed), table[-1, :10], pick_up, put_down)
 
     def save(self, path: Path) -> None:
-        """Write the rows, and below them the payload."""
+        """Write the rows, followed by the payload."""
         np.save(path, np.vstack([self.rows, np.resize(self.payload, self.rows.shape[1])]))
 
     def states(self) -> list[tuple[float, ArmState]]:
@@ -84,11 +84,11 @@ class CarryingRun:
         return [(row[0], ArmState(*np.split(row[1:], 3))) for row in self.rows[LET_GO:]]
 
     def robot(self) -> Robot:
-        """Return the arm as it truly is, without payload."""
+        """Return the true arm, without payload."""
         return load_robot().with_inertial_parameters(self.truth.inertial_parameters)
 
     def estimator(self, settings: EstimatorSettings | None = None) -> PayloadEstimator:
-        """Return an estimator that knows the arm, and friction of another day."""
+        """Return an estimator with the arm's model, and friction of another day."""
         truth = self.truth
         dynamics = MovingBaseDynamics(self.robot(), truth.rotor_inertia)
         coulomb = COLD * truth.coulomb
@@ -96,6 +96,6 @@ class CarryingRun:
 
 
 def true_arm(seed: int) -> PlantParameters:
-    """Return what the arm of a seed is made of."""
+    """Return the true parameters of the arm of a seed."""
     drawn = PlantParameters.nominal(load_arm_config(), load_robot())
     return drawn if seed < 0 else drawn.perturbed(seed, SPREAD)

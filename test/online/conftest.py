@@ -1,4 +1,4 @@
-"""One recording for all that learns from it."""
+"""One recording for all estimators."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +24,7 @@ def run(made_once: Callable[[str, Callable[[Path], None]], Path]) -> CarryingRun
 
 @pytest.fixture(scope='session')
 def free(made_once: Callable[[str, Callable[[Path], None]], Path]) -> CarryingRun:
-    """Return another motion of the same arm, without a payload."""
+    """Return another motion of that arm, without a payload."""
 
     def fill(folder: Path) -> None:
         CarryingRun.record(-5, pick_up=90.0, put_down=91.0, end=9.0).save(folder / 'run.npy')

@@ -1,4 +1,4 @@
-"""An arm that swings under its drone, on the physics engine, and picks something up in flight."""
+"""An arm that swings under its drone in the physics engine, and picks up a payload in flight."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.flying_plant import FlyingPlant
 
 CYCLE = 1e-3
-_IMU_CYCLES = 4  # 250 Hz; the drone's controller runs as often
+_IMU_CYCLES = 4  # 250 Hz, the rate of the drone's controller
 _HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
 _SWING = np.array([0.5, 0.6, 0.6, 0.7])
 _FREQUENCY = np.array([0.4, 0.5, 0.65, 0.8])  # [Hz]
@@ -34,9 +34,9 @@ class FlyingRun:
 
     Attributes
     ----------
-    load : mass [kg] and centre [m] of what is picked up.
-    pick_up, put_down, end : when [s].
-    silent : from when on the IMU says nothing [s].
+    load : mass [kg] and centre [m] of the payload.
+    pick_up, put_down, end : times [s].
+    silent : time after which the IMU sends no data [s].
     noise : of the IMU's force [m/s^2] and rate [rad/s].
     seed : of the noise.
     """
@@ -57,7 +57,7 @@ class FlyingRun:
     def states(
         self, offer: Callable[[ImuSample, float], None], epoch: float = 0.0
     ) -> Iterator[tuple[float, ArmState]]:
-        """Offer every IMU sample as it comes, and yield time and state of each cycle."""
+        """Offer every IMU sample at its arrival, and yield time and state of each cycle."""
         random, drone = np.random.default_rng(self.seed), self.drone
         plant = FlyingPlant(self.robot, self.truth, _HANGING, drone)
         arm = MovingBaseDynamics(self.robot)
@@ -91,7 +91,7 @@ class FlyingRun:
 
 
 def _swing(time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the arm's q and dq, grown from rest."""
+    """Return the arm's q and dq, growing from rest."""
     s = min(1.0, time / _GROWN)
     grown, rate = s * s * (3.0 - 2.0 * s), 2.0 * np.pi * _FREQUENCY
     return (

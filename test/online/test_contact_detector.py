@@ -1,4 +1,4 @@
-"""Contact of the emulated arm in motion and at rest, told from payload and from bad input."""
+"""Contact of the emulated arm in motion and at rest, with payload and with bad input."""
 
 from dataclasses import replace
 
@@ -80,7 +80,7 @@ def test_what_is_there_from_the_start_is_no_contact(run: CarryingRun, bound: Res
     found = detector(run, bound)
     found = play(found, wrong)
     assert {event.cause for event in found.events} == {Cause.MODEL}
-    assert 'check that the model is of this arm' in found.problem
+    assert 'check that the model belongs to this arm' in found.problem
 
 
 def test_an_encoder_that_hangs_is_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
@@ -128,9 +128,9 @@ def test_thresholds_survive_their_file(run: CarryingRun, bound: ResidualBound) -
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        ({'features': []}, 'is no bound of residuals'),
-        ({'joint_names': ['a']}, 'each arm has its own'),
-        ({'shares': [[1.0]]}, 'a value is missing or is no number'),
+        ({'features': []}, 'is not a bound of residuals'),
+        ({'joint_names': ['a']}, 'belongs to joints'),
+        ({'shares': [[1.0]]}, 'is missing or is not a number'),
         ({'noise': [0.1, 0.1, 0.1, -0.1]}, 'finite and not negative'),
         ({'observer_gain': 0.0}, 'finite and not negative'),
     ],
@@ -144,7 +144,7 @@ def test_a_wrong_file_is_rejected(
 
 
 def test_too_little_free_motion_is_rejected(free: CarryingRun) -> None:
-    with pytest.raises(IdentificationError, match='too few to learn thresholds from'):
+    with pytest.raises(IdentificationError, match='too few to learn thresholds'):
         learnt(free, recording(free, 0.7, 1.0))
 
 

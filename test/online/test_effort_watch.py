@@ -15,7 +15,8 @@ def test_a_torque_that_stays_in_motion_is_named() -> None:
     watch = EffortWatch(NAMES)
     feed(watch, [1.0, 1.0], [[0.1 * k, 0.5] for k in range(300)])
     assert watch.problem == (
-        'effort of elbow stays 0.5 Nm while it moves: check that joint_states has measured torques'
+        'effort of elbow stays at 0.5 Nm while the joint moves: check that joint_states '
+        'has measured torques'
     )
     feed(watch, [1.0, 1.0], [[0.1, 0.6]])
     assert not watch.problem

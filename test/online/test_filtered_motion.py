@@ -28,7 +28,7 @@ def sway(time: float) -> BaseMotion:
 
 
 def play(robot: Robot, is_swaying: bool, friction: np.ndarray) -> MotionRow:
-    """Let a loaded arm with friction move as told; return what a filter without either says."""
+    """Move a loaded arm with friction; return the result of a filter without either."""
     loaded, bare = MovingBaseDynamics(robot, ROTORS), MovingBaseDynamics(robot, ROTORS)
     loaded.carry(PAYLOAD)
     motion = FilteredMotion(bare, *friction, 30.0)

@@ -1,4 +1,4 @@
-"""Computed torque on an arm that picks something up, with what is found handed over."""
+"""Computed torque on an arm that picks up a payload, with payload compensation."""
 
 import numpy as np
 import pytest

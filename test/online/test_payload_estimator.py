@@ -75,7 +75,7 @@ def test_friction_of_another_day_is_learnt_beside(
 
 
 def test_viscous_coulomb_and_load_friction_are_told_apart(robot: Robot) -> None:
-    """Each is worn in another joint."""
+    """Each coefficient is wrong in another joint."""
     plant = PlantParameters.nominal(load_arm_config(), robot)
     known = np.array([plant.viscous, plant.coulomb, plant.load_friction])
     worn = known * 1.0
@@ -95,7 +95,7 @@ def test_viscous_coulomb_and_load_friction_are_told_apart(robot: Robot) -> None:
 def swinging(
     robot: Robot, rotor_inertia: np.ndarray, friction: np.ndarray, seconds: float
 ) -> list[tuple[float, ArmState]]:
-    """Return a hundred states a second of an arm that swings and carries nothing."""
+    """Return a hundred states per second of a swinging arm without payload."""
     time = np.arange(0.0, seconds, 0.01)[:, np.newaxis, np.newaxis]
     rate = 2.0 * np.pi * np.array([[0.21, 0.63], [0.17, 0.47], [0.31, 0.83], [0.37, 0.97]])
     swing = np.array([[0.6, 0.25], [0.5, 0.25], [0.5, 0.3], [0.6, 0.3]])
@@ -140,7 +140,7 @@ def test_a_knock_is_not_carried_for_long(robot: Robot) -> None:
 def test_what_a_model_gets_wrong_by_a_percent_is_no_payload(
     example_urdf: Callable[[str], Path],
 ) -> None:
-    """Six joints that carry up to 10 Nm move between postures, some of which are new to it."""
+    """Six joints that carry up to 10 Nm move between postures, some of which are new."""
     robot = load_robot(example_urdf('z1.urdf'), locked=('jointGripper',))
     n, random = robot.n, np.random.default_rng(4)
     low, high = robot.posture_range
@@ -180,7 +180,7 @@ def test_what_is_carried_from_the_start_is_told_and_not_weighed(run: CarryingRun
         (now, state) for now, state in run.states() if run.pick_up < now < run.pick_up + 2.0
     ]
     assert not any(estimate.carries for estimate in feed(estimator, carrying))
-    assert 'since the start' in estimator.problem
+    assert 'at the start' in estimator.problem
     bare = [(now, state) for now, state in run.states() if now < run.pick_up]
     later = [(now + run.put_down, state) for now, state in bare]
     assert not any(estimate.carries for estimate in feed(estimator, later))

@@ -10,7 +10,7 @@ FOUND = ball(0.2, [0.1, 0.01, -0.02], 0.05)
 
 
 def lead(hand_over: PayloadHandOver, seconds: float) -> np.ndarray:
-    """Return all that was carried on the way, (M, 10)."""
+    """Return all payloads of the transition, (M, 10)."""
     return np.array([hand_over.update(STEP) for _ in range(round(seconds / STEP))])
 
 
@@ -65,7 +65,7 @@ def test_what_makes_errors_larger_is_taken_back_until_something_else_is_found() 
 
 
 def test_bad_settings_are_refused() -> None:
-    with pytest.raises(ValueError, match='share = 1.5'):
+    with pytest.raises(ValueError, match='fraction = 1.5'):
         PayloadHandOver(1.5, 0.2, 0.1)
     with pytest.raises(ValueError, match='mass_rate'):
         PayloadHandOver(1.0, 0.0, 0.1)

@@ -1,4 +1,4 @@
-"""The node `payload_estimator`, told of a recording state by state."""
+"""The node `payload_estimator`, with a recording as input, state by state."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -104,7 +104,7 @@ def test_in_flight_it_is_weighed_for_as_long_as_the_imu_speaks(make: Make) -> No
     assert np.linalg.norm(np.subtract(centre, run.load[1:])) < 5e-3
     assert (np.abs(np.subtract(centre, run.load[1:])) < 2.0 * np.array(spread)).all()
     # The base's motion isn't known any more: what was found stays, and nothing is sent.
-    assert 'IMU silent' in node.warning()
+    assert 'no IMU sample for' in node.warning()
     assert node.describe()['mass [kg]'] == pytest.approx(told['mass [kg]'], rel=0.02)
 
 
@@ -118,7 +118,7 @@ def test_an_arm_that_nothing_holds_is_not_weighed(make: Make, run: CarryingRun) 
 def test_a_flying_base_that_is_not_known_is_told(make: Make, run: CarryingRun) -> None:
     node = make(drone_file=resource('config', 'drone.yaml'), base_motion='free')
     tell(node, run, 0.0, 2.0)
-    assert 'no IMU yet' in node.warning()
+    assert 'no IMU sample yet' in node.warning()
     assert node.describe()['carries'] == 'not yet identified'
 
 

@@ -55,14 +55,14 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ('text', 'words'),
     [
-        ('', 'no trend of friction'),
-        ('date,viscous joint1\n', 'no trend of friction'),
-        ('\0\xff\n', 'no trend of friction'),
-        ('{whole}2027-01-01T00:00:00,1,2\n', 'line 5 is no record'),
-        ('{whole}yesterday{numbers}\n', 'line 5 is no record'),
-        ('{whole}2027-01-01T00:00:00{numbers},1\n', 'line 5 is no record'),
-        ('{whole}2027-01-01T00:00:00{nans}\n', 'line 5 is no record'),
-        ('{whole}2027-01-01T00:00:00{zeros}\n', 'line 5 is no record'),
+        ('', 'not a friction history'),
+        ('date,viscous joint1\n', 'not a friction history'),
+        ('\0\xff\n', 'not a friction history'),
+        ('{whole}2027-01-01T00:00:00,1,2\n', 'line 5 of .* is not a friction record'),
+        ('{whole}yesterday{numbers}\n', 'line 5 of .* is not a friction record'),
+        ('{whole}2027-01-01T00:00:00{numbers},1\n', 'line 5 of .* is not a friction record'),
+        ('{whole}2027-01-01T00:00:00{nans}\n', 'line 5 of .* is not a friction record'),
+        ('{whole}2027-01-01T00:00:00{zeros}\n', 'line 5 of .* is not a friction record'),
         ('{large}', 'too large'),
     ],
 )
@@ -80,5 +80,5 @@ def test_anything_else_is_refused_in_a_line(text: str, words: str, tmp_path: Pat
 def test_another_arms_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / 'friction.csv'
     write_trend(path, trend())
-    with pytest.raises(TrendFileError, match='is of joints joint1, joint2, not a, b'):
+    with pytest.raises(TrendFileError, match='belongs to joints joint1, joint2, not to a, b'):
         read_trend(path, ('a', 'b'))

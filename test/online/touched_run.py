@@ -16,7 +16,7 @@ SMALL = ContactSettings(confirmation=0.01, payload_mass=0.5, payload_size=0.15)
 
 
 def known_arm(run: CarryingRun) -> KnownArm:
-    """Return the arm as a model knows it that was identified on a cold day."""
+    """Return the arm of a model that was identified on a cold day."""
     truth = run.truth
     friction = np.array([truth.viscous, COLD * truth.coulomb, truth.load_friction])
     return KnownArm(run.robot(), truth.rotor_inertia, friction)
@@ -51,7 +51,7 @@ class Touch:
     force: tuple[float, float, float]
 
     def added(self, run: CarryingRun, motion: Recording) -> Recording:
-        """Return a motion whose drives bear the force."""
+        """Return the motion with the force in the drives' torques."""
         model = run.robot().model
         data = model.createData()
         tau = motion.tau.copy()

@@ -1,4 +1,4 @@
-"""What runs on other processes, which import it from here."""
+"""Functions for other processes, which import them from this module."""
 
 import os
 import resource

@@ -1,4 +1,4 @@
-"""Runs on processes: what fails or is killed costs nothing but itself."""
+"""Runs in processes: a failed or killed run does not affect other runs."""
 
 from functools import partial
 from pathlib import Path

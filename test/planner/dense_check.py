@@ -1,4 +1,4 @@
-"""Whether a motion keeps limits and clearances, with nothing of the planner's own check."""
+"""Check of a motion's limits and clearances, independent of the planner's own check."""
 
 from dataclasses import dataclass
 
@@ -11,20 +11,20 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.settings import ExcitationConfig
 from aerarm_ros.motion.signals import JointMotion
 
-STEP = 0.37e-3  # [s] between the cycles that the planner looks at, more than twice as dense
-LOOK = 5e-3  # [s] between two looks at distances
+STEP = 0.37e-3  # [s] step, more than twice as dense as the planner's checks
+LOOK = 5e-3  # [s] between two checks of distances
 
 
 @dataclass(frozen=True)
 class DenseResult:
-    """Largest share of a limit that is used, and least distance beyond the required ones [m]."""
+    """Largest used fraction of a limit, and least distance beyond the required ones [m]."""
 
     use: float
     clearance: float
 
     @property
     def is_kept(self) -> bool:
-        """Whether every limit and clearance is kept."""
+        """Return whether every limit and clearance is kept."""
         return self.use <= 1.0 and self.clearance >= -1e-5
 
 
@@ -34,13 +34,13 @@ class DenseCheck:
     Parameters
     ----------
     robot, config, surroundings
-        The arm as its planner knows it, and what surrounds it.
+        The arm in its planner's model, and its surroundings.
     rotor_inertia : (n,) ndarray
         [kg m^2]
     load_friction : (n,) array_like
-        Dry friction per torque that a gear passes on [-].
+        Dry friction per transmitted torque [-].
     velocity_share, effort_share : float
-        Usable share of velocity and acceleration limits, and of torque and current limits.
+        Usable fraction of velocity and acceleration limits, and of torque and current limits.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class DenseCheck:
         self._effort = effort_share * np.minimum(config.column('effort_max'), current)
 
     def __call__(self, motion: JointMotion) -> DenseResult:
-        """Return what a motion uses and keeps."""
+        """Return the used fraction of the limits, and the distances, of a motion."""
         q, dq, ddq = motion.evaluate(np.append(np.arange(0, motion.duration, STEP), 0.0))
         shares = (
             np.abs(q - self._middle) / self._half,

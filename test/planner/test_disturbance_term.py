@@ -1,4 +1,4 @@
-"""Plans that spare the drone, and the term behind them."""
+"""Plans that reduce the load on the drone, and the term behind them."""
 
 import numpy as np
 import pytest
@@ -67,7 +67,7 @@ def test_the_dearer_the_disturbance_the_less_of_it_for_more_energy(planner, body
 def test_the_least_peak_is_far_below_a_quintics(
     start, goal, share, planner, body, dense_check
 ) -> None:
-    """Folding the arm on its way saves much of a turn about the column, little of a lift."""
+    """Folding the arm during the motion helps a turn about the column, but hardly a lift."""
     plan, quintic = (
         planner.with_settings(objective=name).plan(start, goal).path
         for name in ('disturbance', 'quintic')

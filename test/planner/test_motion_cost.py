@@ -1,4 +1,4 @@
-"""Gradients against differences, term by term and together."""
+"""Gradients compared with differences, term by term and together."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Plans: cheaper than a quintic, within every limit by a check of their own, or one clear line."""
+"""Plans are cheaper than a quintic, within every limit by an independent check, or rejected."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -38,7 +38,7 @@ def test_it_takes_much_less_than_a_quintic(start, goal, planner, dense_check) ->
 
 
 def test_no_neighbour_of_the_plan_is_cheaper(planner, model) -> None:
-    """It is a minimum: bent by a little anywhere, it takes more."""
+    """The plan is a minimum: any small change increases its cost."""
     plan = planner.with_settings(smoothness=0.0).plan(LOW, HIGH)
     times = np.linspace(0.0, 2.0, 11)
     q, dq, ddq = plan.path.evaluate(times)
@@ -52,7 +52,7 @@ def test_no_neighbour_of_the_plan_is_cheaper(planner, model) -> None:
 
 
 def test_light_joints_do_not_creep(planner) -> None:
-    """Slower than 0.02 rad/s on its way, dry friction holds a joint beside its reference."""
+    """Below 0.02 rad/s, dry friction holds a joint away from its reference."""
 
     def creeping(**settings) -> np.ndarray:
         plan = planner.with_settings(duration=3.6, **settings).plan(*LIGHT_WAYS)
@@ -106,19 +106,20 @@ def test_friction_of_loaded_gears_counts_for_the_limit_of_torque(setup, robot) -
 REFUSED: dict[str, tuple[Callable[[MotionPlanner], object], str]] = {
     'a goal beyond a limit': (
         lambda p: p.plan(UPRIGHT, [0.0, 1.5, 3.5, 0.0]),
-        'the goal is out of reach: position of joint3: 3.5 rad at t = 0.00 s, limit 2.967 rad',
+        'the goal is infeasible: position of joint3: 3.5 rad at t = 0.00 s, limit 2.967 rad',
     ),
     'a start in the ground': (
         lambda p: p.plan([0.0, -0.5, 0.0, 0.0], UPRIGHT),
-        'the start is out of reach: ground clearance of',
+        'the start is infeasible: ground clearance of',
     ),
     'too short': (
         lambda p: p.with_settings(duration=0.3).plan(LOW, HIGH),
-        r'a motion of 0.3 s is out of reach: \w+.* of joint.*limit.*: the quickest takes 0.[4-9]',
+        r'a motion of 0.3 s is infeasible: \w+.* of joint.*limit.*; the fastest motion takes '
+        '0.[4-9]',
     ),
     'no numbers': (
         lambda p: p.plan(UPRIGHT, [0.0, np.nan, 0.0, 0.0]),
-        'goal: 4 finite joint angles are needed',
+        'goal needs 4 finite joint angles',
     ),
 }
 

@@ -29,7 +29,7 @@ def test_every_posture_puts_the_tool_there_within_the_limits(postures, kinematic
 
 
 def test_one_that_is_held_long_is_cheap_to_hold(model, kinematics, planner) -> None:
-    """For an hour only the loss counts: of a grid's postures at the place none has much less."""
+    """For one hour only the loss counts: no posture of a grid at the place has much less."""
 
     def least(hold_time: float) -> np.ndarray:
         made = ToolPostures(model, kinematics, planner.limits, hold_time)

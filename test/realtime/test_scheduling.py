@@ -1,4 +1,4 @@
-"""Each request in a process of its own: granted, and refused for want of rights."""
+"""Each real-time request in a separate process, granted and refused."""
 
 import os
 import subprocess

@@ -44,14 +44,14 @@ def test_a_host_that_pauses_shifts_the_deadlines_and_nothing_in_the_world() -> N
     assert seconds >= 0.1 + 18 * 2e-3  # no burst makes up for the pause
     assert loop.slipped_ns >= 0.09e9
     assert loop.share_of_real_time < 0.5
-    assert 'behind it: too slow here for a real arm' in loop.account()
+    assert 'behind real time: this computer is too slow for a real arm' in loop.account()
 
 
 def test_a_world_that_never_went_on_says_so() -> None:
     loop = WorldLoop(2e-3, lambda: False)
     loop.stop()
     loop.run(lambda now_ns, index: None)
-    assert loop.account() == 'no cycle has run'
+    assert loop.account() == 'no cycle has run yet'
 
 
 def test_a_world_that_need_not_wait_runs_ahead() -> None:
@@ -97,4 +97,4 @@ def test_a_slip_that_no_arm_would_notice_is_no_slow_host() -> None:
     assert 'too slow' not in loop.account()
     loop.cycles, loop._host_ns = 50, 200_000_000
     loop.slipped_ns = 100_000_000
-    assert '0.10 s behind it: too slow here for a real arm' in loop.account()
+    assert '0.10 s behind real time: this computer is too slow for a real arm' in loop.account()

@@ -1,4 +1,4 @@
-"""Fixtures of the ROS rooms' tests."""
+"""Fixtures of the tests of aerarm_ros/ros."""
 
 from bridge_fixtures import bridge, client, start_bridge
 

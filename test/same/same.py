@@ -36,7 +36,7 @@ RECORD = HERE / 'record.json'
 PACKAGES = ('numpy', 'scipy', 'pin', 'mujoco', 'clarabel')
 TOLERANCE = 1e-9  # relative, of figures
 DATASETS = 'figures/datasets'
-# Each part is a process. The longest ones come first.
+# One process per part, the longest ones first.
 PARTS = {
     'attacks': ('same_attacks.py', 'attacks'),
     'zeros': ('same_attacks.py', 'zeros'),
@@ -56,7 +56,7 @@ Items = dict[str, object]
 
 
 def machine() -> dict[str, str]:
-    """Return what the results depend on besides the code."""
+    """Return the properties of the machine on which the results depend."""
     found = {'python': platform.python_version(), 'machine': platform.machine(), 'cpu': _cpu()}
     for package in PACKAGES:
         try:
@@ -76,19 +76,19 @@ def _cpu() -> str:
 
 
 def run_part(name: str, number: int, folder: Path, datasets: str | None) -> Items:
-    """Run one part in a process of its own; return its items.
+    """Run one part in a separate process; return its items.
 
     Raises
     ------
     RuntimeError
-        If it fails, with the end of its output.
+        If the part fails, with the end of its output.
     """
     script, part = PARTS[name]
     out, work = folder / f'{name}.json', folder / name
     work.mkdir()
     environment = {
         **os.environ,
-        # The code beside this script, wherever an installed package points to.
+        # The code next to this script, even if another checkout is installed.
         'PYTHONPATH': os.pathsep.join([str(ROOT), str(ROOT / 'test' / 'hardware')]),
         'PYTHONHASHSEED': '0',
         'OMP_NUM_THREADS': '1',
@@ -137,14 +137,14 @@ def run_parts(names: list[str], datasets: str | None, jobs: int) -> tuple[Items,
 
 
 def first_difference(old: object, new: object, tolerance: float, where: str = '') -> str:
-    """Return where two results first differ and how, '' if they are the same.
+    """Return place and kind of the first difference of two results, or an empty text.
 
     Parameters
     ----------
     old, new
         JSON values: of the record, and of this run.
     tolerance
-        Relative, of numbers; 0 for equal numbers.
+        Relative tolerance of numbers; 0 for equal numbers.
     where
         Place of the values.
     """
@@ -177,7 +177,7 @@ def _is_same(old: object, new: object, tolerance: float) -> bool:
 
 
 def compare(old: Items, new: Items, expected: list[str]) -> int:
-    """Print a line per item; return how many differ.
+    """Print one line per item; return the number of differences.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def read_record(path: Path) -> tuple[dict[str, str], Items]:
 
 
 def report_machine(old: dict[str, str]) -> None:
-    """Print what differs between the machine of a record and this one."""
+    """Print the differences between the machine of a record and this one."""
     new = machine()
     changed = [
         f'{key}: {old.get(key, "unknown")}, here {new.get(key, "unknown")}'
@@ -259,7 +259,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def write_record(path: Path, items: Items, is_whole: bool) -> None:
-    """Write the items; those of parts that did not run are kept from the old record."""
+    """Write the items; items of parts that did not run are copied from the old record."""
     kept: Items = {}
     if path.exists():
         kept = read_record(path)[1]
@@ -294,7 +294,7 @@ def main() -> int:
             return 1
         write_record(options.file, items, set(names) >= set(PARTS) - {'datasets'})
         return 0
-    # Of a part that did not run, or failed, nothing is expected.
+    # A part that did not run, or failed, has no expected items.
     is_whole = set(names) >= set(PARTS) - {'datasets'} and not failures
     expected = [name for name in old if 'datasets' in names or not name.startswith(DATASETS)]
     different = compare(old, items, expected if is_whole else []) + len(failures)

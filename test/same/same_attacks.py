@@ -1,23 +1,23 @@
-"""The figures of all attacks on the bridge, and every byte on the wire, for `same.py`."""
+"""The figures of all attacks on the bridge, and every byte of the frames, for `same.py`."""
 
 import argparse
 import hashlib
 import json
 from pathlib import Path
 
-# All that this script needs of the suite and its tests.
+# All modules of the suite and its tests that this script needs.
 import attack_campaign
 import attack_zeros
 from attack_rig import AttackRig
 
 ATTACKS = attack_campaign.ATTACKS
 NUMBER = 1  # of the arm and the random source
-RESTARTS = 4  # every so many attacks are repeated with a bridge that restarts
-_WINDOW = 200  # exchanges of one digest
+RESTARTS = 4  # every so many attacks, one is repeated with a bridge that restarts
+_WINDOW = 200  # exchanges per digest
 
 
 class KeptRig(AttackRig):
-    """A rig that can be looked at after an attack."""
+    """A rig that can be inspected after an attack."""
 
     newest: 'KeptRig'
 

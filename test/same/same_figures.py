@@ -10,7 +10,8 @@ from same_programs import figures, finish
 
 FINGERS = ('panda_finger_joint1', 'panda_finger_joint2')
 RENAMED = tuple(f'fer_joint{i}=panda_joint{i}' for i in range(1, 8))
-# Folder of the bag, URDF in the package example-robot-data, further arguments of the identifier.
+# Directory of the bag, URDF in the package example-robot-data, further arguments of the
+# identifier.
 DATASETS = (
     ('ur10_excitation', 'ur10_robot.urdf', ()),
     ('panda_excitation', 'panda.urdf', ('--lock', *FINGERS, '--rename', *RENAMED)),
@@ -19,7 +20,7 @@ SOLVERS = ('--solvers', 'wls', 'huber', 'entropic', 'output_error')
 
 
 def designer(work: Path) -> dict[str, object]:
-    """Design an excitation from one start, which ends by itself long before the time limit."""
+    """Design an excitation from one start, which ends long before the time limit."""
     out = work / 'designed'
     out.mkdir()
     motion = ['--out', str(out / 'trajectory.yaml'), '--duration', '10', '--validation']

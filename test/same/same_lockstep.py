@@ -1,4 +1,4 @@
-"""Runs of the emulated arm in lockstep for `same.py`, byte for byte, and what they yield."""
+"""Runs of the emulated arm in lockstep for `same.py`, compared byte by byte."""
 
 import argparse
 import json
@@ -60,11 +60,11 @@ def controller(
     return executable(work, name, *_RELAYED, **{'state_timeout': 10.0, **law})
 
 
-# What is done with the arm.
+# Actions of the arm.
 
 
 def to(*points: tuple[float, list[float]]) -> JointTrajectory:
-    """Return a trajectory through joint angles [rad] at times [s], for now."""
+    """Return a trajectory through joint angles [rad] at times [s], to start at once."""
     message = JointTrajectory(joint_names=NAMES)
     for seconds, q in points:
         whole, part = divmod(seconds, 1.0)
@@ -83,7 +83,7 @@ def pose(x: float, y: float, z: float) -> PoseStamped:
 
 
 def computed_torque(relay: Relay) -> tuple[list[Step], float]:
-    """Follow a trajectory, stop on the way, follow another, and replace it."""
+    """Follow a trajectory, stop along its path, follow another, and replace it."""
     send = relay.publisher(JointTrajectory, 'joint_trajectory')
     first = to((1.0, [0.3, 1.2, -0.2, 0.3]), (2.0, [-0.2, 1.8, 0.3, -0.4]))
     second = to((1.5, [0.4, 1.3, 0.2, 0.2]))
@@ -98,7 +98,7 @@ def computed_torque(relay: Relay) -> tuple[list[Step], float]:
 
 
 def gravity_compensation(relay: Relay) -> tuple[list[Step], float]:
-    """Go to a set point, then along a trajectory."""
+    """Move to a set point, then along a trajectory."""
     go = relay.publisher(JointState, 'set_point')
     send = relay.publisher(JointTrajectory, 'joint_trajectory')
     goal = JointState(name=NAMES, position=[0.2, 1.3, -0.1, 0.2])
@@ -132,9 +132,9 @@ def commanded(
 
 
 def excitation(work: Path) -> dict[str, object]:
-    """Home an arm whose zeros are unknown, play an excitation, and identify what was recorded.
+    """Home an arm with unknown zeros, play an excitation, and identify the recording.
 
-    Another arm carries something: `identifier` and `payload_estimator` find it.
+    A second arm carries a payload, which `identifier` and `payload_estimator` estimate.
     """
     bare, loaded = work / 'bare', work / 'loaded'
     items = played(bare, 'unhomed', 'home', 'homing', 'excitation', encoders='incremental')
@@ -269,7 +269,7 @@ class PlannerDesk:
                 raise TimeoutError(f'waited {PATIENCE:g} s for {what}: {self._told}')
 
     def ask(self, topic: str, goal: object) -> dict[str, object]:
-        """Return what the planner reports of a goal, and its trajectory."""
+        """Return the planner's report on a goal, and its trajectory."""
         told, plans = len(self._told), len(self._plans)
         self._goals[topic].publish(goal)
         self._wait(lambda: len(self._told) > told, 'an answer')
@@ -317,7 +317,7 @@ def main() -> None:
         sys.exit(f'{error}\n' + '\n'.join(logs))
     options.out.write_text(json.dumps(items))
     sys.stdout.flush()
-    os._exit(0)  # the nodes have nothing to say goodbye to
+    os._exit(0)  # The nodes need no cleanup.
 
 
 if __name__ == '__main__':

@@ -14,13 +14,13 @@ ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
 # Files with results, in the order in which a difference is reported.
 RESULTS = ('summary.json', '*.yaml')
-# What takes how long, and where files are, differs from run to run.
+# Durations and paths differ from run to run.
 _OF_THE_RUN = frozenset(('seconds', 'file', 'path', 'date', 'created'))
 _STOPPING = 20.0  # [s]
 
 
 def finish(name: str, *arguments: str, timeout: float = 600.0) -> str:
-    """Run an executable to its end; return what it printed.
+    """Run an executable to its end; return its output.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def finish(name: str, *arguments: str, timeout: float = 600.0) -> str:
 
 
 def parameters(given: Mapping[str, object]) -> list[str]:
-    """Return the arguments that give a node its parameters."""
+    """Return the arguments that set a node's parameters."""
     pairs = [['-p', f'{key}:={json.dumps(value)}'] for key, value in given.items()]
     return ['--ros-args', *(argument for pair in pairs for argument in pair)]
 
@@ -68,9 +68,9 @@ def executable(
 
 
 def figures(name: str, folder: Path) -> dict[str, object]:
-    """Return the numbers of the result files in a folder, an item per file.
+    """Return the numbers of the result files in a directory, one item per file.
 
-    Sentences are left out: a text may be reworded.
+    Sentences are left out, because texts may be reworded.
     """
     paths = [path for pattern in RESULTS for path in sorted(folder.glob(pattern))]
     if not paths:
@@ -85,7 +85,7 @@ def read(path: Path) -> object:
 
 
 def numbers(value: object) -> object:
-    """Return a JSON value without sentences, and without what differs from run to run."""
+    """Return a JSON value without sentences, and without values that differ from run to run."""
     if isinstance(value, dict):
         kept = {_place(str(key)): item for key, item in value.items() if key not in _OF_THE_RUN}
         return {key: numbers(item) for key, item in kept.items()}
@@ -97,5 +97,5 @@ def numbers(value: object) -> object:
 
 
 def _place(key: str) -> str:
-    """Return a key, or the end of the path that it is: the rest is the folder of this run."""
+    """Return a key, or the end of a path without this run's directory."""
     return '/'.join(key.split('/')[-2:])

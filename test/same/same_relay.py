@@ -1,9 +1,9 @@
-"""What stands between the emulated arm and a controller, and keeps every byte, for `same.py`.
+"""Relay between the emulated arm and a controller that records every byte, for `same.py`.
 
-`fake_hardware` and a controller run as processes, as people run them. A `Relay` passes states on to
-the controller and commands on to the bridge, unchanged, and keeps both. The world waits for each
-command, so the relay can hold it at a state while a reference is published. What arrives at the
-controller therefore always arrives before the same state.
+`fake_hardware` and a controller run as separate processes. A `Relay` passes states to the
+controller and commands to the bridge, unchanged, and records both. The simulation waits for each
+command, so the relay can pause it at a state while it publishes a reference. So each input arrives
+at the controller before the same state in every run.
 """
 
 import hashlib
@@ -20,12 +20,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-PATIENCE = 120.0  # [s] of the host, for anything
-SETTLED = 0.4  # [s] of the host in which a message that was published has arrived
-WINDOW_NS = 250_000_000  # of one digest
-_REPEATED = 5  # states, by then a world that publishes them 20 times a second stands still
+PATIENCE = 120.0  # [s] of the host, longest wait
+SETTLED = 0.4  # [s] of the host in which a published message arrives
+WINDOW_NS = 250_000_000  # [ns] per digest
+_REPEATED = 5  # states after which a simulation that publishes them at 20 Hz is paused
 _POLL = 5e-5  # [s]
-# Reliable: the middleware repeats what was lost, as far as the publisher still has it.
+# Reliable: the middleware repeats lost messages, as far as the publisher still has them.
 _DEEP = QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -45,13 +45,13 @@ def stamp_ns(message: bytes) -> int:
 
 
 class Kept:
-    """What was published on a topic, one message per stamp."""
+    """Messages of a topic, one per stamp."""
 
     def __init__(self) -> None:
         self.messages: dict[int, bytes] = {}
 
     def add(self, message: bytes) -> bool:
-        """Keep a message; return whether its stamp is new."""
+        """Store a message; return whether its stamp is new."""
         stamp = stamp_ns(message)
         is_new = stamp not in self.messages
         self.messages.setdefault(stamp, message)
@@ -60,8 +60,8 @@ class Kept:
     def digests(self, begin_ns: int, end_ns: int) -> dict[str, object]:
         """Return the number of messages with stamps between two [ns], and digests by time.
 
-        Both ends are excluded: the world stands there, and what it published once may have come
-        before this process listened, or may come after it ended.
+        Both ends are excluded: the simulation pauses there, and a message may arrive before this
+        process subscribes, or after it ends.
         """
         stamps = [stamp for stamp in sorted(self.messages) if begin_ns < stamp < end_ns]
         windows: dict[str, bytes] = {}
@@ -74,12 +74,12 @@ class Kept:
 
 
 class Relay:
-    """Passes states and commands on, keeps them, and holds the world at a state.
+    """Pass states and commands on, store them, and pause the simulation at a state.
 
     Attributes
     ----------
     kept
-        By topic.
+        Messages by topic.
     stamp
         Stamp of the newest state [ns].
     mode
@@ -110,7 +110,7 @@ class Relay:
         self.mode = message.data
 
     def call(self, service: str) -> None:
-        """Request something of the bridge."""
+        """Send a request to the bridge."""
         client = self.node.create_client(Trigger, f'fake_hardware/{service}')
         self.wait(client.service_is_ready, f'service {service}')
         future = client.call_async(Trigger.Request())
@@ -119,7 +119,7 @@ class Relay:
             raise RuntimeError(f'{service}: {future.result().message}')
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait, and keep what is published meanwhile."""
+        """Wait, and store the messages published meanwhile."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             self.pump()
@@ -128,13 +128,13 @@ class Relay:
                 raise TimeoutError(f'waited {PATIENCE:g} s for {what}; mode {self.mode}')
 
     def wait_until_standing(self, mode: str) -> None:
-        """Wait until the world stands still in a mode: it publishes the same state repeatedly."""
+        """Wait until the simulation pauses in a mode, in which it repeats the last state."""
         self.wait(lambda: self.mode == mode, f'mode {mode}')
         self._repeated = 0
         self.wait(lambda: self._repeated >= _REPEATED, f'a state that is repeated in {mode}')
 
     def pump(self) -> bool:
-        """Take what has come; pass it on if asked to. Return whether there was anything."""
+        """Process received messages, and optionally pass them on. Return whether there were any."""
         came = False
         for topic, reader in self._readers.items():
             while (message := self._take(reader)) is not None:
@@ -166,14 +166,14 @@ class Relay:
         return self.stamp >= self._hold_at
 
     def run(self, steps: list[Step], end: float) -> tuple[int, int]:
-        """Let the controller that waits command the arm from the standing state on.
+        """Let the waiting controller command the arm from the paused state on.
 
         Parameters
         ----------
         steps
-            When [s] after that state something is to be done, and what; in order.
+            Times [s] after that state and the actions at these times, in order.
         end
-            When the run ends [s].
+            End of the run [s].
 
         Returns
         -------
@@ -198,7 +198,7 @@ class Relay:
         self.passes_on = False
 
     def settle(self) -> None:
-        """Wait until what was published has arrived."""
+        """Wait until published messages have arrived."""
         end, self._repeated = time.monotonic() + SETTLED, 0
         self.wait(
             lambda: self._repeated >= _REPEATED and time.monotonic() > end,
@@ -232,7 +232,7 @@ class Relay:
         self.node.destroy_node()
 
     def publisher(self, kind: type, topic: str) -> Callable[[object], None]:
-        """Return what publishes a message on a topic to which the controller listens."""
+        """Return a function that publishes a message on a topic of the controller."""
         publisher = self.node.create_publisher(kind, topic, RELIABLE)
         self.wait(lambda: publisher.get_subscription_count() > 0, f'subscriber of {topic}')
         return publisher.publish

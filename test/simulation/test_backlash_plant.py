@@ -1,4 +1,4 @@
-"""Gears with play, in the physics engine."""
+"""Gears with backlash, in the physics engine."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Errors of IMU, odometry and wind have the sizes asked for, and repeat with the seed."""
+"""Errors of IMU, odometry and wind have the specified sizes, and repeat with the seed."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Drone and arm as one mechanism: conservation, mass properties, and who holds it when."""
+"""Drone and arm as one mechanism: conservation, mass properties, and release."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Arms that are made otherwise than drawn, and what measures them."""
+"""Arms with manufacturing deviations, and the sensors that measure them."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,4 +1,4 @@
-"""The arm under a body that carries it, for the law of the tool in the world."""
+"""The arm under a body, for the control law of the tool in the world."""
 
 import pytest
 
@@ -15,6 +15,6 @@ def limits() -> JointLimits:
 
 @pytest.fixture
 def carried(robot: Robot) -> MovingBaseDynamics:
-    """Return the arm under a body of 2 kg, which is at the base's origin."""
+    """Return the arm under a body of 2 kg at the base's origin."""
     carrier = [2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.03]
     return MovingBaseDynamics(robot, load_arm_config().column('reflected_inertia'), carrier)

@@ -1,4 +1,4 @@
-"""A drone in the physics engine whose arm holds its tool in the world; no ROS, no processes."""
+"""A drone in the physics engine whose arm holds its tool in the world, without ROS."""
 
 from collections import deque
 from collections.abc import Callable
@@ -56,10 +56,10 @@ CYCLE, IMU_RATE = 1e-3, 250.0
 LINK_DELAY = 4  # cycles from a rotor command to its rotor
 LEAD, AHEAD = 0.028, 0.06  # [s] as in flight_control and base_reaction
 POSTURE = 0.0, 1.3, 0.0, 1.5
-SETTLED, BEGIN = 2.0, 3.0  # [s] when the target is set, and from when on figures count
+SETTLED, BEGIN = 2.0, 3.0  # [s] of the target, and of the start of the evaluation
 GENERALISED, ORDINARY, HELD = 'generalised', 'ordinary', 'joints held'
 COPLANAR = FlightGains(3.5, 3.5, 8.0, position_integral=0.1, attitude_integral=0.1)
-# Under an arm that holds its tool a light drone turns more easily: see `felt_share`.
+# Under an arm that holds its tool, a light drone has less effective inertia: see `felt_share`.
 LIGHT = FlightGains(2.5, 2.5, 5.0, position_integral=0.1, attitude_integral=0.1)
 FULL = FlightGains(8.67, 8.67, 9.0, position_integral=0.1, attitude_integral=0.1)
 GOOD = 100.0, 0.01, 1e-3, 5e-3
@@ -72,15 +72,15 @@ ROTORS = CONFIG.column('reflected_inertia')
 
 @dataclass(frozen=True)
 class HeldFlight:
-    """What is flown.
+    """Settings of a flight.
 
     Attributes
     ----------
-    drone : file of a packaged drone; mass : another mass [kg], its density and thrust as they are.
-    law : GENERALISED, ORDINARY (the base's acceleration taken as none), or HELD joints.
+    drone : file of a packaged drone; mass : another mass [kg] at constant density and thrust.
+    law : GENERALISED, ORDINARY (with the base's acceleration assumed zero), or HELD joints.
     wind : root mean square of the force on the drone [N], below 0.5 Hz.
     odometry : of the arm's controller; the pilot has GOOD.
-    wrong : share by which every link's model is wrong.
+    wrong : relative error of every link in the model.
     path : whether the tool moves on a path of 20 cm at 0.25 Hz.
     """
 
@@ -129,7 +129,7 @@ class HoldingFlight:
         self.effort = self.dynamics.gravity(self.plant.position)
         self.now, self._cycle = 0.0, 0
         self.rows: list[Array] = []
-        self.target: Array | None = None  # where the tool is to be whatever the law thinks
+        self.target: Array | None = None  # desired place of the tool
         self.rejected = ''
         self._commands: deque[tuple[int, Array]] = deque()
 
@@ -185,19 +185,19 @@ class HoldingFlight:
         )
 
     def run(self, seconds: float) -> None:
-        """Advance."""
+        """Simulate for a time [s]."""
         for _ in range(round(seconds / CYCLE)):
             self._step()
 
     def tool(self) -> Array:
-        """Return where the tool is in the world (3,) [m]."""
+        """Return the place of the tool in the world (3,) [m]."""
         position, attitude, _, _ = self.plant.odometry
         mount = self.drone.mount
         place = mount.rotation @ self.kinematics.position(self.plant.position)
         return np.asarray(position + rotation_matrix(attitude) @ (mount.position + place))
 
     def figures(self, since: float = BEGIN) -> Figures:
-        """Return what the flight was like from a time [s] on."""
+        """Return the figures of the flight from a time [s] on."""
         rows = np.array(self.rows)
         rows = rows[rows[:, 0] >= since]
         tool = 1e3 * np.linalg.norm(rows[:, 4:7], axis=1)
@@ -220,7 +220,7 @@ class HoldingFlight:
         self.plant.advance(CYCLE)
         if command is not None:
             assert command.tau is not None
-            self.effort = command.tau  # it acts from the next cycle on
+            self.effort = command.tau  # acts from the next cycle on
         self.loop.observe()
         self._cycle += 1
         self.now = self._cycle * CYCLE
@@ -287,7 +287,7 @@ def flown_drone(flight: HeldFlight) -> DroneConfig:
 
 
 def oval(centre: Array, seconds: float) -> WorldPath:
-    """Return a path of 20 cm from end to end at 0.25 Hz about a place, grown over 2 s."""
+    """Return a path of 20 cm length at 0.25 Hz about a place, which grows over 2 s."""
     times = np.arange(0.0, seconds, 0.05)
     grown = np.minimum(times / 2.0, 1.0)
     share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)
@@ -315,7 +315,7 @@ def _sample(stamp_ns: int, reading: OdometryReading) -> OdometrySample:
 
 
 def _with_errors(robot: Robot, share: float, seed: int = 1) -> Robot:
-    """Return an arm of which every link is believed to be another by a share."""
+    """Return an arm with a relative error in the model of every link."""
     draws, believed = np.random.default_rng(seed), []
     for link in robot.inertial_parameters:
         wrong = 1.0 + share * draws.choice([-1.0, 1.0], 5)

@@ -1,4 +1,4 @@
-"""An odometry that ends, jumps or lies while the tool is held, in the physics engine."""
+"""An odometry that ends, jumps or is wrong while the tool is held, in the physics engine."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where the base is: odometry that is late, noisy, silent, frozen, repeated, or jumps."""
+"""The base's pose with late, noisy, silent, frozen, repeated or jumping odometry."""
 
 from collections.abc import Callable, Iterator
 
@@ -35,7 +35,7 @@ def imu(time: float, clock: float = 0.0) -> ImuSample:
 
 
 class Feed:
-    """Feeds an estimator: IMU at 250 Hz, odometry at a rate, late."""
+    """Feed of an estimator: IMU at 250 Hz, odometry at a rate, delayed."""
 
     def __init__(self, rate: float = 100.0, late: float = 0.012, has_imu: bool = True) -> None:
         self.estimator = BasePoseEstimator(FRAMES)

@@ -1,4 +1,4 @@
-"""The joints' motion of what is planned for the tool, as it is told to the drone."""
+"""The joints' planned motion for the tool, as published for the drone."""
 
 import numpy as np
 import numpy.typing as npt

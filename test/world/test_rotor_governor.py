@@ -1,4 +1,4 @@
-"""Motions slowed along their path so that rotors keep within their limits."""
+"""Motions slowed along their path so that rotors stay within their limits."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The law of the tool in the world, beside the whole mass matrix and finite differences."""
+"""The control law of the tool in the world, compared with the mass matrix and differences."""
 
 import numpy as np
 import numpy.typing as npt
@@ -54,7 +54,7 @@ def free() -> FreeBaseMotion:
 
 
 def accelerations(carried: MovingBaseDynamics, tau: Array) -> Array:
-    """Return base's specific force and joints' accelerations (6 + n,) under torques."""
+    """Return the base's specific force and the joints' accelerations (6 + n,) under torques."""
     whole = carried.whole
     bias = whole.forces(Q, DQ, np.zeros(4), RATE)
     return np.asarray(

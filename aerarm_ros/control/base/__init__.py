@@ -1,6 +1,6 @@
-"""The base of the arm in motion: what the drone does to the arm, and the arm to the drone.
+"""Motion of the arm's base: the effect of the drone on the arm, and of the arm on the drone.
 
-In come IMU samples in the autopilot's or ROS's frames, and commands of the rotors; out goes a
-`BaseMotion` at any time near now, the arm's dynamics on such a base, and
-the wrench of the arm on what carries it.
+The estimators take IMU samples, in the axes of the autopilot or of ROS, and rotor commands. The
+estimators return a `BaseMotion` at any time near now. The package also contains the arm's dynamics
+on such a base, and the wrench of the arm on its vehicle.
 """

@@ -1,7 +1,7 @@
-"""How the arm's base moves, as far as the arm feels it.
+"""Motion of the arm's base that affects the arm's dynamics.
 
-PX4 and ArduPilot use north-east-down for the world and forward-right-down for the body; ROS
-uses east-north-up and forward-left-up (REP 103, REP 105). MAVROS converts by itself.
+PX4 and ArduPilot use north-east-down for the world and forward-right-down for the body; ROS uses
+east-north-up and forward-left-up (REP 103, REP 105). MAVROS converts the axes.
 
 Quaternions are (x, y, z, w), as in ROS messages, and rotate from body to world.
 """
@@ -19,13 +19,13 @@ from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot
 from aerarm_ros.motion.signals import Array
 
 _HALF = np.sqrt(0.5)
-# Body: half a turn about x. World: x and y swapped, z turned over.
+# Body: half a turn about x. World: x and y swapped, z reversed.
 _FLU_IN_FRD = np.array([1.0, 0.0, 0.0, 0.0])
 _NED_IN_ENU = np.array([_HALF, _HALF, 0.0, 0.0])
 
 
 def frd_to_flu(vector: npt.ArrayLike) -> Array:
-    """Return a body vector (3,) in forward-left-up axes; the way back is the same."""
+    """Return a body vector (3,) in forward-left-up axes; the function is its own inverse."""
     return np.asarray(vector, dtype=float) * (1.0, -1.0, -1.0)
 
 
@@ -42,7 +42,7 @@ def attitude_ned_frd_to_enu_flu(quaternion: npt.ArrayLike) -> Array:
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
-    """Return the Hamilton product a b of (x, y, z, w) quaternions: first b turns, then a."""
+    """Return the Hamilton product a b of (x, y, z, w) quaternions: rotation b, then a."""
     vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
     return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])
 
@@ -64,7 +64,7 @@ def quaternion(rotation: Array) -> Array:
     return np.array(pin.Quaternion(rotation).coeffs())
 
 
-# Beyond these a unit is wrong rather than a flight bold: 30 g, 6 turns a second.
+# Larger values indicate a wrong unit: 30 g, 6 turns per second.
 _SPECIFIC_FORCE_MAX = 300.0
 _ANGULAR_VELOCITY_MAX = 40.0
 
@@ -78,18 +78,18 @@ class ImuSample:
     stamp : float
         [s]
     attitude : (4,) ndarray or None
-        Quaternion (x, y, z, w), IMU to a world with z up; None where the IMU has none.
-        Normalised when made.
+        Quaternion (x, y, z, w), from the IMU to a world with z up, normalized; None if the IMU has
+        no attitude.
     angular_velocity : (3,) ndarray
         [rad/s]
     specific_force : (3,) ndarray
-        Acceleration minus gravity [m/s^2]: about +9.81 along what points up at rest.
+        Acceleration minus gravity [m/s^2]: about +9.81 along the upward axis at rest.
 
     Raises
     ------
     RejectedInputError
-        If a number isn't finite, the quaternion is (almost) zero, or a value can't be in
-        the unit expected.
+        If a number is not finite, the quaternion is nearly zero, or a value is too large for the
+        expected unit.
     """
 
     stamp: float
@@ -98,22 +98,22 @@ class ImuSample:
     specific_force: Array
 
     def __post_init__(self) -> None:
-        """Check every number."""
+        """Check that every number is finite and plausible."""
         numbers = [self.stamp, *self.angular_velocity, *self.specific_force]
         if self.attitude is not None:
             numbers += [*self.attitude]
         if not np.all(np.isfinite(numbers)):
-            raise RejectedInputError('IMU: a value is NaN or infinite: check the driver')
+            raise RejectedInputError('IMU: a value is NaN or infinite; check the driver')
         if np.linalg.norm(self.specific_force) > _SPECIFIC_FORCE_MAX:
-            raise RejectedInputError('IMU: the acceleration is above 300 m/s^2: check its unit')
+            raise RejectedInputError('IMU: the acceleration is above 300 m/s^2; check its unit')
         if np.linalg.norm(self.angular_velocity) > _ANGULAR_VELOCITY_MAX:
-            raise RejectedInputError('IMU: the angular velocity is above 40 rad/s: check its unit')
+            raise RejectedInputError('IMU: the angular velocity is above 40 rad/s; check its unit')
         if self.attitude is not None:
             norm = float(np.linalg.norm(self.attitude))
             if not 0.9 < norm < 1.1:
                 raise RejectedInputError(
-                    f'IMU: the orientation quaternion has length {norm:.3g}, not 1: a zero '
-                    'quaternion means no attitude; set orientation_covariance[0] to -1'
+                    f'IMU: the orientation quaternion has length {norm:.3g} instead of 1; if the '
+                    'IMU has no attitude, set orientation_covariance[0] to -1'
                 )
             object.__setattr__(self, 'attitude', self.attitude / norm)
 
@@ -126,8 +126,8 @@ class BaseMotion(NamedTuple):
     gravity : (3,) ndarray
         Gravity [m/s^2].
     specific_force : (3,) ndarray
-        Acceleration of the base's origin minus gravity [m/s^2]: what an accelerometer there
-        reads. At rest it is `-gravity`.
+        Acceleration of the base's origin minus gravity [m/s^2], as an accelerometer measures it.
+        At rest it is `-gravity`.
     angular_velocity, angular_acceleration : (3,) ndarray
         [rad/s], [rad/s^2]
     """
@@ -139,7 +139,7 @@ class BaseMotion(NamedTuple):
 
     @classmethod
     def still(cls, gravity_in_base: npt.ArrayLike) -> 'BaseMotion':
-        """Return a base at rest (or in steady translation) under `gravity_in_base` [m/s^2]."""
+        """Return a base at rest or in steady translation under `gravity_in_base` [m/s^2]."""
         gravity = np.array(gravity_in_base, dtype=float)
         return cls(gravity, -gravity, np.zeros(3), np.zeros(3))
 
@@ -181,15 +181,21 @@ class Mount:
         Raises
         ------
         ValueError
-            If there is no such link, or it moves with the arm.
+            If the URDF has no such link, or the link moves with the arm.
         """
         model, imu_frame = robot.model, robot.full_name(imu_frame)
         if not model.existFrame(imu_frame):
             names = ', '.join(frame.name for frame in model.frames if frame.parentJoint == 0)
-            raise ValueError(f'the URDF has no link {imu_frame!r}; fixed to the base are: {names}')
+            raise ValueError(
+                f'link {imu_frame!r} (imu_frame) is not in the URDF: name a link that is fixed '
+                f'to the base, one of {names}'
+            )
         frame = model.frames[model.getFrameId(imu_frame)]
         if frame.parentJoint != 0:
-            raise ValueError(f'link {imu_frame!r} moves with the arm: it can hold no base IMU')
+            raise ValueError(
+                f'link {imu_frame!r} (imu_frame) moves with the arm: name a link that is '
+                'fixed to the base'
+            )
         placement = frame.placement
         return cls(np.array(placement.rotation), np.array(placement.translation))
 
@@ -201,14 +207,14 @@ class Mount:
         return gravity
 
     def acceleration_of_base(self, rate: Array, spin: Array) -> Array:
-        """Return by how much the base's origin accelerates more than the IMU, (3,) [m/s^2].
+        """Return the acceleration of the base's origin minus that of the IMU, (3,) [m/s^2].
 
         Parameters
         ----------
         rate, spin : (3,) ndarray
             Angular velocity [rad/s] and acceleration [rad/s^2], all in base axes.
         """
-        # spin x r + rate x (rate x r) in scalars: numpy's cross costs ten times as much.
+        # spin x r + rate x (rate x r) in scalars, because numpy's cross takes ten times as long.
         (u, v, w), (x, y, z) = spin.tolist(), (-self.imu_position_in_base).tolist()
         a, b, c = rate.tolist()
         along, square = a * x + b * y + c * z, a * a + b * b + c * c

@@ -1,4 +1,4 @@
-"""The base's motion from the drone's IMU, with a way back when the IMU fails."""
+"""Estimator of the base's motion from the drone's IMU, with a fallback if the IMU fails."""
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +17,12 @@ class AccelerationEstimate:
     n : int
         Number of joints, or of axes.
     cutoff : float
-        [Hz]; the estimate lags by 1 / (2 pi cutoff).
+        Cut-off frequency [Hz]; the estimate lags by 1 / (2 pi cutoff).
 
     Raises
     ------
     ValueError
-        If the cutoff isn't positive.
+        If the cutoff is not positive.
     """
 
     def __init__(self, n: int, cutoff: float = 20.0) -> None:
@@ -31,7 +31,7 @@ class AccelerationEstimate:
         self._rest = np.zeros(n)
 
     def reset(self) -> None:
-        """Forget the past; the next velocity initialises the filter."""
+        """Reset the filter; the next velocity initializes it."""
         self._smooth = None
 
     def update(self, dq: Array, dt: float) -> Array:
@@ -44,31 +44,30 @@ class AccelerationEstimate:
         return ddq
 
 
-# How long a trend is believed [s]: over the age of a sample on a slow line, but not over a dropout,
-# where its noise would count for more than what it says.
+# [s] for which a trend is extrapolated: longer than the age of a sample on a slow line, but
+# shorter than a dropout, where noise would dominate.
 _TREND_TIME = 0.02
 
 
 class BaseMotionPrediction:
-    """Turns a measured motion on with the measured rate.
+    """Extrapolation of a measured base motion with the measured angular rate.
 
-    What is constant in the world turns against the base: `dv/dt = -w x v` in base axes. At
-    30 degrees and 0.5 Hz gravity turns by 1.6 mrad a millisecond, so an IMU of 250 Hz and the
-    delay of a command would cost as much as the rest of a tracking error. The specific force
-    follows its own trend where that is known: of a drone it is the thrust, which turns along. The
-    trends of force and angular acceleration go on for 20 ms, then both stay.
+    A vector that is constant in the world rotates in base axes: `dv/dt = -w x v`. At 30 degrees
+    and 0.5 Hz gravity rotates by 1.6 mrad per millisecond. Without extrapolation, the age of an
+    IMU sample at 250 Hz and a command's delay would double the tracking error. If its trend is
+    known, the specific force follows the trend, because a drone's thrust rotates with the base.
+    The trends of force and angular acceleration last for 20 ms; then both stay constant.
 
     Parameters
     ----------
-    measured : BaseMotion
     angular_velocity : (3,) ndarray
-        Of the base, in base axes [rad/s]; that of `measured` is zero where the base is taken
-        for still.
+        Angular velocity of the base, in base axes [rad/s]; that of `measured` is zero if the base
+        is assumed still.
     force_slope : (3,) ndarray, optional
-        Rate at which the specific force changes in the base [m/s^3]; without it the force is
-        taken for constant in the world.
+        Rate of the specific force in base axes [m/s^3]; without it the force is assumed constant
+        in the world.
     jerk : (3,) ndarray, optional
-        Rate at which the angular acceleration changes in the base [rad/s^3].
+        Rate of the angular acceleration in base axes [rad/s^3].
     """
 
     def __init__(
@@ -91,7 +90,7 @@ class BaseMotionPrediction:
     def after(self, time: float) -> BaseMotion:
         """Return the motion `time` [s] after the measurement.
 
-        What turns is exact to second order in the angle by which the base turns meanwhile.
+        The rotation of vectors is exact to second order in the angle.
         """
         if time == 0.0:
             return self._measured
@@ -101,7 +100,7 @@ class BaseMotionPrediction:
         if self._force_slope is not None:
             vectors[1] = force + trend_time * self._force_slope
         change = trend_time * self._jerk
-        # Beyond the trend's time the last acceleration goes on.
+        # After the trend's time, the last acceleration continues.
         rate = rate + time * (spin + change) - 0.5 * trend_time * change
         return BaseMotion(vectors[0], vectors[1], rate, spin + change)
 
@@ -110,58 +109,55 @@ NONE, ATTITUDE, FULL = 'none', 'attitude', 'full'
 HOVER = 'hover'
 MODES = (NONE, ATTITUDE, FULL)
 
-# Within which what excites itself fades to the attitude [s]: its oscillation changes faster.
+# [s] in which a self-excited mode `full` fades to `attitude`; its oscillation is faster.
 _CALM_TIME = 0.1
-# Low-pass of what is told of the next milliseconds [Hz]: a drone sways at 1 Hz or less, and below
-# this corner the prediction gains more than the IMU's noise costs.
+# Cut-off frequency [Hz] of the low-pass on the trends. A drone sways at 1 Hz or less; below this
+# frequency the prediction gains more than the IMU's noise costs.
 _TREND_CUTOFF = 3.0  # decision 20
 
 
 class BaseMotionEstimator:
-    """Turns IMU samples into `BaseMotion`.
+    """Estimate `BaseMotion` from IMU samples.
 
-    Modes: 'none' uses the configured gravity; 'attitude' turns gravity with the drone and
-    takes the base for still otherwise; 'full' also uses angular rate and specific force.
-    'hover', for those that tell a drone of the arm, takes it for hovering: what is felt is thrust
-    along its own axes, whatever it does.
-    Angular acceleration is the filtered derivative of the rate, brought forward by the lag of the
-    filter.
+    Mode 'none' uses the configured gravity. Mode 'attitude' rotates gravity with the drone and
+    otherwise assumes a still base. Mode 'full' also uses angular rate and specific force. Mode
+    'hover' is for feedforward to a drone; it assumes that the specific force is thrust along the
+    drone's own axes. The angular acceleration is the filtered derivative of the rate, extrapolated
+    by the filter's lag.
 
-    While samples come the result follows them, each turned on with its rate for as long as
-    it is old (see `BaseMotionPrediction`). When they stop this goes on for `hold_time`, then
-    the result stays and fades to the configured gravity; when they come back it fades back.
+    While samples arrive, each is extrapolated by its age (see `BaseMotionPrediction`). Without
+    samples, the extrapolation continues for `hold_time`; then the result stays constant and fades
+    to the configured gravity. When samples return, the result fades back.
 
-    On a light drone 'full' excites itself. Where that is found, it fades to 'attitude', and stays
-    there: without the loop nothing tells whether it would excite itself again.
+    On a light drone, 'full' can excite oscillations. If the estimator detects them, it fades to
+    'attitude' permanently, because the open loop does not show whether they would return.
 
     Parameters
     ----------
     gravity_in_base : (3,) array_like
-        Configured gravity [m/s^2], the way back.
-    mode : str
-    mount : Mount
+        Configured gravity [m/s^2], for the fallback.
     hold_time : float
-        Age [s] up to which the last sample is held.
+        Age [s] up to which the last sample is extrapolated.
     fade_time : float
         [s]
     cutoff : float
-        Of the angular acceleration's low-pass [Hz].
+        Cut-off frequency of the angular acceleration's low-pass [Hz].
     latency : float
-        Age [s] of a sample when it is received, known to the user alone.
+        Age [s] of a sample at reception, set by the user.
     watch : OscillationWatch, optional
-        Looks whether 'full' excites itself.
+        Detector of oscillations in mode 'full'.
 
     Attributes
     ----------
     rejections : int
-        Samples not used.
+        Number of rejected samples.
     last_rejection : str
-        Why the last of them wasn't.
+        Reason of the last rejection.
 
     Raises
     ------
     ValueError
-        If the mode is unknown, a time isn't positive, or the latency negative.
+        If the mode is unknown, a time is not positive, or the latency is negative.
     """
 
     def __init__(
@@ -194,39 +190,39 @@ class BaseMotionEstimator:
         self._weight = 0.0
         self._watch = watch if mode == FULL else None
         self._unwatched: ImuSample | None = None
-        self._calm: BaseMotionPrediction | None = None  # by attitude alone, once it is needed
+        self._calm: BaseMotionPrediction | None = None  # from the attitude alone, if needed
         self._calm_weight = 0.0
         self.rejections = 0
         self.last_rejection = ''
 
     @property
     def uses_imu(self) -> bool:
-        """Whether IMU samples change anything."""
+        """Whether the estimate depends on IMU samples."""
         return self.mode != NONE
 
     def status(self, now: float) -> str:
-        """Return where the motion comes from at `now` [s], for diagnostics."""
+        """Return the source of the motion at `now` [s], for diagnostics."""
         if self.mode == NONE:
             return 'configured gravity'
         age = now - self._received
         if abs(age) <= self._hold_time:
             if self._watch is not None and self._watch.found:
                 return (
-                    f"IMU, its attitude alone until restart: {self._watch.found}, as 'full' "
-                    "excites itself on a light drone: set drone_file and base_motion 'free'"
+                    f"IMU, only its attitude until restart: {self._watch.found}, because 'full' "
+                    "is unstable on a light drone; set drone_file and base_motion 'free'"
                 )
             return 'IMU'
         if np.isinf(age):
-            return 'no IMU yet: configured gravity'
-        return f'IMU silent for {age:.2f} s: configured gravity'
+            return 'no IMU sample yet: using the configured gravity'
+        return f'no IMU sample for {age:.2f} s: using the configured gravity'
 
     def problem(self, now: float) -> str:
-        """Return the problem at `now` [s], '' if there is none."""
+        """Return the problem at `now` [s], or an empty text."""
         source = self.status(now)
         return '' if self.mode == NONE or source == 'IMU' else source
 
     def observe(self, state: ArmState, now: float) -> None:
-        """Take the arm's state at `now` [s], to watch its torques."""
+        """Process the arm's state at `now` [s], to monitor its torques."""
         if self._watch is None:
             return
         self._watch.add_torque(state.tau)
@@ -235,26 +231,27 @@ class BaseMotionEstimator:
             self._unwatched = None
 
     def reject(self, reason: str) -> None:
-        """Count a sample that could not be made."""
+        """Count an unreadable sample."""
         self.rejections += 1
         self.last_rejection = reason
 
     def offer(self, sample: ImuSample, now: float) -> None:
-        """Take a sample received at `now` [s].
+        """Process a sample received at `now` [s].
 
         Raises
         ------
         RejectedInputError
-            If it is older than the one before, or lacks the attitude that the mode needs.
+            If the sample is older than the previous one, or lacks the attitude that the mode
+            needs.
         """
         if self.mode == NONE:
             return
         if self.mode == ATTITUDE and sample.attitude is None:
-            self._refuse("IMU: it gives no attitude, which mode 'attitude' needs: use 'full'")
+            self._refuse("IMU: samples have no attitude, which mode 'attitude' needs; use 'full'")
         step = sample.stamp - self._stamp
-        # A stamp far in the past is a clock that was set back: start anew.
+        # A stamp far in the past means that the clock was set back, so start again.
         if -1.0 < step <= 0.0:
-            self._refuse('IMU: a sample is not newer than the one before: one publisher only')
+            self._refuse('IMU: a sample is not newer than the previous one; run only one publisher')
         continues = 0.0 < step < self._hold_time
         self._prediction = self._predict(sample, step if continues else None)
         self._stamp, self._received = sample.stamp, now
@@ -264,13 +261,13 @@ class BaseMotionEstimator:
                 self._calm = self._predict_calm(sample)
 
     def motion(self, now: float, ahead: float = 0.0) -> BaseMotion:
-        """Return the base's motion `ahead` [s] of `now` [s]; a negative lead is the past."""
+        """Return the base's motion at `now` + `ahead` [s]; a negative `ahead` is the past."""
         if self.mode == NONE:
             return self.configured
         age = now - self._received
-        # A clock that was set back doesn't make an IMU fresh.
+        # After a clock was set back, an old IMU sample does not count as fresh.
         fresh = abs(age) <= self._hold_time
-        # An observer asks for the past in between: time that went back changes nothing.
+        # An observer requests past times in between; a step back in time changes nothing.
         elapsed = 0.0 if self._updated is None else max(now - self._updated, 0.0)
         if self._updated is None:
             self._weight = 1.0 if fresh else 0.0
@@ -293,12 +290,12 @@ class BaseMotionEstimator:
         raise RejectedInputError(reason)
 
     def _predict(self, sample: ImuSample, step: float | None) -> BaseMotionPrediction:
-        """Return the motion from a sample on, `step` [s] after the one before."""
+        """Return the prediction from a sample, `step` [s] after the previous one."""
         rotation, rest = self._mount.rotation_imu_to_base, np.zeros(3)
         rate = rotation @ sample.angular_velocity
         force = rotation @ sample.specific_force
         if sample.attitude is None:
-            gravity = -force  # the best guess without attitude: what is felt is gravity
+            gravity = -force  # the best guess without attitude: the specific force is all gravity
         else:
             gravity = self._mount.gravity_in_base(sample.attitude)
         if self.mode == ATTITUDE:
@@ -315,7 +312,7 @@ class BaseMotionEstimator:
         return BaseMotionPrediction(motion, rate, None if step is None else slope, jerk)
 
     def _predict_calm(self, sample: ImuSample) -> BaseMotionPrediction:
-        """Return the motion from a sample on by its attitude, level if it has none."""
+        """Return the prediction from a sample's attitude, or for a level base without attitude."""
         if sample.attitude is None:
             return BaseMotionPrediction(self.configured, np.zeros(3))
         rotation = self._mount.rotation_imu_to_base
@@ -323,14 +320,14 @@ class BaseMotionEstimator:
         return BaseMotionPrediction(BaseMotion.still(gravity), rotation @ sample.angular_velocity)
 
     def _angular_acceleration(self, rate: Array, step: float | None) -> tuple[Array, Array]:
-        """Return angular acceleration and its rate; zeros if there is no sample before."""
+        """Return angular acceleration and its rate; zeros without a previous sample."""
         if step is None:
             self._spin.reset()
             self._jerk.reset()
             return self._spin.update(rate, 0.0), np.zeros(3)
         spin = self._spin.update(rate, step)
         jerk = self._jerk.update(spin, step)
-        # The derivative is that of a while ago: half a step, and the low-pass.
+        # The derivative is late by half a step and the low-pass, so extrapolate it.
         return spin + (0.5 * step + self._time_constant) * jerk, jerk
 
 
@@ -339,7 +336,7 @@ def _moved(weight: float, change: float) -> float:
 
 
 def _between(first: BaseMotion, second: BaseMotion, weight: float) -> BaseMotion:
-    """Return what lies between two motions, the second at weight 1."""
+    """Interpolate between two motions, with `weight` for the second."""
     if weight == 1.0:
         return second
     pairs = zip(first, second, strict=True)

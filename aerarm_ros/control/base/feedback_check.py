@@ -1,4 +1,4 @@
-"""Whether a drone is heavy enough for an IMU that is fed back at once."""
+"""Check whether a drone is heavy enough for direct feedback of its IMU."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,13 +10,13 @@ from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import Array
 
 _POSTURES = 200
-# A loop whose gain is below one at every frequency is stable whatever its delay (small gain). The
-# prediction of trends raises that of the IMU's path to 1.15; the margin is 1.3.
+# A loop whose gain is below one at every frequency is stable with any delay (small-gain theorem).
+# The prediction of trends raises the gain of the IMU's path to 1.15; the margin is 1.3.
 LARGEST_GAIN = 0.67  # decision 28
 
 
 def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
-    """Return the largest `feedback_gain` over the arm's postures, as a sample of them."""
+    """Return the largest `feedback_gain` over a sample of the arm's postures."""
     robot = whole.robot
     low = np.maximum(robot.position_min, -np.pi)
     high = np.minimum(robot.position_max, np.pi)
@@ -25,40 +25,40 @@ def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
 
 
 def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
-    """Require that torques may answer the base's measured acceleration at once.
+    """Check that joint torques may depend directly on the base's measured acceleration.
 
     Parameters
     ----------
-    drone : DroneConfig
     whole : WholeBodyDynamics
-        Of the drone, its arm and what that carries: a load far out counts more than its mass.
+        Model of drone, arm and payload; a payload far out counts more than its mass.
 
     Raises
     ------
     ValueError
-        If the loop of arm torque, base acceleration, IMU and arm torque has too much gain.
+        If the loop of arm torque, base acceleration and IMU has too much gain.
     """
     gain = largest_feedback_gain(whole)
     if gain > LARGEST_GAIN:
         raise ValueError(
             f"base_motion 'full' on {drone.name} ({drone.mass:g} kg) is unstable: the IMU feeds "
-            f"the arm's torque back with a gain of {gain:.2g}, and the limit is {LARGEST_GAIN:g}: "
-            "use 'free', or 'attitude'"
+            f"the arm's torque back with a gain of {gain:.2g} (limit {LARGEST_GAIN:g}); use "
+            "'free' or 'attitude'"
         )
 
 
 def largest_delay(gain: float, kp: float, kd: float) -> float:
     """Return the delay [s] up to which feedback of computed torque is stable on a free base.
 
-    A base that gives way makes joints lighter than the law takes them for, by up to `1 + gain`. The
-    loop is then `(1 + gain) (kd s + kp) / s^2`, and this is its phase margin over its crossover.
+    A base that moves freely reduces the joints' inertia by a factor of up to `1 + gain`. The loop
+    is then `(1 + gain) (kd s + kp) / s^2`. The result is its phase margin divided by its crossover
+    frequency.
 
     Parameters
     ----------
     gain : float
         `WholeBodyDynamics.feedback_gain`; 0 for a fixed base.
     kp, kd : float
-        [1/s^2], [1/s]; without both there is no feedback, and any delay will do.
+        [1/s^2], [1/s]; if both are zero, there is no feedback and the result is infinite.
     """
     stiffness, damping = (1.0 + gain) * kp, (1.0 + gain) * kd
     half = 0.5 * damping**2
@@ -68,32 +68,33 @@ def largest_delay(gain: float, kp: float, kd: float) -> float:
     return float(np.arctan2(damping * crossover, stiffness) / crossover)
 
 
-# What is slower is the drone's flight or the arm's motion [Hz]. The loop's own frequency is half
-# the inverse of its delay: 125 Hz with an IMU of 250 Hz, 30 Hz if that is 10 ms late.
+# [Hz] Slower motion is the drone's flight or the arm's motion. The loop oscillates at half the
+# inverse of its delay: 125 Hz with an IMU of 250 Hz, 30 Hz with 10 ms more delay.
 _CUTOFF = 8.0  # decision 34
 _WINDOW = 0.1  # [s]
-_SAMPLES = 25  # in the window at least: fewer agree by chance
-_TORQUE = 0.25  # RMS over effort_max; noise of a cheap IMU makes less
-_EXPLAINED = 0.6  # of the base's motion by the torques before it; of the noise about 0
+_SAMPLES = 25  # smallest number in the window; fewer may agree by chance
+_TORQUE = 0.25  # RMS over effort_max; the noise of a cheap IMU causes less
+_EXPLAINED = 0.6  # explained fraction of the base's motion; about 0 for noise
 _LASTING = 0.1  # [s]
 _LONGEST_STEP = 0.1  # [s]
-# Motion of the base that counts as none, for each axis [m/s^2], [rad/s].
+# Motion of the base that counts as none, per axis [m/s^2], [rad/s].
 _STILL = np.repeat([0.1, 0.01], 3)
-_RIDGE = 1e-3  # at half the IMU's rate two torques in a row tell the same
+_RIDGE = 1e-3  # regularization: at half the IMU's rate two consecutive torques are collinear
 
 
 class OscillationWatch:
-    """Looks for an oscillation of joint torques that the base answers, above 8 Hz.
+    """Detect an oscillation of joint torques and base motion above 8 Hz.
 
-    Where torques follow an IMU that their own reaction moves, both oscillate together, and
-    whatever the loop's delay, each sample y of the IMU follows from the torques x before it::
+    If torques follow an IMU that their own reaction moves, torques and base oscillate together.
+    For any delay of the loop, each IMU sample y then follows from the torques x before it::
 
         y_k = b_0 x_k + b_1 x_(k-1)
 
-    as two samples fix a sine. Found is one if of some joint and some axis this explains most of
-    the power of y, while x is a large share of what the drive can do, for 0.1 s. The torques
-    follow the noise of the IMU too, but the next noise does not follow the torques; and what a
-    base is driven with is slower. Powers are means over 0.1 s, or 25 samples if those are more.
+    because two samples determine a sine. The detector reports an oscillation if two conditions
+    hold for 0.1 s. First, the torques of a joint explain most of the power of y on an axis.
+    Second, x is a large fraction of the drive's torque limit. Torques follow the IMU's noise too,
+    but later noise does not follow the torques; the intended motion of a base is slower. Powers
+    are means over 0.1 s, or over 25 samples if those take longer.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ class OscillationWatch:
     Attributes
     ----------
     found : str
-        What was found, '' if nothing. It stays.
+        Description of the detected oscillation, or ''. It stays.
     """
 
     def __init__(self, effort_max: npt.ArrayLike) -> None:
@@ -117,17 +118,17 @@ class OscillationWatch:
         self._row = np.zeros(2 * n + 6)
         self._slow = self._slower = np.zeros(n + 6)
         self._moments = np.zeros((2 * n + 6, 2 * n + 6))
-        self._since = np.inf  # stamp from which on it has lasted
+        self._since = np.inf  # stamp since which it has lasted
         self.found = ''
 
     def add_torque(self, tau: Array) -> None:
-        """Take the joint torques (n,) [Nm] of a cycle, NaN where not measured."""
+        """Process the joint torques (n,) [Nm] of a cycle, NaN where not measured."""
         if not self.found:
             self._sum = self._sum + (tau if np.isfinite(tau.sum()) else np.nan_to_num(tau))
             self._count += 1
 
     def add_sample(self, sample: ImuSample) -> None:
-        """Take what the IMU read after these torques."""
+        """Process the IMU sample after these torques."""
         if self.found or self._count == 0:
             return
         n, step = self._n, sample.stamp - self._stamp
@@ -170,12 +171,12 @@ class OscillationWatch:
             joint = int(explained.argmax())
             torque = np.sqrt(power[joint]) * self._effort_max[joint]
             self.found = (
-                f'the torque of joint {joint + 1} ({torque:.1f} Nm RMS above {_CUTOFF:g} Hz) and '
-                "the base's acceleration oscillated together"
+                f'the torque of joint {joint + 1} ({torque:.1f} Nm RMS above {_CUTOFF:g} Hz) '
+                "oscillated together with the base's acceleration"
             )
 
     def _explained(self) -> Array:
-        """Return the share of each axis' power that each joint's torques explain, (n, 6)."""
+        """Return the fraction of each axis' power that each joint's torques explain, (n, 6)."""
         n, moments = self._n, self._moments
         now, before = slice(0, n), slice(n, 2 * n)
         power = moments.diagonal()
@@ -183,6 +184,6 @@ class OscillationWatch:
         both = moments[now, before].diagonal()[:, None]
         first, second = moments[now, 2 * n :], moments[before, 2 * n :]
         explained = last * first**2 - 2.0 * both * first * second + x * second**2
-        # A joint at rest explains nothing.
+        # A joint at rest explains no motion.
         whole = (x * last - both**2 + 1e-12) * (power[2 * n :] + _STILL**2)
         return np.asarray(explained / whole)

@@ -1,4 +1,4 @@
-"""What moves a free base: its rotors by their commands, the arm by the model, the rest slowly."""
+"""Estimate a free base's motion from rotor commands, the arm's model and, slowly, the IMU."""
 
 from collections.abc import Sequence
 
@@ -13,98 +13,93 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class FreeBaseMotion(BaseMotion):
-    """A `BaseMotion` whose accelerations lack how the base answers.
+    """A `BaseMotion` whose accelerations exclude the base's response.
 
-    With the answer `M_bb^-1 (w - c_b - M_bj ddq)` of `WholeBodyDynamics`, the base accelerates by
-    `s = s_0 + share * answer`: s_0 is `specific_force` and `angular_acceleration`.
+    With the response `M_bb^-1 (w - c_b - M_bj ddq)` of `WholeBodyDynamics`, the base accelerates
+    by `s = s_0 + share * response`. The term s_0 consists of `specific_force` and
+    `angular_acceleration`.
 
     Parameters
     ----------
-    motion : BaseMotion
     wrench : (6,) ndarray
         w, of the rotors on the base at its origin, in base axes [N], [Nm].
     share : (6,) ndarray
-        How much of the answer is believed, for each component of the acceleration. With none
-        the base is moved, whatever rotors and arm do.
-
-    Attributes
-    ----------
-    wrench, share
-        As given.
+        Weight of the response in each component of the acceleration. With zero the base's motion
+        does not depend on rotors and arm.
     """
 
     wrench: Array
     share: Array
 
     def __new__(cls, motion: BaseMotion, wrench: Array, share: Array) -> 'FreeBaseMotion':
-        """Return a motion with its answer."""
+        """Create a motion with the wrench and the weight of the response."""
         free = super().__new__(cls, *motion)
         free.wrench = wrench
         free.share = share
         return free
 
 
-_WARM_UP = 1.0  # [s] of samples before anything is believed
-_BIAS_TIME = 5.0  # [s] a drone that accelerates goes on for less
-_BAND_TOP = 3.0  # [Hz] of the motion by which the trust is learned
-_TRUST_TIME = 10.0  # [s] over which it is learned
+_WARM_UP = 1.0  # [s] of samples before the estimates are used
+_BIAS_TIME = 5.0  # [s]; a drone accelerates in one direction for less
+_BAND_TOP = 3.0  # [Hz] upper limit of the motion from which the trust is learned
+_TRUST_TIME = 10.0  # [s] memory of the learned trust
 _TRUST_MAX = 1.3  # decision 28
-# Acceleration below which there is nothing to learn [m/s^2], [rad/s^2]: slow motion under a heavy
-# drone is little more, and a prediction that is wrong there costs more than none.
+# Smallest acceleration for learning [m/s^2], [rad/s^2]. Slow motion under a heavy drone causes
+# little more, and a wrong prediction would be worse than none.
 _TRUST_FLOOR = np.repeat([0.03, 0.05], 3)
-_LINEAR = np.repeat([1.0, 0.0], 3)  # a gyroscope's bias is no angular acceleration
-# What the slow part may add at most [m/s^2], [rad/s^2].
+_LINEAR = np.repeat([1.0, 0.0], 3)  # a gyroscope's bias is not an angular acceleration
+# Limit of the slow part [m/s^2], [rad/s^2].
 _LIMIT = np.repeat([6.0, 6.0], 3)
 
 
 class AnswerCorrection:
     """Complementary filter of predicted (x) and measured (y) acceleration of a base.
 
-    Both are deviations from hover, (6,), linear before angular. Below the cutoff counts what is
-    measured, above it what is predicted::
+    The accelerations x and y are deviations from hover, (6,), linear before angular. Below the
+    cut-off frequency the filter uses the measurement, above it the prediction::
 
         s - s_hover = y_slow + trust (x - x_slow)
 
-    A wrong mass is nearly constant in x, so it stays out; and as y enters below the cutoff only,
-    its latency closes no loop. Two more things keep a wrong model from doing harm:
+    A wrong mass is nearly constant in x, so it has no effect. As y enters only below the cut-off
+    frequency, its latency closes no loop. Two more parts limit the effect of a wrong model:
 
-    - What the accelerometer reads on average over 5 s, where that is within `bias`, is taken for
-      its bias: a hovering drone feels its weight.
-    - `trust` is the least-squares factor from x to y between the cutoff and 3 Hz over the last
-      10 s, for each component, 0 to 1.3. Where the prediction explains nothing (wrong inertia,
-      commands that rotors do not follow) it fades out; noise of y does not bias it.
+    - The accelerometer's mean over 5 s, limited to `bias`, is its estimated bias, because a
+      hovering drone's specific force is its weight.
+    - `trust` is the least-squares factor from x to y between the cut-off frequency and 3 Hz over
+      the last 10 s, per component, 0 to 1.3. If the prediction explains nothing (wrong inertia,
+      rotors that do not follow their commands), it fades out. Noise of y does not bias it.
 
     Parameters
     ----------
     cutoff : float
-        [Hz]; well below the arm's motion.
+        Cut-off frequency [Hz], well below the arm's motion.
     bias : float
-        Of the accelerometer, at most [m/s^2].
+        Largest bias of the accelerometer [m/s^2].
     trust_min : float
-        Least trust, 0 to 1. Wind that the drone's controller answers makes the prediction look
-        wrong: where wind is stronger than what the arm does, the model is the better witness.
+        Smallest trust, 0 to 1. If the drone's controller counteracts wind, the prediction looks
+        wrong. In wind that is stronger than the arm's reaction, the model is still better than the
+        IMU.
 
     Attributes
     ----------
     cutoff : float
         [Hz]
     sustained_cutoff : float
-        That of the mean [Hz].
-    trust : (6,) ndarray
+        Cut-off frequency of the mean [Hz].
     slow : (6,) ndarray
         y_slow without bias, limited.
     sustained : (6,) ndarray
-        The mean over 5 s without bias, limited: what is left where nothing is predicted. There
-        y_slow would be the base's answer, late.
+        The mean over 5 s without bias, limited. The filter uses this mean without a prediction,
+        because y_slow would then be the base's delayed response.
     predicted_slow : (6,) ndarray
         x_slow.
     disagreement : float
-        By how much x and y differ below the cutoff [m/s^2]; 0 without predictions.
+        Difference of x and y below the cut-off frequency [m/s^2]; 0 without predictions.
 
     Raises
     ------
     ValueError
-        If the cutoff isn't positive, or the bias negative.
+        If the cutoff is not positive, or the bias is negative.
     """
 
     def __init__(self, cutoff: float = 0.3, bias: float = 0.2, trust_min: float = 0.0) -> None:
@@ -118,26 +113,26 @@ class AnswerCorrection:
     sustained_cutoff = 1.0 / (2.0 * np.pi * _BIAS_TIME)
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Reset the filter."""
         zero = np.zeros(6)
         self._seen = self.disagreement = 0.0
         self.predicted_slow = self._measured_slow = zero
         self._predicted_band = self._measured_band = zero
         self._mean = zero
-        # As if as much had been seen as there is nothing to learn from, and it was right.
+        # Initial values as after a correct prediction of the smallest acceleration for learning.
         self._product = self._power = _TRUST_FLOOR**2
         self.trust = np.ones(6)
         self.slow = self.sustained = zero
 
     @property
     def is_ready(self) -> bool:
-        """Whether enough was seen."""
+        """Whether the filter has processed enough samples."""
         return self._seen >= _WARM_UP
 
     def update(self, predicted: Array | None, measured: Array, dt: float) -> None:
-        """Take x and y (6,) [m/s^2], [rad/s^2] over the last `dt` [s].
+        """Process x and y (6,) [m/s^2], [rad/s^2] over the last `dt` [s].
 
-        Without a prediction there is nothing to learn of it, and the next one begins without a
+        Without a prediction the filter learns nothing, and the next prediction starts without a
         correction.
         """
         is_predicted = predicted is not None
@@ -157,7 +152,7 @@ class AnswerCorrection:
         share = dt / min(max(self._seen, dt), _BIAS_TIME)
         self._mean = self._mean + share * (measured - self._mean)
         bias = np.minimum(np.maximum(self._mean, -self._bias), self._bias)
-        # Nothing turns faster and faster for long.
+        # Angular acceleration cannot last, so its mean is zero.
         self.sustained = _limited(_LINEAR * (self._mean - bias))
         self.slow = _limited(self._measured_slow - bias)
         if self.is_ready and is_predicted:
@@ -178,43 +173,45 @@ def _limited(acceleration: Array) -> Array:
     return np.asarray(np.minimum(np.maximum(acceleration, -_LIMIT), _LIMIT))
 
 
-# A drone in flight shakes: the last digits of two samples differ.
+# Vibration changes the last digits of consecutive samples in flight.
 _FROZEN = 0.1  # [s]
-_FORCE_MAX = 50.0  # [m/s^2]; in flight nothing but the rotors is felt
-# What rotors and arm do to a drone within a step, and the share of noise; steps above count alike.
+_FORCE_MAX = 50.0  # [m/s^2]; in flight the rotors cause all specific force
+# Largest change by rotors and arm within a step, and the noise per time; larger steps count
+# equally.
 _FORCE_JUMP, _FORCE_SLOPE = 12.0, 1000.0  # [m/s^2], [m/s^3]
 _RATE_JUMP, _RATE_SLOPE = 0.4, 100.0  # [rad/s], [rad/s^2]
 _STEP_MAX = 0.01  # [s]
-_GAP = 0.1  # [s] samples further apart are not neighbours
-# How far attitude and gyroscope may differ over some time; what is cut is a filter that was reset.
+_GAP = 0.1  # [s]; samples further apart are not consecutive
+# Largest difference of attitude and gyroscope over a time; a larger one is a reset of the
+# autopilot's filter and is clipped.
 _TURN_TIME, _TURN_ERROR, _TURN_CUT = 0.2, 1.0, 20.0  # [s], [rad/s], [rad/s]
 
 
 class ImuWatch:
-    """Compares samples with the ones before.
+    """Compare IMU samples with earlier ones.
 
-    A reading that jumps is refused for as long as it stays there: only `forget` makes it
-    believable, once nothing depends on it any more.
+    After a jump, samples are rejected while they stay at the new value. Only `forget` accepts the
+    new value, once no estimate depends on the IMU any more.
     """
 
     def __init__(self) -> None:
-        self._previous: ImuSample | None = None  # taken or not
+        self._previous: ImuSample | None = None  # accepted or not
         self._changed = {'acceleration': -np.inf, 'angular velocity': -np.inf}
         self._turn_error = np.zeros(3)
         self.forget()
 
     def forget(self) -> None:
-        """Compare the next sample with none taken before."""
+        """Accept the next sample without comparison."""
         self._taken: ImuSample | None = None
 
     def check(self, sample: ImuSample) -> None:
-        """Take a sample if it is plausible.
+        """Accept a sample if it is plausible.
 
         Raises
         ------
         RejectedInputError
-            If it repeats what came before for too long, jumps away from the last one taken, turns
-            otherwise than its attitude, or is of no drone in flight.
+            If the sample is frozen, jumps from the last accepted sample, contradicts its attitude,
+            or is impossible for a drone in flight.
         """
         previous, self._previous = self._previous, sample
         step = np.inf if previous is None else sample.stamp - previous.stamp
@@ -227,8 +224,8 @@ class ImuWatch:
         felt = float(np.linalg.norm(sample.specific_force))
         if felt > _FORCE_MAX:
             raise RejectedInputError(
-                f'IMU: an acceleration of {felt:.0f} m/s^2, which rotors cannot bring about: check '
-                'its mount and driver'
+                f'IMU: the acceleration of {felt:.0f} m/s^2 is more than the rotors can cause; '
+                'check its mount and driver'
             )
         if self._taken is not None:
             _refuse_jump(self._taken, sample, min(max(step, 0.0), _STEP_MAX))
@@ -245,7 +242,7 @@ class ImuWatch:
         since = sample.stamp - self._changed[what]
         if since > _FROZEN:
             raise RejectedInputError(
-                f'IMU: its {what} is frozen, the same numbers for {since:.1f} s: check the driver'
+                f'IMU: its {what} is frozen, unchanged for {since:.1f} s; check the driver'
             )
 
     def _refuse_turn(self, previous: ImuSample, sample: ImuSample, step: float) -> None:
@@ -259,14 +256,14 @@ class ImuWatch:
         size = float(np.linalg.norm(self._turn_error))
         if size > _TURN_ERROR:
             raise RejectedInputError(
-                f'IMU: angular velocity and attitude differ by {size:.1f} rad/s: check the '
+                f'IMU: angular velocity and attitude differ by {size:.1f} rad/s; check the '
                 'driver, and that both have the same axes'
             )
 
 
 def _turn(before: Array, after: Array) -> Array:
-    """Return the small turn (3,) [rad], in the IMU's axes, from one quaternion to another."""
-    # Twice the vector of the product conj(before) after: numpy's cross costs ten times as much.
+    """Return the small rotation (3,) [rad] in the IMU's axes between two quaternions."""
+    # Twice the vector of the product conj(before) after; numpy's cross takes ten times as long.
     (a, b, c, d), (x, y, z, w) = before.tolist(), after.tolist()
     sign = np.copysign(2.0, a * x + b * y + c * z + d * w)
     turn = (
@@ -287,60 +284,58 @@ def _refuse_jump(taken: ImuSample, sample: ImuSample, step: float) -> None:
         size = float(np.abs(change).max())
         if size > limit:
             raise RejectedInputError(
-                f'IMU: its {what} jumps by {size:.2g} {unit} from one sample to the next: check '
+                f'IMU: its {what} jumps by {size:.2g} {unit} from one sample to the next; check '
                 'cable and driver'
             )
 
 
 FREE = 'free'
 
-# IMU samples are compared with the model at most this often [s]; rates are differences over it.
+# [s] Shortest interval between comparisons of IMU and model; rates are differences over it.
 _PERIOD = 3.5e-3
 _LONGEST_STEP = 0.1  # [s]
-# Between IMU and prediction, below the cutoff [m/s^2]: twice what a mass 20 % wrong makes.
+# [m/s^2] between IMU and prediction, below the cut-off frequency: twice the effect of a mass error
+# of 20 %.
 _DISAGREEMENT_MAX = 5.0
-_FLYING = 0.5  # of the weight: with less thrust the drone stands on something
+_FLYING = 0.5  # of the weight; with less thrust the drone stands on the ground
 
 
 class FreeBaseEstimator:
-    """Turns rotor commands, IMU samples and joint states into `FreeBaseMotion`.
+    """Estimate `FreeBaseMotion` from rotor commands, IMU samples and joint states.
 
-    An IMU that told a law the base's acceleration as it is would close a loop with the arm's own
-    reaction, of a gain of about the arm's mass over the drone's. So the acceleration is predicted
-    (`WholeBodyDynamics`, with the rotors' wrench from their commands), and the IMU corrects the
-    prediction far below the arm's bandwidth (`AnswerCorrection`). Its gyroscope is used as it is:
-    angular velocity enters by centrifugal forces alone.
+    A control law that used the IMU's acceleration directly would close a loop with the arm's own
+    reaction. The gain of that loop is about the arm's mass over the drone's. So the acceleration
+    is predicted (`WholeBodyDynamics`, with the rotors' wrench from their commands). The IMU
+    corrects the prediction far below the arm's bandwidth (`AnswerCorrection`). The gyroscope is
+    used directly, because angular velocity only enters the centrifugal forces.
 
-    Without usable rotor commands the IMU's slow part is all there is; without IMU the base is
-    taken as hovering at its weight, level. What is lost or comes back fades.
+    Without valid rotor commands the estimate is the IMU's slow part. Without IMU the base is
+    assumed to hover level. Changes between these cases fade.
 
     Parameters
     ----------
     gravity_in_base : (3,) array_like
-        Of a level drone [m/s^2].
-    rotors : RotorWrench
+        Gravity of a level drone [m/s^2].
     whole : WholeBodyDynamics
-        An instance of its own, to be told of a payload.
-    mount : Mount
-    correction : AnswerCorrection
+        An instance for this estimator alone; the caller sets its payload.
     hold_time : float
-        Age [s] up to which the last IMU sample is believed.
+        Age [s] up to which the last IMU sample is used.
     fade_time : float
         [s]
     latency : float
-        Age [s] of a sample when it is received.
+        Age [s] of a sample at reception.
 
     Attributes
     ----------
     rejections : int
-        Samples and commands not used.
+        Number of rejected samples and commands.
     last_rejection : str
-        Why the last of them wasn't.
+        Reason of the last rejection.
 
     Raises
     ------
     ValueError
-        If a time isn't positive, or the latency negative.
+        If a time is not positive, or the latency is negative.
     """
 
     mode = FREE
@@ -380,32 +375,32 @@ class FreeBaseEstimator:
         self.last_rejection = ''
 
     def status(self, now: float) -> str:
-        """Return where the base's motion comes from at `now` [s], for diagnostics."""
+        """Return the source of the base's motion at `now` [s], for diagnostics."""
         imu, rotors = self._imu_problem(now), self._rotor_problem(now)
         if imu:
-            return f'neither rotor commands nor IMU, base taken as hovering at weight: {imu}'
+            return f'neither rotor commands nor IMU, the base is assumed to hover: {imu}'
         if rotors:
-            return f'IMU below {self.correction.sustained_cutoff:.2g} Hz alone: {rotors}'
+            return f'only the IMU, below {self.correction.sustained_cutoff:.2g} Hz: {rotors}'
         return f'rotor commands + IMU below {self.correction.cutoff:g} Hz'
 
     def problem(self, now: float) -> str:
-        """Return the problem at `now` [s], '' if there is none."""
+        """Return the problem at `now` [s], or an empty text."""
         wrong = self._imu_problem(now) or self._rotor_problem(now)
         return self.status(now) if wrong else ''
 
     def reject(self, reason: str) -> None:
-        """Count a sample that could not be made."""
+        """Count an unreadable sample."""
         self.rejections += 1
         self.last_rejection = reason
 
     def offer(self, sample: ImuSample, now: float) -> None:
-        """Take an IMU sample received at `now` [s]; raises RejectedInputError if it is faulty."""
+        """Process an IMU sample received at `now` [s]; raises RejectedInputError."""
         step = sample.stamp - self._stamp
         try:
-            # A stamp far in the past is a clock that was set back: start anew.
+            # A stamp far in the past means that the clock was set back, so start again.
             if -1.0 < step <= 0.0:
                 raise RejectedInputError(
-                    'IMU: a sample is not newer than the one before: one publisher only'
+                    'IMU: a sample is not newer than the previous one; run only one publisher'
                 )
             self._watch.check(sample)
         except RejectedInputError as error:
@@ -420,7 +415,7 @@ class FreeBaseEstimator:
         self._stamp, self._received = sample.stamp, now
 
     def offer_rotors(self, names: Sequence[str], thrust: Array, stamp: float, now: float) -> None:
-        """Take a command of the rotors, see `RotorWrench.offer`."""
+        """Process a rotor command, see `RotorWrench.offer`."""
         try:
             self.rotors.offer(names, thrust, stamp, now)
         except RejectedInputError as error:
@@ -428,7 +423,7 @@ class FreeBaseEstimator:
             raise
 
     def observe(self, state: ArmState, now: float) -> None:
-        """Compare prediction and IMU, if a sample came, at the arm's state of `now` [s]."""
+        """Compare prediction and IMU after a new sample, at the arm's state of `now` [s]."""
         q, dq, _ = state
         if self._count == 0:
             return
@@ -447,27 +442,27 @@ class FreeBaseEstimator:
         measured = np.concatenate([force, spin])
         predicted = None
         if not self._rotor_problem(now):
-            # In the middle of the step, when what is compared was measured.
+            # The middle of the step, at the time of the measurement.
             wrench = self.rotors.wrench(now - 0.5 * step - self._latency)
             forces = self.whole.forces(q, dq, ddq, self._rate)
             predicted = self.whole.response(q)[0] @ (wrench - forces[:6]) - self._hover
         self.correction.update(predicted, measured - self._hover, step)
 
     def motion(self, now: float, ahead: float = 0.0) -> FreeBaseMotion:
-        """Return the base's motion `ahead` [s] of `now` [s]; a negative lead is the past."""
+        """Return the base's motion at `now` + `ahead` [s]; a negative `ahead` is the past."""
         self._fade(now)
         correction = self.correction
         share = self._rotor_share * correction.trust
         slow = self._rotor_share * (correction.slow - correction.sustained) + correction.sustained
         slow = self._imu_share * slow - share * correction.predicted_slow
         offset = self._hover * (1.0 - share) + slow
-        # Centrifugal forces without what turns the base would be worse than neither.
+        # Centrifugal forces without their cause would be worse than neither.
         rate = self._rotor_share * self._rate
         motion = BaseMotion(self._gravity, offset[:3], rate, offset[3:])
         return FreeBaseMotion(motion, self.rotors.wrench(now + ahead), share)
 
     def _fade(self, now: float) -> None:
-        """Let what is lost or comes back fade."""
+        """Fade the effect of inputs that are lost or return."""
         if now == self._updated:
             return
         change = 0.0 if self._updated is None else self._fade_rate * max(now - self._updated, 0.0)
@@ -485,15 +480,16 @@ class FreeBaseEstimator:
         age = now - self._received
         if np.isinf(age):
             return 'no IMU yet'
-        # A clock that was set back doesn't make an IMU fresh.
+        # After a clock was set back, an old IMU sample does not count as fresh.
         if abs(age) > self._hold_time:
             return f'no good IMU sample for {age:.2f} s'
         if self.correction.disagreement > _DISAGREEMENT_MAX:
             return (
-                f"the IMU's acceleration is {self.correction.disagreement:.1f} m/s^2 off "
-                'what rotor commands, mass and arm bring about: check IMU, drone file and thrust'
+                f"the IMU's acceleration differs by {self.correction.disagreement:.1f} m/s^2 "
+                'from that predicted by rotor commands, mass and arm; check IMU, drone file and '
+                'thrust'
             )
-        return '' if self.correction.is_ready else 'the IMU has just begun'
+        return '' if self.correction.is_ready else 'the IMU has just started'
 
     def _rotor_problem(self, now: float) -> str:
         problem = self.rotors.problem(now)
@@ -501,7 +497,10 @@ class FreeBaseEstimator:
             return problem
         thrust, weight = self.rotors.commanded_force, self.whole.mass * self._weight
         if thrust < _FLYING * weight:
-            return f'the rotors carry {100.0 * thrust / weight:.0f} % of the weight: not in flight'
+            return (
+                f'the rotors carry {100.0 * thrust / weight:.0f} % of the weight, so the '
+                'drone is not in flight'
+            )
         return ''
 
 

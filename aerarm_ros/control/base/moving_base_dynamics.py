@@ -1,4 +1,4 @@
-"""Inverse dynamics of an arm whose base moves, or answers the arm."""
+"""Inverse dynamics of an arm whose base moves, or responds to the arm."""
 
 from typing import NamedTuple
 
@@ -14,36 +14,36 @@ from aerarm_ros.motion.signals import Array
 
 
 class MovingBaseDynamics:
-    """`B(q) ddq + h(q, dq, base) = xi`: thesis (2.5) seen from a moving base.
+    """`B(q) ddq + h(q, dq, base) = xi`: thesis (2.5) on a moving base.
 
-    A base that is moved: the arm is put on a free joint without gravity whose acceleration is the
-    base's specific force, and one recursion yields the joint torques and the wrench at the mount.
-    On a still base it is the fixed-base model.
+    For a base with known motion, the arm is attached to a free joint without gravity, whose
+    acceleration is the base's specific force. One recursion yields the joint torques and the
+    wrench at the mount. On a still base the model is that of a fixed base.
 
-    A base that answers (`FreeBaseMotion`): its acceleration follows from the rotors' wrench and
-    from the joints' acceleration, and is `BaseMotion`'s own besides::
+    For a base that responds (`FreeBaseMotion`), the rotors' wrench and the joints' acceleration
+    add to the acceleration of `BaseMotion`::
 
         s = s_0 + share M_bb^-1 (w - c_b - M_bj ddq)
         xi = M_jb s + M_jj ddq + c_j
 
     so that B becomes `M_jj - share M_jb M_bb^-1 M_bj`; see `WholeBodyDynamics`.
 
-    Made for a 1 kHz loop: arguments are not checked. An instance holds working memory: use
-    one a thread.
+    For use in a 1 kHz loop, arguments are not checked. An instance contains working memory: use
+    one per thread.
 
     Parameters
     ----------
     robot, rotor_inertia, carrier
-        As for `WholeBodyDynamics`; the carrier is that of a base that answers.
+        As for `WholeBodyDynamics`; the vehicle `carrier` is needed for a base that responds.
 
     Attributes
     ----------
     fixed : Dynamics
-        The same arm on a fixed base; B and C do not depend on the base's motion.
+        The arm on a fixed base; B and C do not depend on the base's motion.
     whole : WholeBodyDynamics
-        Arm and carrier.
+        Arm and vehicle.
     still : BaseMotion
-        A base at rest under the robot's own gravity, used where no motion is given.
+        A base at rest under the robot's own gravity, used by default.
 
     Raises
     ------
@@ -69,7 +69,7 @@ class MovingBaseDynamics:
         self._zero = np.zeros(robot.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Add a body to the last link, see `Dynamics.carry`; nothing is changed if it raises."""
+        """Attach a body to the last link, see `Dynamics.carry`; an exception changes nothing."""
         self._arm.carry(payload)
         if self.whole is not self._arm:
             self.whole.carry(payload)
@@ -92,11 +92,11 @@ class MovingBaseDynamics:
         base : BaseMotion, optional
             Default: `still`.
         planned : (n,) ndarray, optional
-            What a base that answers is expected to answer [rad/s^2], `ddq` if not given. With
-            what is planned here and what corrects an error in `ddq` too, `xi` changes with the
-            correction by B(q) of the fixed base: the joints are as stiff as there, and their
-            error obeys `D dde + B (Kd de + Kp e) = 0` with D the inertia on the free base,
-            which is stable because both are positive definite.
+            Joint acceleration to which the base responds [rad/s^2], by default `ddq`. Give the
+            planned acceleration if `ddq` also contains the correction of an error. Then the
+            correction changes `xi` by B(q) of the fixed base, with the stiffness as there. The
+            error obeys `D dde + B (Kd de + Kp e) = 0` with the inertia D on the free base. The
+            error is stable, because B and D are positive definite.
         """
         if not isinstance(base, FreeBaseMotion):
             return self._recursion(q, dq, ddq, base)[6:]
@@ -110,14 +110,14 @@ class MovingBaseDynamics:
         return torques
 
     def bias(self, q: Array, dq: Array, base: BaseMotion | None = None) -> Array:
-        """Return h(q, dq, base), (n,) [Nm]: the torques that leave `ddq` zero."""
+        """Return h(q, dq, base), (n,) [Nm]: the torques for zero joint acceleration."""
         return self.inverse(q, dq, self._zero, base)
 
     def gravity(self, q: Array, base: BaseMotion | None = None, ddq: Array | None = None) -> Array:
         """Return the torques [Nm] that hold the arm at rest on the base, (n,).
 
-        On a still base this is g(q) of thesis (2.5). A base that answers is moved by the joint
-        acceleration `ddq` (n,) [rad/s^2], which itself costs nothing here.
+        On a still base this is g(q) of thesis (2.5). The joint acceleration `ddq` (n,) [rad/s^2]
+        moves a base that responds, but adds no inertial torque to the result.
         """
         if not isinstance(base, FreeBaseMotion):
             return self._recursion(q, self._zero, self._zero, base)[6:]
@@ -130,10 +130,10 @@ class MovingBaseDynamics:
         return torques
 
     def inertia_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:
-        """Return the inertia (n, n) [kg m^2] that the joints feel: B(q) of thesis (2.5).
+        """Return the effective joint inertia (n, n) [kg m^2]: B(q) of thesis (2.5).
 
-        On a base that answers it is smaller by the part with which the base gives way, believed
-        in whole at most: beyond that it would be no inertia of any body.
+        On a base that responds, the inertia is smaller by the base's response. The weight of the
+        response is at most one, because beyond that no body has such an inertia.
         """
         if not isinstance(base, FreeBaseMotion):
             return self.fixed.inertia_matrix(q)
@@ -145,7 +145,8 @@ class MovingBaseDynamics:
     def mobility_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:
         """Return the inverse of `inertia_matrix`, (n, n) [1/(kg m^2)].
 
-        On a base that answers in part it is a mean of both ends.
+        On a base whose response has a weight between zero and one, the result is a mean of both
+        ends.
         """
         fixed = self.fixed.mobility_matrix(q)
         if not isinstance(base, FreeBaseMotion):
@@ -170,7 +171,7 @@ class MovingBaseDynamics:
         return self._arm.composite_inertia(q)
 
     def _felt(self, base: FreeBaseMotion, answer: Array) -> Array:
-        """Return the acceleration of a base that answers, (6,)."""
+        """Return the acceleration of a base that responds, (6,)."""
         felt = self._acceleration
         felt[:3] = base.specific_force
         felt[3:] = base.angular_acceleration
@@ -187,28 +188,28 @@ class MovingBaseDynamics:
 class BaseReaction:
     """Wrench of the arm on the drone at the mount, and the arm's mass properties.
 
-    The arm is moved by gravity and by the wrench of the drone alone, so the latter follows
-    from the arm's own motion; contact of the arm with anything else is not seen. Rotors are
-    taken to spin with their links: the moment `J_m ddq / k_g` with which a motor's rotor
-    itself speeds up, some 10 mNm, is neglected.
+    Only gravity and the drone's wrench move the arm, so the wrench follows from the arm's motion.
+    Contact of the arm with other bodies is not included. The motors' rotors are assumed to rotate
+    with their links: the moment `J_m ddq / k_g` that accelerates a rotor, some 10 mNm, is
+    neglected.
 
     Parameters
     ----------
     robot : Robot
-        With everything the arm adds to the drone, its base link included if it has inertia.
+        All bodies that the arm adds to the drone, including a base link with inertia.
 
     Attributes
     ----------
     dynamics : MovingBaseDynamics
-        The model, to be told of a payload.
+        The model, whose payload the caller sets.
     """
 
     class ArmReaction(NamedTuple):
-        """All in the base frame's axes, moments about its origin.
+        """Wrench and mass properties in the base frame's axes, moments about its origin.
 
-        `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone; `static` is the
-        part due to gravity with everything at rest, `dynamic` the rest. `mass` [kg], `com`
-        (3,) [m] and `inertia` (3, 3) about the centre of mass [kg m^2] are the arm's.
+        `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone; `static` is the part
+        due to gravity with all bodies at rest, `dynamic` the remainder. `mass` [kg], `com` (3,)
+        [m] and `inertia` (3, 3) about the centre of mass [kg m^2] describe the arm.
         """
 
         wrench: Array

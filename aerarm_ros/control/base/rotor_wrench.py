@@ -1,4 +1,4 @@
-"""The wrench of a drone's rotors, from what they are commanded."""
+"""Wrench of a drone's rotors from their commands."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -20,38 +20,37 @@ def wrench_per_thrust(drone: DroneConfig) -> Array:
 
 
 def carrier_parameters(drone: DroneConfig) -> Array:
-    """Return a drone's inertial parameters (3.3), (10,), as `WholeBodyDynamics` wants them."""
+    """Return a drone's inertial parameters (3.3), (10,), in the form of `WholeBodyDynamics`."""
     rotation = drone.mount.rotation.T
     centre = rotation @ (np.array(drone.centre_of_mass) - drone.mount.position)
     return parameters_of_body(drone.mass, centre, rotation @ drone.inertia_matrix @ rotation.T)
 
 
-_PIECES = 64  # commands remembered: 0.25 s at 250 Hz
-# A command beyond the limits saturates the rotor; this many times beyond, it is no thrust in N.
+_PIECES = 64  # number of stored commands: 0.25 s at 250 Hz
+# A command beyond the limits saturates the rotor; beyond this multiple its unit is not N.
 _ABSURD = 3.0
-_FROZEN = 0.5  # [s] a controller in flight never repeats its numbers for as long
+_FROZEN = 0.5  # [s]; a controller in flight never repeats its numbers for so long
 
 
 class RotorWrench:
-    """Passes commanded thrusts through each rotor's saturation and first-order lag.
+    """Model of each rotor's saturation and first-order lag.
 
-    A command holds from its arrival plus the latency until the next one, and the thrust follows
+    A command is valid from its arrival plus the latency until the next one, and the thrust follows
     exactly: `T(t) = u + (T_0 - u) exp(-(t - t_0) / T_r)`.
 
     Parameters
     ----------
-    drone : DroneConfig
     hold_time : float
-        Age [s] up to which the last command is believed.
+        Age [s] up to which the last command is used.
     latency : float
-        From a command's arrival here to its rotor [s].
+        Time from a command's arrival at this node to its rotor [s].
 
     Attributes
     ----------
     matrix : (6, n) ndarray
         Wrench per thrust at the origin of the arm's base frame, in its axes.
     commanded_force : float
-        Of all rotors together, by the last command [N].
+        Sum of the last commanded thrusts [N].
     """
 
     def __init__(self, drone: DroneConfig, hold_time: float = 0.1, latency: float = 0.0) -> None:
@@ -64,54 +63,57 @@ class RotorWrench:
         self._latency = non_negative_number('latency', latency)
         self._order: list[int] = list(range(drone.n))
         self._sent_names: tuple[str, ...] = self._names
-        # Begin [s], thrust then, and command of each piece.
+        # Start [s], initial thrust, and command of each piece.
         self._pieces: deque[tuple[float, Array, Array]] = deque(maxlen=_PIECES)
         self.commanded_force = 0.0
         self._stamp = self._received = self._changed = -np.inf
 
     def problem(self, now: float) -> str:
-        """Return why commands can't be used at `now` [s], '' if they can."""
+        """Return why commands are unusable at `now` [s], or an empty text."""
         age = now - self._received
         if np.isinf(age):
             return 'no rotor commands yet'
         if abs(age) > self._hold_time:
             return f'no good rotor command for {age:.2f} s'
         if now - self._changed > _FROZEN:
-            return f'rotor commands frozen for {now - self._changed:.1f} s'
+            return f'rotor commands unchanged for {now - self._changed:.1f} s'
         return ''
 
     def offer(self, names: Sequence[str], thrust: Array, stamp: float, now: float) -> None:
-        """Take thrusts [N] of named rotors, sent at `stamp` [s], received at `now` [s].
+        """Process thrusts [N] of named rotors, sent at `stamp` [s], received at `now` [s].
 
         Raises
         ------
         RejectedInputError
-            If they aren't those of this drone, older than the last, or no thrusts.
+            If the names are not this drone's rotors, the stamp is older than the last, or a value
+            is not a thrust.
         """
         if tuple(names) != self._sent_names:
             self._order = self._find(names)
             self._sent_names = tuple(names)
         if len(thrust) != len(self._names):
             raise RejectedInputError(
-                f'rotor_command: {len(thrust)} efforts for {len(self._names)} rotors: give the '
-                'thrust of each [N] as effort'
+                f'rotor_command: {len(thrust)} efforts for {len(self._names)} rotors; send the '
+                'thrust of each rotor [N] as effort'
             )
         if not np.isfinite(thrust.sum()):
-            raise RejectedInputError('rotor_command: a thrust is NaN or infinite: check the sender')
+            raise RejectedInputError(
+                'rotor_command: a thrust is NaN or infinite; check the publisher'
+            )
         thrust = thrust[self._order]
         if np.any(np.abs(thrust) > _ABSURD * np.maximum(np.abs(self._low), self._high)):
             raise RejectedInputError(
-                f'rotor_command: {np.abs(thrust).max():.3g} is far beyond thrust_max of '
-                f'{self._drone.name}: check the unit, N, and the drone file'
+                f'rotor_command: {np.abs(thrust).max():.3g} N is far above thrust_max of '
+                f'{self._drone.name}; check the unit [N] and the drone file'
             )
-        # A stamp far in the past is a clock that was set back: start anew.
+        # A stamp far in the past means that the clock was set back, so start again.
         if -1.0 < stamp - self._stamp < 0.0:
             raise RejectedInputError(
-                'rotor_command: it is older than the one before: one publisher only'
+                'rotor_command: a message is older than the previous one; run only one publisher'
             )
         command = np.minimum(np.maximum(thrust, self._low), self._high)
         if stamp == self._stamp and self._pieces and np.all(command == self._pieces[-1][2]):
-            return  # nothing new: a sender that repeats itself is silent
+            return  # no new data: a sender that repeats its message counts as silent
         self._stamp = stamp
         self._add(command, now)
 
@@ -127,7 +129,7 @@ class RotorWrench:
         return command + (first - command) * np.exp((min(begin, time) - time) * self._rate)
 
     def wrench(self, time: float) -> Array:
-        """Return force [N] and moment [Nm] (6,) on the base's origin at `time` [s]."""
+        """Return force [N] and moment [Nm] (6,) at the base's origin at `time` [s]."""
         return np.asarray(self.matrix @ self.thrust(time))
 
     def _add(self, command: Array, now: float) -> None:
@@ -135,22 +137,22 @@ class RotorWrench:
         gap = now - self._received
         self._received = now
         begin = now + self._latency
-        if not self._pieces or gap <= -self._hold_time:  # the first, or a clock that was set back
+        if not self._pieces or gap <= -self._hold_time:  # first, or clock set back
             self._pieces.clear()
             self._pieces.append((begin, command, command))
             self._changed = now
             return
         if gap >= self._hold_time or np.any(command != self._pieces[-1][2]):
             self._changed = now
-        # After a gap too: nobody knows what the rotors did meanwhile, but a law that has not let
-        # go of them yet would make a step of torque of one of thrust.
+        # After a gap too, the thrust continues without a step, although it is unknown. A control
+        # law that still uses the rotors would turn a step of the thrust into a step of the torque.
         self._pieces.append((begin, self.thrust(begin), command))
 
     def _find(self, names: Sequence[str]) -> list[int]:
-        """Return where each rotor stands in a command."""
+        """Return the index of each rotor in a command."""
         if sorted(names) != sorted(self._names):
             raise RejectedInputError(
-                f'rotor_command: rotors {list(names)} are not those of {self._drone.name}, '
-                f'{list(self._names)}: is it of another drone?'
+                f'rotor_command: rotors {list(names)} are not the rotors {list(self._names)} of '
+                f'{self._drone.name}; check that drone_file describes this drone'
             )
         return [list(names).index(name) for name in self._names]

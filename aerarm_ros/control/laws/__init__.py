@@ -1,5 +1,5 @@
-"""One control law a file, and the inverse kinematics of those that need it.
+"""Control laws, one per file, and the inverse kinematics that some of them need.
 
-In come the measured `ArmState`, a reference, the cycle's length and the motion of the base; out
-goes a `JointCommand`. A law keeps what it integrates and nothing else.
+A law receives the measured `ArmState`, a reference, the cycle's length and the motion of the base.
+A law returns a `JointCommand`. The only memory of a law are its integrals.
 """

@@ -12,33 +12,32 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, TaskReferen
 
 
 class CartesianImpedance:
-    """The tool as a spring and damper on the arm's own inertia (Hogan 1985; Khatib 1987).
+    """Control law that makes the tool a spring and damper (Hogan 1985; Khatib 1987).
 
-    With the task inertia `L = (J B^-1 J^T + s^2 1)^-1`, s a small regularisation that keeps
-    it finite where J loses rank::
+    With the task inertia `L = (J B^-1 J^T + s^2 1)^-1`, where the small regularization s keeps L
+    finite if J loses rank::
 
         F   = L ddpd + K (pd - p) + D (dpd - dp)
         tau = n(q, dq) + J^T F + N^T (Kn (q_rest - q) - Dn dq)
 
-    so that a force f on the tool moves it as `L dde + D de + K e = -f` but for dJ dq. Inertia
-    isn't shaped, so no force needs to be measured. `N^T` projects the posture's torque so
-    that it doesn't move the tool.
+    so that a force f moves the tool as `L dde + D de + K e = -f`, apart from dJ dq. The inertia
+    stays that of the arm, so no force needs to be measured. `N^T` projects the posture's torque so
+    that it does not move the tool.
 
     Parameters
     ----------
-    dynamics : MovingBaseDynamics
     kinematics : Kinematics
-        Of the frame that is controlled.
+        Kinematics of the controlled frame.
     stiffness, damping : (3,) array_like
         K [N/m] and D [Ns/m] along the base's axes.
     rest : (n,) array_like
-        [rad]
+        Home configuration [rad].
     rest_stiffness, rest_damping : float
         Kn [Nm/rad], Dn [Nms/rad]
     friction : FrictionCompensation, optional
-        By measured velocity; its fraction must be below one.
+        Compensation by measured velocity; its fraction must be below one.
     regularisation : float
-        s [1/sqrt(kg)]: inertia beyond 1/s^2 isn't felt.
+        s [1/sqrt(kg)]; it limits the task inertia to 1/s^2.
 
     Attributes
     ----------
@@ -48,7 +47,7 @@ class CartesianImpedance:
     Raises
     ------
     ValueError
-        If a gain is negative, or the number of gains or of joints isn't right.
+        If a gain is negative, or the number of gains or of joints is wrong.
     """
 
     def __init__(
@@ -83,14 +82,14 @@ class CartesianImpedance:
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the effort (n,) [Nm]; `dt` isn't used."""
+        """Return the effort (n,) [Nm]; `dt` is not used."""
         q, dq, _ = state
         jacobian = self._kinematics.position_jacobian(q)
         mobility = self._dynamics.mobility_matrix(q, base) @ jacobian.T
         force = self.stiffness * (reference.p - self._kinematics.position(q))
         force += self.damping * (reference.dp - jacobian @ dq)
         posture = self._rest_stiffness * (self._rest - q) - self._rest_damping * dq
-        # L times what the task wants, without what the posture's torque would do to it:
+        # L times the desired acceleration without the effect of the posture's torque on the task:
         # N^T = 1 - J^T (L J B^-1), dynamically consistent.
         wanted = reference.ddp - mobility.T @ posture
         force += _solved(jacobian @ mobility + self._floor, wanted)
@@ -105,7 +104,7 @@ class CartesianImpedance:
 def _solved(matrix: Array, vector: Array) -> Array:
     """Return x of A x = b for a symmetric positive definite A (3, 3), by Cramer's rule.
 
-    LAPACK takes three times as long for three equations, and may start threads for them.
+    For three equations LAPACK takes three times as long, and may start threads.
     """
     (a, b, c), (_, d, e), (_, _, f) = matrix.tolist()
     u, v, w = vector.tolist()

@@ -1,4 +1,4 @@
-"""Trajectory tracking by computed torque, thesis 2.6.2, with the loop closed on the host."""
+"""Trajectory tracking by computed torque, thesis 2.6.2, with feedback on the host."""
 
 import numpy.typing as npt
 
@@ -10,14 +10,12 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointRefere
 
 
 class InverseDynamicsLaw:
-    """Torque for an acceleration, thesis (2.18), with friction and an integral if wanted.
+    """Torque for an acceleration, thesis (2.18), optionally with friction and an integral.
 
     Parameters
     ----------
-    dynamics : MovingBaseDynamics
     integral : ErrorIntegral, optional
         Its gain is in [1/s^3], its limit in [rad/s^2]: it acts through B(q).
-    friction : FrictionCompensation, optional
     """
 
     def __init__(
@@ -31,7 +29,7 @@ class InverseDynamicsLaw:
         self._friction = friction
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture, without integral."""
+        """Start at the present posture, with a zero integral."""
         if self._integral is not None:
             self._integral.reset()
 
@@ -45,8 +43,8 @@ class InverseDynamicsLaw:
     ) -> Array:
         """Return the torque (n,) [Nm] for an acceleration `a` [rad/s^2] at q [rad], dq [rad/s].
 
-        Friction is compensated as on the reference `along`, and a base that answers is expected
-        to answer what is planned there.
+        Friction is compensated for the velocity of the reference `along`. A base that responds is
+        assumed to respond to the reference's acceleration.
         """
         u = self._dynamics.inverse(q, dq, a, base, along.ddq)
         if self._friction is not None:
@@ -58,29 +56,28 @@ class InverseDynamicsLaw:
 class ComputedTorque(InverseDynamicsLaw):
     """Thesis (2.21): `u = B(q) a + n(q, dq)`, `a = ddqd + Kp (qd - q) + Kd (dqd - dq)`.
 
-    The error obeys (2.22), `dde + Kd de + Kp e = 0`, in every joint and posture. An integral
-    of the error can be added to `a` (the PID of thesis 2.6.2), and friction is compensated
-    along the reference velocity.
+    The error obeys (2.22), `dde + Kd de + Kp e = 0`, in every joint and posture. An integral of
+    the error can be added to `a` (the PID of thesis 2.6.2). Friction is compensated for the
+    reference velocity.
 
-    That holds for a torque that acts at once and a velocity that is the present one. With `delay`
-    and `velocity_lag` the model is asked for the torque that is due when it acts, but for the
-    change of the acceleration until then, and measured velocities are led on by what the filter
-    holds back. Only the reference is looked ahead on: the loop stays what it is.
+    The error equation assumes a torque that acts at once and a velocity without delay. With
+    `delay` the model is evaluated at the time when the torque acts, apart from the change of the
+    acceleration. With `velocity_lag` measured velocities are corrected for the lag of their
+    filter. The corrections by `delay` and `velocity_lag` use only the reference, so the feedback
+    loop does not change.
 
     Parameters
     ----------
-    dynamics : MovingBaseDynamics
     kp : (n,) array_like
         [1/s^2]
     kd : (n,) array_like
         [1/s]; `2 sqrt(kp)` damps critically.
     integral : ErrorIntegral, optional
         Its gain is in [1/s^3], its limit in [rad/s^2].
-    friction : FrictionCompensation, optional
     delay : float
-        From a state to the middle of the time in which its command acts [s].
+        Time from a state to the middle of the interval in which its command acts [s].
     velocity_lag : float
-        Time constant of the low-pass that measured velocities come through [s].
+        Time constant of the low-pass on measured velocities [s].
 
     Attributes
     ----------
@@ -90,7 +87,7 @@ class ComputedTorque(InverseDynamicsLaw):
     Raises
     ------
     ValueError
-        If a gain is negative or their number isn't n.
+        If a gain is negative or their number is not n.
     """
 
     def __init__(
@@ -121,7 +118,7 @@ class ComputedTorque(InverseDynamicsLaw):
         error = reference.q - q
         a = reference.ddq + self.kp * error
         if self._lag:
-            dq = dq + self._lag * reference.ddq  # what the low-pass has not told yet
+            dq = dq + self._lag * reference.ddq  # lag of the low-pass
         a += self.kd * (reference.dq - dq)
         if self._integral is not None:
             a += self._integral.update(error, dt)
@@ -129,16 +126,16 @@ class ComputedTorque(InverseDynamicsLaw):
             gained = self._delay * reference.ddq
             q, dq = q + self._delay * reference.dq, dq + gained
             reference = reference._replace(dq=reference.dq + gained)
-        # Friction along the reference: measured noise stays out.
+        # Friction for the reference velocity, without measured noise.
         return JointCommand(tau=self._torque(q, dq, a, reference, base))
 
 
 class BoardComputedTorque(InverseDynamicsLaw):
-    """Inverse dynamics as feed-forward to the boards' law, thesis (2.18) and (4.4).
+    """Inverse dynamics as feedforward to the boards' control law, thesis (2.18) and (4.4).
 
-    The boards add `Kp (qd - q) + Kd (dqd - dq)` at 40 kHz, so the feedback sees neither the
-    host's cycle nor its delay; in exchange the gains are torques per error, not shaped by
-    B(q), and errors of the joints stay coupled. Made of what `InverseDynamicsLaw` is made of.
+    The boards add `Kp (qd - q) + Kd (dqd - dq)` at 40 kHz, so the host's cycle does not delay the
+    feedback. In exchange the gains are torques per error, not multiplied by B(q), so the joints'
+    errors are coupled. For the parameters see `InverseDynamicsLaw`.
     """
 
     def update(
@@ -152,7 +149,7 @@ class BoardComputedTorque(InverseDynamicsLaw):
         a = reference.ddq
         if self._integral is not None:
             a = a + self._integral.update(reference.q - state.q, dt)
-        # Nonlinear terms at the reference: measured noise stays out, and the boards' stiff
-        # loop keeps the arm close enough to it.
+        # Nonlinear terms at the reference, without measured noise; the boards' stiff loop keeps
+        # the arm close to it.
         u = self._torque(reference.q, reference.dq, a, reference, base)
         return JointCommand(reference.q, reference.dq, u)

@@ -9,41 +9,39 @@ from aerarm_ros.control.compensation import Fade, FrictionCompensation
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference
 
 HAND_GUIDING_DAMPING = 0.02
-"""Part of Kd left when a person guides the arm: enough that a released arm stops."""
+"""Fraction of Kd in hand guiding, enough to stop a released arm."""
 
 
 class GravityCompensation:
     """Thesis (2.14): `u = g(q) + Kp (qd - q) + Kd (dqd - dq)` plus friction.
 
-    With `hand_guiding` the gains fade to (almost) nothing and the arm floats: gravity and
-    part of the friction are still compensated, so that a person can move it. Gains fade over
-    `fade_time` both ways, so torque never jumps; a caller that ends hand guiding must let the
-    reference start at the present posture.
+    With `hand_guiding` the gains fade to nearly zero. Gravity and part of the friction are still
+    compensated, so that a person can move the arm. Gains fade over `fade_time` both ways, so the
+    torque never jumps. A caller that ends hand guiding must let the reference start at the present
+    posture.
 
     Parameters
     ----------
-    dynamics : MovingBaseDynamics
     kp : (n,) array_like
         [Nm/rad]
     kd : (n,) array_like
         [Nms/rad]
     friction : FrictionCompensation, optional
-        Driven by the reference velocity: at rest it is zero and can't chatter.
+        Compensation by the reference velocity: at rest it is zero and cannot chatter.
     hand_friction : FrictionCompensation, optional
-        Driven by the measured velocity while hand guiding; its fraction must be below one.
+        Compensation by the measured velocity during hand guiding; its fraction must be below one.
     fade_time : float
         [s]
 
     Attributes
     ----------
-    hand_guiding : bool
     kp, kd : (n,) ndarray
         May be replaced at any time.
 
     Raises
     ------
     ValueError
-        If a gain is negative or their number isn't n.
+        If a gain is negative or their number is not n.
     """
 
     def __init__(
@@ -65,11 +63,11 @@ class GravityCompensation:
 
     @property
     def stiffness(self) -> float:
-        """Part of the gains in effect, 0 (hand guiding) to 1."""
+        """Effective fraction of the gains, 0 (hand guiding) to 1."""
         return self._fade.share
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture: full gains at once, or none while hand guiding."""
+        """Start at the present posture, with full gains or, in hand guiding, with none."""
         self._fade.share = 0.0 if self.hand_guiding else 1.0
 
     def update(

@@ -21,26 +21,26 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, TaskReferen
 class DampedInverse:
     """Pseudo-inverse that stays bounded where the Jacobian loses rank.
 
-    Each singular value s is inverted as `s / (s^2 + d^2)`, with a damping that grows from
-    zero at `threshold` to `damping` at s = 0::
+    Each singular value s is inverted as `s / (s^2 + d^2)`, with a damping that grows from zero at
+    `threshold` to `damping` at s = 0::
 
         d^2 = damping^2 (1 - (s / threshold)^2)
 
-    (Nakamura and Hanafusa 1986, with the damping of Chiaverini, Siciliano, Egeland 1994
-    applied per direction: what isn't singular is still followed exactly.)
+    (Nakamura and Hanafusa 1986, with the damping of Chiaverini, Siciliano, Egeland 1994 applied
+    per direction: regular directions are followed exactly.)
 
     Parameters
     ----------
     threshold : float
         Singular value [m/rad] below which a direction is damped.
     damping : float
-        [m/rad]; below `threshold / sqrt(2)` the inverse is never larger than
-        `1 / (sqrt(2) damping)`, beyond it never larger than `1 / threshold`.
+        [m/rad]. Up to `threshold / sqrt(2)` the inverse is at most `1 / (sqrt(2) damping)`, for
+        larger values at most `1 / threshold`.
 
     Raises
     ------
     ValueError
-        If one isn't positive.
+        If a value is not positive.
     """
 
     class InvertedJacobian(NamedTuple):
@@ -68,43 +68,40 @@ class DampedInverse:
 class VelocityResolution:
     """Inverse differential kinematics of a position task, thesis (2.8).
 
-    The joint velocity that gives the frame's origin the wanted velocity; the motion it
-    leaves free draws the arm toward a home configuration, and down an objective. Near its limits a
-    joint may approach them only in proportion to the distance left (Faverjon, Tournassoud
-    1987). A joint at that bound is fixed and the others take over its part (Flacco, De Luca,
-    Khatib 2012). If a joint is then still too fast, all are slowed down alike: the tool keeps its
+    The joint velocity gives the frame's origin the desired velocity. The remaining freedom moves
+    the arm toward a home configuration, and down an objective. Near its limits a joint approaches
+    them at most in proportion to the remaining distance (Faverjon, Tournassoud 1987). A joint at
+    that bound is fixed, and the other joints move instead (Flacco, De Luca, Khatib 2012). If a
+    joint is then still too fast, all joints are scaled equally, so that the tool keeps its
     direction.
 
     Parameters
     ----------
-    kinematics : Kinematics
-    limits : JointLimits
     rest : (n,) array_like
-        [rad]
-    inverse : DampedInverse
+        Home configuration [rad].
     rest_gain : float
         [1/s]
     limit_gain : float
-        [1/s]: speed toward a limit over distance from it.
+        [1/s]: speed toward a limit over the distance to it.
     margin : float
-        Distance [rad] from the limits that is kept.
+        Distance [rad] to the limits that is kept.
     slope : callable, optional
-        Returns an objective's derivative by the joints (n,) at q (n,), such as that of the loss of
-        holding the arm's weight [W/rad].
+        Returns the derivative (n,) of an objective at q (n,), such as the heat loss of holding the
+        arm's weight [W/rad].
     slope_gain : float
         Speed down the objective [rad/s] over its slope.
 
     Attributes
     ----------
     least_singular_value : float
-        Of the last Jacobian [m/rad]: how far from singular the arm is.
+        Least singular value of the last Jacobian [m/rad], the distance to a singularity.
     slowdown : float
-        Part of the wanted velocity that was given last, 0 .. 1.
+        Fraction of the desired velocity in the last result, 0 .. 1.
 
     Raises
     ------
     ValueError
-        If a gain is negative or the home configuration hasn't n joints.
+        If a gain is negative or the home configuration does not have n joints.
     """
 
     def __init__(
@@ -141,7 +138,7 @@ class VelocityResolution:
         q : (n,) ndarray
             [rad]
         velocity : (3,) ndarray
-            Of the frame's origin, in base axes [m/s].
+            Desired velocity of the frame's origin, in base axes [m/s].
         """
         jacobian = self.kinematics.position_jacobian(q)
         preferred = self._rest_gain * (self._rest - q)
@@ -157,7 +154,7 @@ class VelocityResolution:
     def _within_bounds(
         self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
     ) -> Array:
-        """Solve, fixing one joint after the other at the bound it violates most."""
+        """Solve, fixing one joint after the other at the bound that it exceeds most."""
         dq, self.least_singular_value = resolve_within(
             self._inverse, jacobian, velocity, preferred, low, high
         )
@@ -172,19 +169,20 @@ def resolve_within(
     low: Array,
     high: Array,
 ) -> tuple[Array, float]:
-    """Return joint rates (n,) of a task, each within its bounds, and the least singular value.
+    """Return joint rates (n,) of a task within their bounds, and the least singular value.
 
-    A joint beyond a bound is fixed there and the others take over its part, the one that exceeds
-    its bound most first (Flacco, De Luca, Khatib 2012). Velocities and accelerations alike.
+    A joint beyond a bound is fixed there, and the other joints move instead. The joint that
+    exceeds its bound most comes first (Flacco, De Luca, Khatib 2012). Applies to velocities and
+    accelerations.
 
     Parameters
     ----------
     inverse : DampedInverse
     jacobian : (m, n) ndarray
     task : (m,) ndarray
-        Wanted rate of the task.
+        Desired rate of the task.
     preferred : (n,) ndarray
-        What the joints do where the task leaves them free.
+        Joint rates in the null space of the task.
     low, high : (n,) ndarray
     """
     result = inverse.of(jacobian)
@@ -214,14 +212,13 @@ class CartesianMotionControl:
 
     Parameters
     ----------
-    resolution : VelocityResolution
     gain : (3,) array_like
         K [1/s]: away from singularities the tool's error decays as exp(-K t).
 
     Raises
     ------
     ValueError
-        If a gain is negative or their number isn't 3.
+        If a gain is negative or their number is not 3.
     """
 
     def __init__(self, resolution: VelocityResolution, gain: npt.ArrayLike) -> None:
@@ -238,7 +235,7 @@ class CartesianMotionControl:
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the velocity (n,) [rad/s]; `dt` and `base` aren't used."""
+        """Return the velocity (n,) [rad/s]; `dt` and `base` are not used."""
         error = reference.p - self._resolution.kinematics.position(state.q)
         velocity = reference.dp + self._gain * error
         return JointCommand(dq=self._resolution.resolve(state.q, velocity))
@@ -247,13 +244,12 @@ class CartesianMotionControl:
 class JointMotionControl:
     """Figure 2.6: the desired path in joint space, `dq = dqd + K (qd - q)`.
 
-    `qd` is made from the Cartesian path by `dqd = J#(qd) (dpd + drift_gain (pd - k(qd)))`,
-    integrated; the second term undoes what integration and damping lose. The measured joints
-    enter only through K, so the reference is the same on and off line.
+    `qd` is the integral of `dqd = J#(qd) (dpd + drift_gain (pd - k(qd)))`, computed from the
+    Cartesian path. The second term corrects the errors of integration and damping. Measured joint
+    angles enter only through K, so the reference does not depend on the measurements.
 
     Parameters
     ----------
-    resolution : VelocityResolution
     gain : (n,) array_like
         K [1/s]: the joint error decays as exp(-K t).
     drift_gain : float
@@ -267,7 +263,7 @@ class JointMotionControl:
     Raises
     ------
     ValueError
-        If a gain is negative or their number isn't n.
+        If a gain is negative or their number is not n.
     """
 
     def __init__(
@@ -290,7 +286,7 @@ class JointMotionControl:
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the velocity (n,) [rad/s] for this cycle of `dt` [s]; `base` isn't used."""
+        """Return the velocity (n,) [rad/s] for this cycle of `dt` [s]; `base` is not used."""
         error = reference.p - self._resolution.kinematics.position(self.qd)
         dqd = self._resolution.resolve(self.qd, reference.dp + self._drift_gain * error)
         dq = dqd + self._gain * (self.qd - state.q)

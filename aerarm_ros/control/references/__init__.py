@@ -1,5 +1,6 @@
-"""What the arm shall follow at each instant.
+"""References of the arm at each instant.
 
-In come checked trajectories, set points, streamed points and targets of the tool, each with its
-time; out goes a `JointReference` or `TaskReference` every cycle, continuous whatever came.
+Checked trajectories, set points, streamed points and targets of the tool, each with its time,
+become one `JointReference` or `TaskReference` per cycle. The references are continuous for any
+input.
 """

@@ -1,4 +1,4 @@
-"""A trajectory as a planner sends it."""
+"""Checked trajectory of a planner."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 Rows = Sequence[Sequence[float]]
 
-# Nearer to a limit, in rad or as a share of it, samples of a path don't show that it is kept.
+# Closer to a limit, in rad or as a fraction of it, samples of a path do not prove that it is kept.
 _NEAR = 0.05
 
 
@@ -19,7 +19,6 @@ class JointTrajectory:
 
     Parameters
     ----------
-    limits : JointLimits
     names : sequence of str
         Joints of the columns: the arm's, in any order.
     times : sequence of float
@@ -54,12 +53,16 @@ class JointTrajectory:
         self.times = _check_times(times)
         q = _rows('positions', positions, len(self.times), limits.n, order)
         if q is None:
-            raise RejectedInputError('trajectory: the points have no positions')
+            raise RejectedInputError(
+                'trajectory: the points have no positions; set positions of every point'
+            )
         self.q = q
         self.dq = _rows('velocities', velocities, len(self.times), limits.n, order)
         self.ddq = _rows('accelerations', accelerations, len(self.times), limits.n, order)
         if self.ddq is not None and self.dq is None:
-            raise RejectedInputError('trajectory: accelerations are given without velocities')
+            raise RejectedInputError(
+                'trajectory: the points have accelerations without velocities; set both or neither'
+            )
         limits.check_position('trajectory', self.q)
         if self.dq is not None:
             limits.check_velocity('trajectory', self.dq)
@@ -69,16 +72,16 @@ class JointTrajectory:
 
     @property
     def is_single_point(self) -> bool:
-        """Whether it is one point for now: a streamed reference."""
+        """Whether the trajectory is one point without a time: a streamed reference."""
         return len(self.times) == 1 and self.times[0] == 0.0
 
     def posture(self) -> JointReference:
-        """Return the last point, where the arm is to stay.
+        """Return the last point, at which the arm stays.
 
         Raises
         ------
         RejectedInputError
-            If it has a velocity.
+            If the point has a velocity.
         """
         self._check_end()
         return JointReference.at_rest(self.q[-1])
@@ -93,9 +96,8 @@ class JointTrajectory:
     ) -> PolynomialPath:
         """Return the motion along the points.
 
-        A trajectory whose first point lies in the future begins at `start`. Missing
-        velocities and accelerations are the slopes between neighbouring points, zero at the
-        ends.
+        A trajectory whose first point is in the future begins at `start`. Missing velocities and
+        accelerations are the slopes between neighbouring points, zero at the ends.
 
         Parameters
         ----------
@@ -104,14 +106,14 @@ class JointTrajectory:
         interpolation : str
             'cubic' (continuous velocity) or 'quintic' (continuous acceleration).
         elapsed : float
-            Of the time to the first point, what has passed when the motion begins [s].
+            Part of the time to the first point that has passed when the motion begins [s].
         start_dq, start_ddq : (n,) ndarray, optional
             Present velocity [rad/s] and acceleration [rad/s^2]; default: at rest.
 
         Raises
         ------
         RejectedInputError
-            If the motion leaves the limits between points, or doesn't end at rest.
+            If the motion leaves the limits between points, or does not end at rest.
         """
         times, q, dq, ddq = self.times, self.q, self.dq, self.ddq
         zero = np.zeros_like(start)
@@ -163,7 +165,7 @@ class JointTrajectory:
             joint = int(np.argmax(speed / largest))
             raise RejectedInputError(
                 f'trajectory: the last point has a velocity, {self._limits.names[joint]} '
-                f'{speed[joint]:.3g} rad/s (limit {largest[joint]:.3g}): end at rest, or stream '
+                f'{speed[joint]:.3g} rad/s (limit {largest[joint]:.3g}); end at rest, or stream '
                 'single points'
             )
 
@@ -171,24 +173,24 @@ class JointTrajectory:
 def _check_times(times: Sequence[float]) -> Array:
     t = np.array(times, dtype=float)
     if t.ndim != 1 or not t.size:
-        raise RejectedInputError('trajectory: it has no points')
+        raise RejectedInputError('trajectory: no points')
     if not np.all(np.isfinite(t)) or t[0] < 0.0:
         raise RejectedInputError('trajectory: times must be finite and not negative')
     if np.any(np.diff(t) <= 0.0):
         index = int(np.argmax(np.diff(t) <= 0.0)) + 1
         raise RejectedInputError(
             f'trajectory: point {index} at {t[index]:g} s does not follow point {index - 1} at '
-            f'{t[index - 1]:g} s: times must increase'
+            f'{t[index - 1]:g} s; times must increase'
         )
     return t
 
 
 def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -> Array | None:
-    """Return (M, n) numbers in the arm's order, None where all rows are empty."""
+    """Return (M, n) numbers in the arm's order, or None if all rows are empty."""
     if rows is None or all(len(row) == 0 for row in rows):
         return None
     if len(rows) != points or any(len(row) != n for row in rows):
-        raise RejectedInputError(f'trajectory: every point needs {n} {what}, or none does')
+        raise RejectedInputError(f'trajectory: every point needs {n} {what}, or no point has any')
     values = np.array(rows, dtype=float)[:, order]
     if not np.all(np.isfinite(values)):
         raise RejectedInputError(f'trajectory: {what} must be finite numbers')

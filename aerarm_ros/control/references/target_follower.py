@@ -1,4 +1,4 @@
-"""A smooth motion of the tool toward targets that come one by one."""
+"""A smooth motion of the tool toward successive targets."""
 
 from math import sqrt
 
@@ -9,23 +9,23 @@ from aerarm_ros.control.checks import RejectedInputError, positive
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array, TaskReference, limited
 
-# Targets further apart in time are separate targets, not samples of a path.
+# [s] Targets further apart in time are separate targets, not samples of a path.
 _STREAM_GAP = 0.25
-# Of its own periods, how long a stream may be silent before it counts as ended.
+# Silence in periods of the stream after which the stream counts as ended.
 _SILENT_PERIODS = 2.0
 
 
 class TargetFollower:
     """Reference generator of thesis 2.5: second order, critically damped, limited.
 
-    A single target is approached without overshoot; a stream of them is followed with the
-    velocity between them, so that a constant velocity is tracked without lag. When it ends the
-    tool stays at its last target.
+    The tool approaches a single target without overshoot. The tool follows a stream of targets
+    with the velocity between them, so a constant velocity causes no lag. After the stream the tool
+    stays at the last target.
 
     Parameters
     ----------
     kinematics : Kinematics
-        Of the frame that is moved.
+        Kinematics of the moved frame.
     frequency : float
         Natural frequency [rad/s].
     velocity_max, acceleration_max : float
@@ -36,7 +36,7 @@ class TargetFollower:
     Raises
     ------
     ValueError
-        If a value isn't positive.
+        If a value is not positive.
     """
 
     def __init__(
@@ -55,13 +55,13 @@ class TargetFollower:
         self.take_over(np.zeros(kinematics.robot.n))
 
     def take_over(self, q: Array) -> None:
-        """Stay where the tool is at `q` (n,) [rad] until a target comes."""
+        """Stay at the tool's place at `q` (n,) [rad] until a target arrives."""
         self.start(self._kinematics.position(q))
 
     def start(self, p: Array, velocity: Array | None = None, target: Array | None = None) -> None:
-        """Go on from a place (3,) [m] and a velocity (3,) [m/s], none if not given, to a target.
+        """Continue from a place (3,) [m] and a velocity (3,) [m/s], by default zero, to a target.
 
-        Without a target the place is where the tool stays.
+        Without a target the tool stays at the place.
         """
         self._p = p
         self._v = np.zeros(3) if velocity is None else velocity
@@ -81,12 +81,12 @@ class TargetFollower:
         return self._v
 
     def set_target(self, p: npt.ArrayLike, now: float) -> None:
-        """Take the target `p` (3,) [m], in the base frame, valid at `now` [s].
+        """Set the target `p` (3,) [m], in the base frame, valid at `now` [s].
 
         Raises
         ------
         RejectedInputError
-            If it isn't finite or out of reach.
+            If the target is not finite or out of reach.
         """
         target = np.array(p, dtype=float)
         if target.shape != (3,) or not np.all(np.isfinite(target)):
@@ -96,8 +96,8 @@ class TargetFollower:
             place = ', '.join(f'{x:.3f}' for x in target)
             raise RejectedInputError(
                 f'tool target {place} is {distance:.3f} m from the base, '
-                f'{distance - self._reach:.4g} m farther than the arm reaches: '
-                'check the frame and the unit'
+                f'{distance - self._reach:.4g} m beyond the reach of the arm: check the frame '
+                'and the unit'
             )
         velocity, self._moving_until = np.zeros(3), -np.inf
         period = np.inf if self._target_time is None else now - self._target_time
@@ -109,7 +109,7 @@ class TargetFollower:
     def update(self, q: Array, now: float, dt: float) -> TaskReference:
         """Return the reference after a cycle of `dt` [s] that ends at `now` [s].
 
-        The arm's posture `q` isn't used: the reference doesn't follow the arm.
+        The arm's posture `q` is not used: the reference does not follow the arm.
         """
         target, target_velocity = self._target, self._target_velocity
         if now > self._moving_until or self._target_time is None:
@@ -118,7 +118,7 @@ class TargetFollower:
             target = target + max(0.0, now - self._target_time) * target_velocity
         error = target - self._p
         w = self._frequency
-        # The speed from which the tool can still stop at the target.
+        # Largest speed from which the tool can still stop at the target.
         speed = min(
             self._velocity_max,
             sqrt(self._acceleration_max * (sqrt(error @ error) + 1e-12)),

@@ -1,4 +1,4 @@
-"""Executes trajectories, set points and streamed references in time."""
+"""Execution of trajectories, set points and streamed references."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,11 +26,11 @@ from aerarm_ros.motion.signals import Array, JointReference
 class MotionEnd(Enum):
     """Reason for the end of a motion."""
 
-    REACHED = 'it has reached its goal'
-    OFF_PATH = 'the arm was too far from its path'
-    OFF_GOAL = 'the arm was too far from its goal when its time was over'
-    REPLACED = 'another motion has taken its place'
-    STOPPED = 'it was stopped, or the controller was reset'
+    REACHED = 'the motion reached its goal'
+    OFF_PATH = 'the arm left the tolerance around its path'
+    OFF_GOAL = 'the arm was outside the goal tolerance when the time was over'
+    REPLACED = 'another motion replaced this one'
+    STOPPED = 'the motion was stopped, or the controller was reset'
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class FollowerTolerances:
     start : (n,) ndarray
         Distance [rad] of a trajectory's first point from the present reference.
     path : (n,) ndarray
-        Error [rad] under way beyond which the motion is aborted; positive, infinite for no check.
+        Tracking error [rad] beyond which the motion is aborted; positive, infinite for no check.
     goal : (n,) ndarray
         Error [rad] at which the goal counts as reached; positive, infinite for no check.
     goal_time : float
@@ -67,12 +67,12 @@ class FollowerTolerances:
         goal_time: float = 1.0,
         stream_timeout: float = 0.1,
     ) -> 'FollowerTolerances':
-        """Return the same tolerances for each of n joints.
+        """Return equal tolerances for each of n joints.
 
         Raises
         ------
         ValueError
-            If a value isn't positive.
+            If a value is not positive.
         """
         return cls(
             start=non_negative('start', start, n),
@@ -87,40 +87,39 @@ def _limit(name: str, value: float) -> float:
     return value if value == np.inf else positive(name, value)
 
 
-# Times that the limits need to stop, up to which a trajectory's first point is reached without.
+# Longest time to a trajectory's first point without an intermediate stop, in multiples of the
+# shortest stopping time.
 _JOINED = 3.0
 
 
 class TrajectoryFollower:
-    """Follows trajectories and streamed points; references are continuous up to the acceleration.
+    """Follow trajectories and streamed points; references are continuous up to the acceleration.
 
-    A new motion replaces the running one at any time, on a way that keeps to the limits (see
-    `find_transition`). A stop follows the path of the motion under way, see `stop_along`; on a
-    stream, whose path is not known, each joint brakes. After its end, and after an abort, the arm
-    holds. Times are injected [s], of any steady clock.
+    A new motion replaces the running one at any time, by a transition within the limits (see
+    `find_transition`). A stop follows the path of the present motion, see `stop_along`. For a
+    stream, whose path is unknown, each joint brakes. After its end, and after an abort, the arm
+    holds. The caller passes all times [s], from any steady clock.
 
     Parameters
     ----------
-    limits : JointLimits
-    tolerances : FollowerTolerances
     interpolation : str
         'cubic' or 'quintic', for trajectories.
     govern : callable
-        Returns a motion as it is executed, its path at a lower pace where that is needed; it may
-        reject it (RejectedInputError). Streamed points and stops are not governed.
+        Returns a motion, possibly slowed down along its path, or rejects it (RejectedInputError).
+        Streamed points and stops do not pass this function.
 
     Attributes
     ----------
     status : str
         'holding', 'moving' or 'streaming'.
     outcome : str
-        How the last motion ended, for people.
+        Description of the last motion's end.
     motion : int
-        Number of the motion under way; another one, or a hold, has another number.
+        Number of the present motion; each motion or hold has another number.
     end : MotionEnd
-        How the last motion ended.
+        Reason for the last motion's end.
     reference : JointReference
-        The one returned last.
+        The last returned reference.
     """
 
     def __init__(
@@ -140,23 +139,23 @@ class TrajectoryFollower:
         self.end = MotionEnd.STOPPED
         self.status = 'holding'
         self.motion = 0
-        self._until = np.inf  # when the reference is at the motion's goal [s]
-        self._silent_stream = ''  # how a stream ends after which nothing comes
+        self._until = np.inf  # time at which the reference reaches the goal [s]
+        self._silent_stream = ''  # outcome of a stream that ends by silence
         self.take_over(np.zeros(limits.n))
 
     @property
     def limits(self) -> JointLimits:
-        """Limits every reference is checked against."""
+        """Limits that every reference satisfies."""
         return self._limits
 
     @property
     def tolerances(self) -> FollowerTolerances:
-        """Tolerances of motions that bring none of their own."""
+        """Tolerances of motions without their own tolerances."""
         return self._tolerances
 
     @property
     def elapsed(self) -> float:
-        """Time of the motion under way at the last update [s]."""
+        """Time since the start of the present motion at the last update [s]."""
         return self._elapsed
 
     def take_over(self, q: npt.ArrayLike) -> None:
@@ -174,25 +173,24 @@ class TrajectoryFollower:
         tolerances: FollowerTolerances | None = None,
         is_goal: bool = False,
     ) -> None:
-        """Start a trajectory, or take a streamed point.
+        """Start a trajectory, or follow a streamed point.
 
         Parameters
         ----------
-        trajectory : JointTrajectory
         now : float
             [s]
         start : float, optional
-            When its time zero is [s], if that isn't now. What lies in the past is skipped.
+            Time zero of the trajectory [s], by default `now`. The part before `now` is skipped.
         tolerances : FollowerTolerances, optional
-            Path, goal and goal time of this motion, if they aren't those of the follower.
+            Path, goal and goal time of this motion, by default those of the follower.
         is_goal : bool
-            Whether a single point for now is where to stay, and not the first of a stream.
+            Whether a single point without a time is a goal, and not the first of a stream.
 
         Raises
         ------
         RejectedInputError
-            If it starts too far from the present reference or leaves the limits, between its
-            points or on the way to it.
+            If the motion starts too far from the present reference or leaves the limits, between
+            its points or during the transition.
         """
         begin = now if start is None else start
         if trajectory.is_single_point and not is_goal:
@@ -205,16 +203,16 @@ class TrajectoryFollower:
     def check_goal(
         self, trajectory: JointTrajectory, now: float, start: float | None = None
     ) -> None:
-        """Require that a goal could begin now; nothing changes, and any thread may call it.
+        """Raise RejectedInputError if a goal could not start now; callable from any thread.
 
-        Arguments as of `follow`. Raises RejectedInputError as that does.
+        For the arguments see `follow`. The follower does not change.
         """
         self._goal(trajectory, now, now if start is None else start)
 
     def go_to(self, q: Array, now: float) -> None:
-        """Go to rest at `q` (n,) [rad] on a quintic that uses half of what limits allow.
+        """Move to rest at `q` (n,) [rad] on a quintic that uses half of the limits.
 
-        An arm that moves stops on its path first.
+        A moving arm first stops on its path.
 
         Raises
         ------
@@ -241,7 +239,7 @@ class TrajectoryFollower:
     def update(self, q: Array, now: float, dt: float = 0.0) -> JointReference:
         """Return the reference at `now`, with the arm measured at `q` (n,) [rad].
 
-        `dt` isn't used: the reference is a function of time.
+        `dt` is not used: the reference is a function of time.
         """
         self.reference = self._evaluate(now)
         self._elapsed = now - self._zero
@@ -250,7 +248,7 @@ class TrajectoryFollower:
         return self.reference
 
     def ahead(self, times: Array) -> JointReference:
-        """Return the references (M, n) at times (M,) [s] from now on, if nothing new comes."""
+        """Return the references (M, n) at times (M,) [s] from now, without new inputs."""
         rows = [self._evaluate(time) for time in times.tolist()]
         return JointReference(*map(np.array, zip(*rows, strict=True)))
 
@@ -259,7 +257,7 @@ class TrajectoryFollower:
         return motion.evaluate(now - start)
 
     def _after(self, now: float) -> Callable[[float], JointReference]:
-        """Return what gives the reference a time [s] after now, if nothing new comes."""
+        """Return the reference as a function of the time [s] after `now`, without new inputs."""
         motion, start = self._under_way
         return lambda time: motion.evaluate(now - start + time)
 
@@ -267,7 +265,7 @@ class TrajectoryFollower:
         return bool(np.any(self.reference.dq) or np.any(self.reference.ddq))
 
     def _stop(self, now: float, share: float = 1.0) -> PolynomialPath:
-        """Return the stop of the motion under way, with a share of the acceleration limits."""
+        """Return the stop of the present motion with a fraction of the acceleration limits."""
         acceleration_max = share * self._limits.acceleration_max
         if self.status == 'streaming':
             return brake(self._evaluate(now), acceleration_max)
@@ -275,7 +273,7 @@ class TrajectoryFollower:
         return stop_along(motion, 0.0, acceleration_rows(acceleration_max)).path(motion)
 
     def _transition(self, motion: PolynomialPath | Posture, now: float, begin: float) -> Transition:
-        """Return the way to a motion whose time zero is `begin` [s]."""
+        """Return the transition to a motion whose time zero is `begin` [s]."""
         return find_transition(
             self._after(now),
             lambda share: self._stop(now, share),
@@ -293,27 +291,30 @@ class TrajectoryFollower:
         timeout = self._tolerances.stream_timeout - max(0.0, age)
         if timeout <= 0.0:
             raise RejectedInputError(
-                f'streamed point: it is {age:.3g} s old (stream_timeout: '
-                f'{self._tolerances.stream_timeout:g}): check the clocks, or stamp it zero for now'
+                f'streamed point: {age:.3g} s old (stream_timeout: '
+                f'{self._tolerances.stream_timeout:g}); synchronise the clocks, or set the stamp '
+                'to zero ("now")'
             )
         self._check_start(point.q)
         motion = StreamedPoint.longest(point, self._evaluate(now), timeout, self._limits)
-        self._silent_stream = 'stopped: no streamed point in time'
+        self._silent_stream = 'stopped: no streamed point arrived in time'
         if motion.duration < timeout:
-            self._silent_stream = 'stopped: the streamed point led to a limit, and no other came'
+            self._silent_stream = (
+                'stopped: the streamed point led to a limit, and no other followed'
+            )
         self._replace(motion, now, now, 'streaming')
 
     def _goal(
         self, trajectory: JointTrajectory, now: float, begin: float
     ) -> tuple[FollowedMotion, float]:
-        """Return what executes a trajectory from `now` on, and when its time zero is [s].
+        """Return the motion along a trajectory from `now` on, and its time zero [s].
 
-        A trajectory that does not say where it begins goes on from here.
+        A trajectory without an initial point starts at the present reference.
         """
         left = trajectory.times[0] - (now - begin)
         if self.interpolation == 'quintic' and begin <= now and left > 0.0:
             q, dq, ddq = self._evaluate(now)
-            # One polynomial from a fast motion to a late point would swing out.
+            # One polynomial from a fast motion to a distant point would overshoot.
             stopping = float((np.abs(dq) / self._limits.acceleration_max).max())
             try:
                 if not self._moves() or left <= _JOINED * stopping:
@@ -337,9 +338,9 @@ class TrajectoryFollower:
             joint = int(np.argmax(far))
             raise RejectedInputError(
                 f'trajectory: it starts {distance[joint]:.3g} rad away from '
-                f'{self._limits.names[joint]} at {self.reference.q[joint]:.4g} rad (allowed: '
-                f'{self._tolerances.start[joint]:.3g}): start where the arm is, or give the '
-                'first point a time to get there'
+                f'{self._limits.names[joint]} at {self.reference.q[joint]:.4g} rad (allowed '
+                f'{self._tolerances.start[joint]:.3g}); start at the present position, or give '
+                'the first point time to move there'
             )
 
     def _replace(self, motion: FollowedMotion, now: float, zero: float, status: str) -> None:
@@ -347,8 +348,8 @@ class TrajectoryFollower:
         self._begin(motion, now, zero, status)
 
     def _begin(self, motion: FollowedMotion, start: float, zero: float, status: str) -> None:
-        """Execute a motion from `start` on; `zero` is the time zero of its trajectory [s]."""
-        # One assignment: another thread may be checking a goal.
+        """Execute a motion from `start`; `zero` is the time zero of its trajectory [s]."""
+        # One assignment, because another thread may be checking a goal.
         self._under_way = motion, start
         self._zero = zero
         self._until = start + motion.duration
@@ -362,7 +363,7 @@ class TrajectoryFollower:
         error, used = np.abs(self.reference.q - q), self._used
         if (error > used.path).any():
             joint = int(np.argmax(error / used.path))
-            # Where the arm is, so that whatever blocks it isn't pushed on.
+            # Hold at the measured posture, so that the arm does not push against an obstacle.
             reason = f'stopped: {self._limits.names[joint]} {error[joint]:.3g} rad off path'
             self.stop(now, reason, q)
             self.end = MotionEnd.OFF_PATH
@@ -373,8 +374,8 @@ class TrajectoryFollower:
             self.outcome = self._silent_stream
         elif (error <= used.goal).all():
             self.status, self.end = 'holding', MotionEnd.REACHED
-            self.outcome = f'reached, error {error.max():.2g} rad'
+            self.outcome = f'goal reached, error {error.max():.2g} rad'
         elif now > self._until + used.goal_time:
             joint = int(np.argmax(error / used.goal))
             self.status, self.end = 'holding', MotionEnd.OFF_GOAL
-            self.outcome = f'missed: {self._limits.names[joint]} {error[joint]:.3g} rad off goal'
+            self.outcome = f'goal missed: {self._limits.names[joint]} {error[joint]:.3g} rad off'

@@ -1,4 +1,4 @@
-"""Goals that a trajectory follower works on, one at a time, each to its end."""
+"""Goals of a trajectory follower, one at a time."""
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from aerarm_ros.control.references.trajectory_follower import (
     TrajectoryFollower,
 )
 
-# What control_msgs writes: the follower's own, and none at all.
+# Values of control_msgs: the follower's own tolerance, and no tolerance.
 _DEFAULT, _NONE = 0.0, -1.0
 
 
@@ -27,25 +27,25 @@ def resolve_tolerances(
     goal: Iterable[tuple[str, float]] = (),
     goal_time: float = _DEFAULT,
 ) -> FollowerTolerances:
-    """Return the tolerances of one goal, as joint_trajectory_controller reads them.
+    """Return the tolerances of one goal by the rules of joint_trajectory_controller.
 
-    Zero is the follower's own value, -1 none at all.
+    Zero means the follower's own value, -1 no check.
 
     Parameters
     ----------
     own
-        Of the follower.
+        Tolerances of the follower.
     names
         The arm's n joints.
     path, goal
-        Joints and their tolerances [rad], those that differ.
+        Joints and their tolerances [rad], if they differ from the follower's.
     goal_time
         [s]
 
     Raises
     ------
     RejectedInputError
-        If a joint isn't the arm's, or a value is neither positive nor 0 nor -1.
+        If a joint is not the arm's, or a value is neither positive nor 0 nor -1.
     """
     time = _resolve('goal_time_tolerance', own.goal_time, goal_time)
     return replace(
@@ -65,7 +65,9 @@ def _resolve_each(
     resolved = own.copy()
     for name, value in given:
         if name not in names:
-            raise RejectedInputError(f'{what}: the arm has no joint {name!r}')
+            raise RejectedInputError(
+                f'{what}: the arm has no joint {name!r}; check the joint names'
+            )
         joint = list(names).index(name)
         resolved[joint] = _resolve(f'{what} of {name}', own[joint], value)
     return resolved
@@ -78,7 +80,7 @@ def _resolve(what: str, own: float, value: float) -> float:
         return np.inf
     if not 0.0 < value < np.inf:
         raise RejectedInputError(
-            f'{what} = {value:g}: give a positive number, 0 for the default or -1 for none'
+            f'{what} = {value:g}: set a positive number, 0 for the default or -1 for no tolerance'
         )
     return value
 
@@ -87,7 +89,7 @@ SUCCEEDED, ABORTED, CANCELED = 'succeeded', 'aborted', 'canceled'
 
 
 class ResultCode(IntEnum):
-    """Of control_msgs/action/FollowJointTrajectory, as joint_trajectory_controller uses them."""
+    """Error codes of FollowJointTrajectory, as joint_trajectory_controller uses them."""
 
     SUCCESSFUL = 0
     INVALID_GOAL = -1
@@ -98,7 +100,7 @@ class ResultCode(IntEnum):
 
 
 class GoalResult(NamedTuple):
-    """How a goal has ended: SUCCEEDED, ABORTED or CANCELED, why, and in words."""
+    """Result of a goal: SUCCEEDED, ABORTED or CANCELED, with code and text."""
 
     state: str
     code: ResultCode
@@ -115,20 +117,20 @@ _RESULTS = {
 
 
 class TrajectoryGoals:
-    """Starts and cancels goals, and reports their results.
+    """Start and cancel goals, and report their results.
 
-    A new goal takes the place of the one under way, and so does any other motion of the follower,
-    as one that came on a topic. A goal that cannot start leaves that one alone.
+    A new goal replaces the active one, and so does any other motion of the follower, for example
+    from a topic. A goal that cannot start leaves the active one unchanged.
 
     Parameters
     ----------
     follower : TrajectoryFollower
-        What moves; it is updated by others.
+        Follower of the goals; its owner updates it.
 
     Attributes
     ----------
     active : Hashable or None
-        The goal under way.
+        The active goal.
     """
 
     def __init__(self, follower: TrajectoryFollower) -> None:
@@ -144,39 +146,39 @@ class TrajectoryGoals:
         start: float | None = None,
         tolerances: FollowerTolerances | None = None,
     ) -> list[tuple[Hashable, GoalResult]]:
-        """Begin a goal; return the replaced goal with its result.
+        """Start a goal; return the replaced goal with its result.
 
         Parameters
         ----------
         goal : Hashable
-            Stands for the goal here.
+            Identifier of the goal.
         trajectory, now, start, tolerances
             As of `TrajectoryFollower.follow`.
 
         Raises
         ------
         RejectedInputError
-            If it cannot start; nothing has changed then.
+            If the goal cannot start; nothing has changed then.
         """
         self._follower.follow(trajectory, now, start, tolerances, is_goal=True)
-        text = 'another goal has taken its place'
+        text = 'another goal replaced this one'
         before = self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, text))
         self.active, self._motion = goal, self._follower.motion
         return before
 
     def cancel(self, goal: Hashable, now: float) -> list[tuple[Hashable, GoalResult]]:
-        """Brake and hold, if this goal is under way; return it with its result."""
+        """Brake and hold, if this goal is active; return the goal with its result."""
         if goal != self.active:
             return []
-        self._follower.stop(now, 'stopped: its goal was canceled')
+        self._follower.stop(now, 'stopped: the goal was canceled')
         return self._end(GoalResult(CANCELED, ResultCode.SUCCESSFUL, 'canceled'))
 
     def give_up(self, reason: str) -> list[tuple[Hashable, GoalResult]]:
-        """End the goal under way because the arm isn't controlled any more; return it."""
+        """End the active goal because the arm is no longer controlled; return the goal."""
         return self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, reason))
 
     def update(self) -> list[tuple[Hashable, GoalResult]]:
-        """Return the goal that has ended by the follower's last update, with its result."""
+        """Return the goal that ended with the follower's last update, with its result."""
         follower = self._follower
         is_same = follower.motion == self._motion
         if self.active is None or (is_same and follower.status != 'holding'):

@@ -1,4 +1,4 @@
-"""The way from the motion under way to the one that replaces it, within the limits."""
+"""Transition from the present motion to the next one, within the limits."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
@@ -11,71 +11,71 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath, rest_to_rest_durat
 from aerarm_ros.motion.signals import Array, JointReference
 
 _SHORTEST_BLEND = 0.05
-# Of a joint's limits, what a blend may use in addition to the motion it is added to.
+# Fraction of a joint's limits that a blend may use in addition to its motion.
 _SHARE = 0.3
-# Multiples of it that are tried, if one leaves the limits.
+# Multiples of the blend's duration that are tried if one leaves the limits.
 _MULTIPLES = (1.0, 2.0, 0.5, 4.0)
-# How far through its time-out a stream is checked, denser at first: the next point comes soon.
+# Checked instants as fractions of a stream's time-out, denser at first, because the next point
+# arrives soon.
 _CHECKED = np.linspace(0.0, 1.0, 17)[:, np.newaxis] ** 2
-# Of a braking's travel [-] and of the speed [s], what is kept free before a position limit: the
+# Reserve before a position limit, of the braking distance [-] and of the speed [s], because
 # braking may begin between two checked instants.
 _TRAVEL_RESERVE, _TIME_RESERVE = 0.02, 1e-3
 
 
 class Posture(NamedTuple):
-    """The motion that stays: `reference` at rest."""
+    """A motion that stays at `reference`."""
 
     reference: JointReference
 
     @property
     def duration(self) -> float:
-        """Length [s]: none, the posture is the goal from the beginning."""
+        """Duration of the motion [s]: zero."""
         return 0.0
 
     def evaluate(self, time: float) -> JointReference:
-        """Return the posture, whatever the time [s]."""
+        """Return the posture at any time [s]."""
         return self.reference
 
 
 def blend_duration(deviation: JointReference, limits: JointLimits) -> float:
-    """Return the time [s] in which a deviation may go to zero, with a share of the limits."""
+    """Return the time [s] to remove a deviation with a fraction of the limits."""
     needed = (
         np.abs(deviation.q) / (_SHARE * limits.velocity_max),
         np.sqrt(np.abs(deviation.q) / (_SHARE * limits.acceleration_max)),
         np.abs(deviation.dq) / (_SHARE * limits.acceleration_max),
     )
-    # 2: the peak slope of a quintic step is 1.9, the peak curvature after the square root
-    # 2.4, and a braking quintic peaks at 1.5 to 2 times its mean.
+    # The factor 2 covers the peaks of a quintic step: slope 1.9 and, after the square root,
+    # curvature 2.4. A braking quintic peaks at 1.5 to 2 times its mean.
     return max(_SHORTEST_BLEND, 2.0 * float(np.max(needed)))
 
 
 class StreamedPoint:
-    """The motion that a single point stands for until the next one, and the braking after it.
+    """Motion along a single streamed point until the next one, and the braking after it.
 
     The point is extrapolated with constant acceleration. The deviation of the present reference
-    from it goes to zero along a quintic, so that the reference never steps. Once the time-out is
-    over each joint brakes; earlier, if it would leave a limit or come too near to a position limit
-    to stop before it.
+    from it goes to zero along a quintic, so that the reference never steps. After the time-out
+    each joint brakes. A joint brakes earlier if it would leave a limit, or could no longer stop
+    before a position limit.
 
     Parameters
     ----------
     point, present : JointReference
-        The point, and the reference that it replaces.
+        The point, and the present reference.
     timeout : float
-        How long the point may be followed [s].
-    limits : JointLimits
+        Longest time to follow the point [s].
     multiple : float
-        Of `blend_duration`, how long the quintic takes.
+        Duration of the quintic, in multiples of `blend_duration`.
 
     Attributes
     ----------
     duration : float
-        How long the point is followed [s].
+        Time for which the point is followed [s].
 
     Raises
     ------
     RejectedInputError
-        If it cannot be followed at all; the message names the joint and the limit.
+        If the point cannot be followed at all; the message names the joint and the limit.
     """
 
     def __init__(
@@ -99,12 +99,12 @@ class StreamedPoint:
     def longest(
         cls, point: JointReference, present: JointReference, timeout: float, limits: JointLimits
     ) -> 'StreamedPoint':
-        """Return the motion with the blend by which the point can be followed for longest.
+        """Return the motion with the blend that follows the point for the longest time.
 
         Raises
         ------
         RejectedInputError
-            If it cannot be followed at all; the message names the joint and the limit.
+            If the point cannot be followed at all; the message names the joint and the limit.
         """
         best: StreamedPoint | None = None
         for multiple in _MULTIPLES:
@@ -138,7 +138,7 @@ class StreamedPoint:
         return JointReference(followed.q + rest.q, followed.dq + rest.dq, followed.ddq + rest.ddq)
 
     def _check(self, timeout: float, limits: JointLimits) -> float:
-        """Return how long the point can be followed within the limits [s]."""
+        """Return the time for which the point can be followed within the limits [s]."""
         times = timeout * _CHECKED
         q, dq, ddq = self._point
         rest = self._blend.evaluate(times[:, 0])
@@ -153,44 +153,44 @@ class StreamedPoint:
         good = (ends >= within.position_min - 1e-9) & (ends <= within.position_max + 1e-9)
         good &= braking.fastest <= limits.velocity_max + 1e-9
         good &= np.abs(ddq) <= limits.acceleration_max + 1e-9
-        # The present reference is what it is: another point may still bring it back.
+        # The present reference is exempt, because another point may still bring it back.
         first_bad = int(np.argmin(good[1:].all(axis=1))) + 1 if not good[1:].all() else len(times)
         if first_bad == 1:
-            what = 'streamed point, as it would be followed'
+            what = 'streamed point, as the arm would follow it'
             limits.check_velocity(what, braking.fastest[1])
             limits.check_acceleration(what, ddq[1])
-            within.check_position('streamed point: where it can stop', ends[1])
-            raise RejectedInputError(f'{what}: it leaves the limits')
+            within.check_position('streamed point, where the arm can stop', ends[1])
+            raise RejectedInputError(f'{what}: the motion leaves the limits; slow it down')
         return float(times[first_bad - 1, 0])
 
 
 Evaluate = Callable[[float], JointReference]
 Stop = Callable[[float], PolynomialPath]
 
-# Shortest cross-fade [s], instants at which one is computed, and multiples of `blend_duration` that
-# it may take.
+# Shortest cross-fade [s], its number of instants, and its duration in multiples of
+# `blend_duration`.
 _SHORTEST = 0.05
 _INSTANTS = 40
 _TRIED_MULTIPLES = (1.0, 0.6, 1.7, 0.35, 3.0)
-# Samples between two instants, and of the limits, what they may use: a motion that uses all of
-# them passes instants that are not its own.
+# Checked samples between two instants, and their fraction of the limits: between its instants, a
+# motion that uses the whole limits would exceed them.
 _BETWEEN = 4
 _ROUNDING = 1.001
-# Of the velocity limits, by how much two motions may differ that are cross-faded as they are.
+# Largest velocity difference for a direct cross-fade of two motions, as a fraction of the limits.
 _ALIKE = 0.1
 _RESTING = 1e-6  # [rad/s]
-# Of the acceleration limits, what a stop takes that is cross-faded: the rest is for the fade.
+# Fraction of the acceleration limits for a stop during a cross-fade, which needs the remainder.
 _STOP_SHARE = 0.5
-# Of the limits, what the way from a stop to the next motion uses.
+# Fraction of the limits for the motion from a stop to the next motion.
 _WAY_SHARE = 0.5
 
 
 class FollowedMotion(Protocol):
-    """Motion that a follower executes."""
+    """Interface of a motion that a follower executes."""
 
     @property
     def duration(self) -> float:
-        """Time from which on it rests at its goal, or brakes [s]."""
+        """Time [s] after which the motion rests at its goal, or brakes."""
         ...
 
     def evaluate(self, time: float) -> JointReference:
@@ -199,15 +199,14 @@ class FollowedMotion(Protocol):
 
 
 class Transition:
-    """A path that leads to a motion, and the motion from then on.
+    """A path that leads to a motion, followed by the motion.
 
     Parameters
     ----------
     path : PolynomialPath
-        From the present reference on.
-    motion : FollowedMotion
+        Path from the present reference.
     delay : float
-        When the motion's time zero is [s], from now.
+        Time zero of the motion [s], relative to now.
     """
 
     def __init__(self, path: PolynomialPath, motion: FollowedMotion, delay: float) -> None:
@@ -229,29 +228,29 @@ def find_transition(
     delay: float,
     limits: JointLimits,
 ) -> Transition:
-    """Return how the motion under way goes over into another one, within the limits.
+    """Return the transition from the present motion to another one, within the limits.
 
-    Both are followed together, with a share of the new one that rises from 0 to 1: no joint leaves
-    the range between two motions that keep to the position limits. If the new one begins with
-    another velocity, the one under way stops on its path meanwhile. Where no share can rise
-    within the limits, the arm stops first and the new motion begins later.
+    The transition is a weighted mean, in which the new motion's weight rises from 0 to 1. So no
+    joint leaves the range between two motions that respect the position limits. If the new motion
+    begins with another velocity, the present one stops on its path meanwhile. If no such
+    transition respects the limits, the arm stops first and the new motion begins later.
 
     Parameters
     ----------
     present : callable
-        Returns the reference `time` [s] from now, if nothing new comes.
+        Returns the reference `time` [s] from now, without new inputs.
     stop : callable
-        Returns the stop of the motion under way, with a share of the acceleration limits.
+        Returns the stop of the present motion, with a fraction of the acceleration limits.
     motion : PolynomialPath or Posture
-        The new one.
+        The new motion.
     delay : float
-        When its time zero is [s], from now; negative in the past.
-    limits : JointLimits
+        Time zero of the new motion [s], relative to now; negative in the past.
 
     Raises
     ------
     RejectedInputError
-        If there is none; the message names the joint and by how much it would exceed its limit.
+        If no transition is possible; the message names the joint and by how much it would exceed
+        its limit.
     """
     old, new = present(0.0), motion.evaluate(-delay)
     deviation = JointReference(*(a - b for a, b in zip(old, new, strict=True)))
@@ -289,7 +288,7 @@ def _stop_first(
         if not problem:
             return Transition(joined(stop, path), motion, stop.duration - skipped)
     raise RejectedInputError(
-        f'trajectory: from the present motion to it, {problem}: begin it at rest, or more slowly'
+        f'trajectory: on the way from the present motion, {problem}; begin at rest, or more slowly'
     )
 
 
@@ -304,7 +303,7 @@ def rest_to_rest_path(start: Array, end: Array, limits: JointLimits) -> Polynomi
 
 
 def joined(first: PolynomialPath, second: PolynomialPath) -> PolynomialPath:
-    """Return two paths one after the other."""
+    """Return the sequence of two paths."""
     times = first.times + tuple(first.duration + time for time in second.times[1:])
     return PolynomialPath(times, np.concatenate([first.coefficients, second.coefficients]))
 
@@ -317,9 +316,9 @@ def _cross_fade(
     duration: float,
     limits: JointLimits,
 ) -> tuple[PolynomialPath, str]:
-    """Return the path from one motion to the other, and which limit it exceeds, '' if none.
+    """Return the path from one motion to the other, and the exceeded limit or an empty text.
 
-    It passes instants that are evenly spaced, and `knots` [s] of the first motion.
+    The path passes through evenly spaced instants, and through `knots` [s] of the first motion.
     """
     duration = max(_SHORTEST, duration)
     even = np.linspace(0.0, duration, _INSTANTS + 1)
@@ -337,7 +336,7 @@ def _cross_fade(
 
 
 def _exceeded(samples: JointReference, limits: JointLimits) -> str:
-    """Return which limit references (M, n) exceed, '' if none."""
+    """Return the limit that references (M, n) exceed, or an empty text."""
     try:
         limits.including(samples.q[0]).check_position('it', samples.q)
     except RejectedInputError as error:

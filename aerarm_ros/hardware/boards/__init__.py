@@ -1,5 +1,5 @@
-"""The motor boards as the bridge drives them, and what it makes of their answers.
+"""Motor boards: encoding of references into frames and evaluation of the boards' answers.
 
-In come limited commands and the boards' frames; out go motor references in frames, the joints'
-positions, velocities and torques, the motors' power, and the faults of boards and encoders.
+Inputs are limited commands and received frames. Outputs are frames with motor references, joint
+positions, velocities and torques, motor powers, and faults of boards and encoders.
 """

@@ -1,4 +1,4 @@
-"""One board as the bridge drives it: frames out, frames in, state followed."""
+"""Exchange of frames with one board, and its state."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from aerarm_ros.hardware.gate.command_intake import Mask
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
-if TYPE_CHECKING:  # nothing to run
+if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.hardware.transports.transport import Transport
 
-# That a board's clock may be ahead of the host's, or go back, between two answers [s], ...
+# How far a board's clock may be ahead of the host clock or jump back between two answers [s], ...
 _TICKS = 0.05
-_DRIFT = 0.01  # ... and of the time between them
+_DRIFT = 0.01  # ... relative to the time between the answers
 
 
 class RestartWatch:
-    """Detects a restart of a board from its frames.
+    """Detect a restart of a board from its frames.
 
-    A restart may pass unseen between two answers, or while the board is not heard: the counts of
-    its encoders begin anew all the same. Then its clock is not where it should be, an index pulse
-    that was met since it was switched on is forgotten, or an error is gone that it keeps till then.
+    A restart may happen between two answers or while the board does not answer; its encoder counts
+    start again. Three signs reveal it: an unexpected board time, a missing index pulse flag, or the
+    disappearance of an error that lasts until power-off.
 
     Parameters
     ----------
     until_power_cycle
-        Whether the board keeps an error until its supply was off.
+        Whether the board keeps an error until its supply has been off.
     """
 
     def __init__(self, until_power_cycle: bool) -> None:
@@ -47,23 +47,23 @@ class RestartWatch:
         self._detected = (False, False)
 
     def saw(self, state: BoardState, longest: float) -> bool:
-        """Take an answer; return whether the board restarted since the last one.
+        """Process an answer; return whether the board restarted since the previous one.
 
         Parameters
         ----------
         state
-            What the board reports.
+            State that the board reports.
         longest
-            Longest time since the last answer [s].
+            Longest possible time since the previous answer [s].
         """
         detected = (bool(state.index_detected[0]), bool(state.index_detected[1]))
         restarted = False
         if self._timestamp is not None:
             ahead = (state.timestamp - self._timestamp) % TIMESTAMP_PERIOD
-            # A board that stood still beside the host is behind it; none is ahead.
+            # The clock of a board without power lags behind the host clock; it never runs ahead.
             most = (1.0 + _DRIFT) * max(longest, 0.0) + _TICKS
             restarted = most < ahead < TIMESTAMP_PERIOD - _TICKS
-            # In a silence as long as its period the clock shows nothing.
+            # After a silence of one timestamp period or more, the clock gives no information.
             restarted = restarted or most >= TIMESTAMP_PERIOD
             restarted = restarted or any(
                 before and not now for before, now in zip(self._detected, detected, strict=True)
@@ -79,43 +79,43 @@ _SATURATION_MIN = 0.5  # [A]
 
 
 class BoardLink:
-    """Exchanges one frame a cycle with a board.
+    """Exchange one frame per cycle with a board.
 
     Parameters
     ----------
     number, name
-        The board in the transport, and in texts.
+        Number of the board in the transport, and its name in messages.
     joints
         Pairs of joint number and channel (0 or 1) of the motors in use.
     current_saturation
-        Largest currents [A] of channel 0 and 1; 0 for a channel not in use.
+        Largest currents [A] of channels 0 and 1; 0 for an unused channel.
     profile, settings, transport
-        Layout of the frames, tolerances, and the way to the board.
+        Frame layout, tolerances, and connection to the board.
 
     Raises
     ------
     ValueError
-        If no frame can hold the time-out or a saturation.
+        If no frame can represent the time-out or a current limit.
 
     Attributes
     ----------
     monitor
-        The board's state machine.
+        State machine of the board.
     state
-        The last good state.
+        Last valid state.
     fresh
-        Whether `state` is of the last exchange.
+        Whether `state` was received in the last exchange.
     is_aligned
-        Whether every motor in use was driven and aligned when the board last answered.
+        Whether every motor in use was driven and aligned at the board's last answer.
     restarted
-        Whether that answer shows that the board was off since the one before.
+        Whether the last answer shows that the board restarted since the previous answer.
     keeps_errors
-        Whether the board keeps an error until its supply was off.
+        Whether the board keeps an error until its supply has been off.
     interval
-        Time from the last good answer but one to the last [s]; inf before the second.
+        Time between the last two valid answers [s]; inf before the second.
     interval_max
-        The longest that this time can have been, wherever between reading a clock and
-        exchanging a frame the host was held up [s].
+        Upper bound of that time [s], including delays of the host between reading the clock and
+        exchanging a frame.
     """
 
     def __init__(
@@ -135,53 +135,54 @@ class BoardLink:
         self.keeps_errors = profile.errors_until_power_cycle
         self._restart_watch = RestartWatch(self.keeps_errors)
         self.interval = self.interval_max = inf
-        self._earliest = self._latest = -inf  # between which the last good answer was made [s]
-        self._sent = -inf  # when a frame last left for the board [s]
+        # earliest and latest time of the last valid answer [s]
+        self._earliest = self._latest = -inf
+        self._sent = -inf  # time at which the last frame was sent to the board [s]
         self._lapsed = False
         self._number = number
         self._transport = transport
         self._codec = FrameCodec(profile)
         used = {channel for _, channel in joints}
         self._used = [channel in used for channel in (0, 1)]
-        # A channel without a motor is never enabled; its saturation only may not be 0.
+        # An unused channel is never enabled, but its current limit must not be 0.
         self._saturation = [value or 1.0 for value in current_saturation]
         self._command = BoardCommand(
             timeout=settings.board_timeout, current_saturation=self._saturation.copy()
         )
-        # What no frame can hold shows now, not when the board is to be switched off.
+        # Detect values that no frame can represent now, not when the board is to be switched off.
         try:
             self._codec.encode(self._switched_off())
         except FrameError as error:
-            raise ValueError(f'{name} cannot receive its limits: {error}') from None
+            raise ValueError(f'the limits cannot be sent to {name}: {error}') from None
 
     @property
     def is_connected(self) -> bool:
-        """Whether the board has answered well for long enough to be one of the arm."""
+        """Whether the board has answered reliably for long enough to count as connected."""
         return self.monitor.mode is not BoardMode.DISCONNECTED
 
     @property
     def answered_at(self) -> float:
-        """When the last good answer came [s], -inf before the first."""
+        """Time of the last valid answer [s], -inf before the first."""
         return self._latest
 
     @property
     def may_be_damped(self) -> bool:
-        """Whether the board, after a fault of its own or of others, may still damp the arm.
+        """Whether the board may still damp its joints after a fault.
 
-        If not it is told to switch off: a board that restarted must not align by itself. One that
-        is not heard may hear all the same, on half a wire; switching off would drop its joints,
-        and its own time-out is there for one that does not. But once no frame has left for it for
-        as long as that, it has switched off.
+        Otherwise it is switched off: a board that restarted must not align without a request. A
+        board that does not answer may still receive commands on a half-broken wire. Switching it
+        off would drop its joints; a board that receives nothing switches off after its own
+        time-out. If no frame was sent for that time-out, the board has switched off.
         """
         return self.is_aligned and not self.state.error and not self._lapsed
 
     @property
     def is_damped_unheard(self) -> bool:
-        """Whether the board receives damping commands and sends no valid frames."""
+        """Whether the board receives damping commands but sends no valid frames."""
         return self._command.enable_system and self.monitor.is_silent
 
     def drive_only(self, channel: int | None) -> None:
-        """Let `exchange` enable one motor alone from now on, or all in use again if None."""
+        """Make `exchange` enable only one motor, or all motors in use if None."""
         channels = [used for _, used in self.joints] if channel is None else [channel]
         self._used = [number in channels for number in (0, 1)]
         self.monitor.watch(channels)
@@ -190,8 +191,8 @@ class BoardLink:
     def exchange(self, references: MotorReferences, enable: bool, running: bool) -> None:
         """Send the references of the board's motors and store its measurements.
 
-        With `enable` False the board is told to switch off. References that no frame can
-        hold are a fault; the board's motors then get no current in this cycle.
+        With `enable` False the board is commanded to switch off. References that no frame can
+        represent are a fault; the board's motors then get no current in this cycle.
         """
         command = self._command
         command.index = (command.index + 1) & 0xFFFF
@@ -220,12 +221,12 @@ class BoardLink:
             command.kp[channel] = motor.kp
             command.kd[channel] = motor.kd
             command.integral_gain[channel] = motor.integral_gain
-            # Never so little that the frame would round it to 0, which means no limit.
+            # At least the smallest value that the frame does not round to 0, which means no limit.
             least = max(motor.current_max, _SATURATION_MIN)
             command.current_saturation[channel] = min(self._saturation[channel], least)
 
     def switch_off(self) -> None:
-        """Send zero current and system disabled, once."""
+        """Send one frame with zero current and system disabled to the board."""
         self._command.index = (self._command.index + 1) & 0xFFFF
         self._transport.exchange(self._number, self._codec.encode(self._switched_off()))
 
@@ -250,11 +251,11 @@ class BoardLink:
             self.monitor.missed(enable, problem)
 
     def _time(self, earliest: float, latest: float, board_interval: float) -> None:
-        """Take the times [s] between which an answer was made, and the board's own since then."""
+        """Process the time bounds [s] of an answer, and the board's own elapsed time [s]."""
         self.interval = latest - self._latest
-        # The board's clock is a second witness: it counts what its data are old besides.
+        # The board's clock is an independent measure; it also counts the age of the data.
         by_board = board_interval % TIMESTAMP_PERIOD
-        if by_board > _BOARD_INTERVAL_MAX:  # it has restarted, or its clock went back by a tick
+        if by_board > _BOARD_INTERVAL_MAX:  # the board restarted, or its clock went back by a tick
             by_board = 0.0
         self.interval_max = max(latest - self._earliest, by_board)
         self._earliest, self._latest = earliest, latest
@@ -270,7 +271,7 @@ class BoardLink:
 def make_links(
     config: ArmConfig, profile: FrameProfile, settings: BridgeSettings, transport: Transport
 ) -> tuple[BoardLink, ...]:
-    """Return a link to each of the arm's boards, with the joints and currents of its motors."""
+    """Return one link per board, with the joints and current limits of its motors."""
     links = []
     for number, board in enumerate(config.boards):
         saturation = [0.0, 0.0]
@@ -287,10 +288,10 @@ def make_links(
 
 
 class MotorPower:
-    """Input power of each motor, thesis (4.1) with i_d = 0, and its integral.
+    """Input power of each motor, thesis (4.1) with i_d = 0, and its time integral.
 
-    If the boards report the quadrature voltage, ``P = 3/2 u_q i_q``. Else it is the sum of
-    the parts of thesis section 4.1 for constant current, Joule loss and mechanical power,
+    If the boards report the quadrature voltage u_q, ``P = 3/2 u_q i_q``. Otherwise the power is the
+    sum of Joule loss and mechanical power for constant current (thesis section 4.1),
     ``P = 3/2 R i_q^2 + K_i i_q omega_m``, with the configuration's R and K_i.
 
     Parameters
@@ -305,21 +306,21 @@ class MotorPower:
     source
         'voltage' (reported) or 'model' (computed).
     watts, energy
-        (n,) [W], and [J] since start; updated in place.
+        (n,) power [W] and energy since start [J]; updated in place.
     """
 
     def __init__(self, config: ArmConfig, profile: FrameProfile) -> None:
         self.source = 'voltage' if profile.sensor.has('quadrature_voltage') else 'model'
         self.watts = np.zeros(config.n)
         self.energy = np.zeros(config.n)
-        self._is_known = False  # the boards' last good state stays, so it is known for good
+        self._is_known = False  # stays true: the boards' last valid state remains available
         self._resistance = 1.5 * config.column('motor.resistance')
         self._torque_constant = config.column('motor.torque_constant')
 
     def update(self, current: Array, velocity: Array, voltage: Array, dt: float) -> None:
-        """Take (n,) motor currents [A], speeds [rad/s] and voltages [V], dt [s] after the last.
+        """Process (n,) motor currents [A], speeds [rad/s] and voltages [V], dt [s] after the last.
 
-        While some are NaN, before the boards have answered, power and energy stay zero.
+        Power and energy stay zero while an input is NaN, before the boards have answered.
         """
         if not self._is_known:
             if np.isnan(current).any():
@@ -336,7 +337,7 @@ class MotorPower:
 def resistance_by_boards(links: Sequence[BoardLink], n: int) -> Array:
     """Return the phase resistance of each of n motors as their boards report it, (n,) [ohm].
 
-    NaN where frames carry none, and where a board reports zero, which stands for unknown.
+    NaN where the frames carry no resistance or the board reports zero (unknown).
     """
     resistance = np.full(n, np.nan)
     for link in links:
@@ -345,14 +346,14 @@ def resistance_by_boards(links: Sequence[BoardLink], n: int) -> Array:
     return resistance
 
 
-# Times over which references are held that the correction of the torque is good for [s].
+# Range of reference hold times for which the torque correction is valid [s].
 _HOLD_MIN, _HOLD_MAX = 1e-5, 5e-3
 
 Gains = Sequence[tuple[float, float]]
 
 
 class ArmMeasurements:
-    """Measurements of n joints and their motors; the last good ones of each board.
+    """Last valid measurements of n joints and their motors.
 
     Attributes
     ----------
@@ -360,23 +361,23 @@ class ArmMeasurements:
         (n,) joint positions [rad], velocities [rad/s], torques [Nm] as the mean of the last
         cycle; NaN until the first good frame.
     motor_position, motor_velocity, motor_current, motor_voltage
-        (n,) motor side [rad], [rad/s], [A], [V]. Positions count from the motors' zeros.
+        (n,) motor positions from motor zero [rad], velocities [rad/s], currents [A], voltages [V].
     reported_position
-        (n,) motor positions as the boards count them [rad].
+        (n,) motor positions as counted by the boards [rad].
     index_toggle
         (n,) bits that flip at an encoder's index pulse.
     fresh
         (n,) whether the motor's board answered in the last cycle.
     heard
-        (n,) False once a board has been silent for so long that it counts as not heard.
+        (n,) False once a board has been silent for so long that it counts as not answering.
     driven
         (n,) whether the motor's board drove its motors, aligned, when it last answered.
     unconfirmed
-        n numbers of commands sent since the one that the motor's board used when it answered last;
-        0 while the board loses none.
+        n counts of commands sent since the command that the motor's board had used at its last
+        answer; 0 while the board loses no command.
     interval, interval_max
-        (n,) time between the two last measurements of each motor, and the longest that it can
-        have been [s]; see `BoardLink`.
+        (n,) time between the last two measurements of each motor, and its upper bound [s]; see
+        `BoardLink`.
     """
 
     def __init__(self, config: ArmConfig) -> None:
@@ -393,7 +394,8 @@ class ArmMeasurements:
         self.driven: Mask = np.zeros(config.n, dtype=bool)
         self.unconfirmed = [0] * config.n
         self.interval, self.interval_max = unknown(), unknown()
-        self._measured_at: Array = np.full(config.n, -np.inf)  # begin of that cycle [s]
+        # start of the cycle of the last measurement [s]
+        self._measured_at: Array = np.full(config.n, -np.inf)
         self._drive = DriveTrain(config)
         self._last_velocity = unknown()
         self._believed = unknown()
@@ -401,8 +403,8 @@ class ArmMeasurements:
     def believed(self, tells: Mask) -> tuple[Array, Array]:
         """Return estimated positions [rad] and velocities [rad/s] of all joints, (n,) each.
 
-        A joint whose encoder does not tell its position, of (n,) `tells`, keeps its last
-        estimate: its readings would falsify the load of the other joints.
+        A joint without a reliable position ((n,) `tells` is False) keeps its last estimate, because
+        its readings would falsify the loads of the other joints.
         """
         if tells.all():
             self._believed[:] = self.q
@@ -417,24 +419,21 @@ class ArmMeasurements:
         gains: Gains,
         lag: float | None = None,
     ) -> None:
-        """Read the boards' last states.
+        """Read the last states of all boards.
 
-        A board holds its references for a cycle while the motor turns on, so its current
-        falls by Kp times the angle and Kd times the change of velocity (4.4), and the frame
-        samples it at the end of the hold. Without a correction every moving joint seems to
-        have negative viscous friction, and too little inertia.
+        A board holds its references for one cycle while the motor turns. Its current therefore
+        falls by Kp times the angle change and Kd times the velocity change (4.4), and the frame
+        samples the current at the end of the hold. Without a correction every moving joint would
+        appear to have negative viscous friction and too little inertia.
 
         Parameters
         ----------
-        links
-            The boards.
         zero
             (n,) reported angles of motor zero [rad].
         gains
             Kp and Kd of each board's motors, n pairs, motor side [A/rad], [A s/rad].
         lag
-            Time constant of the boards' current loop [s]; None for a second look at the same
-            states.
+            Time constant of the boards' current loop [s]; None when reading the same states again.
         """
         self._last_velocity[:] = self.motor_velocity
         for link in links:
@@ -460,24 +459,24 @@ class ArmMeasurements:
         self.tau[:] = self._drive.current_to_effort(self.motor_current + self._droop(gains, lag))
 
     def age(self, now: float, last: float) -> tuple[Array, Array]:
-        """Return how old the measurements are, and the time between the two last, (n,) each [s].
+        """Return the ages of the measurements and the times between the last two, (n,) each [s].
 
-        To be called once a cycle: `now` is when it began [s], `last` when the one began whose
-        exchange `read` has seen. The time between is 0 where there is none newer than at the
-        last call, and inf where there was none before.
+        Call once per cycle. `now` is the start of this cycle [s], `last` the start of the cycle
+        whose exchange `read` processed. The time between measurements is 0 if none has arrived
+        since the last call, and inf if there was no earlier measurement.
         """
-        if self.fresh.all():  # the quick way of the same
+        if self.fresh.all():  # fast path with the same result
             between: Array = last - self._measured_at
             self._measured_at.fill(last)
             return np.full(len(between), max(now - last, 0.0)), between
         between = np.where(self.fresh, last - self._measured_at, 0.0)
         self._measured_at[self.fresh] = last
-        return np.maximum(now - self._measured_at, 0.0), between  # a clock may go back
+        return np.maximum(now - self._measured_at, 0.0), between  # the clock may go back
 
     def _droop(self, gains: Gains, lag: float | None) -> list[float]:
-        """Return by how much the sampled currents lie below the cycle's mean [A].
+        """Return by how much the sampled currents lie below the mean over the cycle [A].
 
-        Plain numbers, not arrays: for four joints that is faster.
+        Plain floats are used, because they are faster than arrays for four joints.
         """
         if lag is None:
             return [0.0] * len(gains)
@@ -486,11 +485,12 @@ class ArmMeasurements:
         for (kp, kd), velocity, last, interval in zip(
             gains, velocities, before, self.interval.tolist(), strict=True
         ):
-            # In the middle of the hold the current equals its mean; the current loop's lag has
-            # already made up for a part of the way from there to the sample.
+            # In the middle of the hold the current equals its mean; the current loop's lag already
+            # covers part of the time from there to the sample.
             longer = _HOLD_MIN if interval < _HOLD_MIN else interval
             hold = _HOLD_MAX if longer > _HOLD_MAX else longer
             share = max(0.5 * hold - lag, 0.0)
-            change = velocity - last if last == last else 0.0  # of a first frame
+            # no previous velocity at the first frame
+            change = velocity - last if last == last else 0.0
             droop.append(share * (kp * velocity + kd / hold * change))
         return droop

@@ -1,4 +1,4 @@
-"""Follows what state a board is in."""
+"""State machine of a board, with counts of lost commands."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -10,7 +10,7 @@ from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
 
 class BoardMode(StrEnum):
-    """From no contact to driving motors; a fault stays until it is cleared."""
+    """State of a board, from disconnected to driving motors; a fault stays until cleared."""
 
     DISCONNECTED = 'disconnected'
     IDLE = 'idle'
@@ -21,38 +21,38 @@ class BoardMode(StrEnum):
 
 
 _INDICES = 0x10000
-_MEMORY = 1000  # commands over which the rate of lost ones is averaged
-# A rate above this means a loss in the last few thousand commands: one alone gives 1/1000.
+_MEMORY = 1000  # commands over which the loss rate is averaged
+# A higher rate means a loss in the last few thousand commands; a single loss gives 1/1000.
 _RECENT_RATE = 1e-4
 _CHECK = 'check the MOSI wire, its connector, the ground wire and clock_hz'
 
 
 class CommandEcho:
-    """Counts the commands that did not reach one board although its answers reach the host.
+    """Count the commands that did not reach one board although its answers reach the host.
 
-    A board answers before it takes the command of the same exchange, so an answer echoes the
-    command of the exchange before. A command is judged if its own exchange and the next one
-    brought good answers: what failed both ways is a bad frame, and is not counted a second time.
+    A board answers before it reads the command of the same exchange, so an answer echoes the
+    previous command. A command is judged only if its own exchange and the next one brought valid
+    answers. A loss in both directions counts as a bad frame and not as a lost command.
 
     Parameters
     ----------
     name
-        The board, for the texts.
+        Name of the board in messages.
     settings
-        `lost_commands_max` and `lost_commands_warning` are used here.
+        Tolerances; this class uses `lost_commands_max` and `lost_commands_warning`.
     echoes
-        False if the board's frames carry no index: then nothing is judged.
+        False if the board's frames carry no command index; then no command is judged.
 
     Attributes
     ----------
     lost
         Commands lost since start.
     lost_in_row
-        Commands lost since one arrived.
+        Commands lost since the last one that arrived.
     rate
-        Share of lost commands, averaged over about the last 1000 commands.
+        Fraction of lost commands, averaged over about the last 1000 commands.
     unconfirmed
-        Commands sent since the one that the board used when it answered last; 1 on good wires.
+        Commands sent since the one that the board used at its last answer; 1 on good wires.
     """
 
     def __init__(self, name: str, settings: BridgeSettings, echoes: bool = True) -> None:
@@ -62,7 +62,7 @@ class CommandEcho:
         self._name = name
         self._settings = settings
         self._echoes = echoes
-        self._answered = False  # the exchange before
+        self._answered = False  # in the previous exchange
 
     @property
     def is_losing(self) -> bool:
@@ -71,31 +71,31 @@ class CommandEcho:
 
     @property
     def is_cut(self) -> bool:
-        """Whether so many commands in a row were lost that it is a fault."""
+        """Whether the number of consecutive lost commands is a fault."""
         return self.lost_in_row >= self._settings.lost_commands_max
 
     @property
     def fault(self) -> str:
-        """Name of the fault of a cut wire, without the board's name."""
+        """Name of the fault of a cut wire, without the board name."""
         return (
-            f'{self.lost_in_row} commands in a row did not reach it over MOSI while its answers '
-            f'reach the host: {_CHECK}'
+            f'{self.lost_in_row} consecutive commands did not reach the board over MOSI, '
+            f'although its answers reach the host: {_CHECK}'
         )
 
     @property
     def warning(self) -> str:
-        """Warning about the wire while too many commands are lost, else ''."""
+        """Warning about the wire while too many commands are lost, otherwise ''."""
         if self.is_cut:
             return f'{self._name}: {self.fault}'
         if self.rate <= self._settings.lost_commands_warning:
             return ''
         return (
-            f'{self._name}: {100.0 * self.rate:.0f} % of the commands do not reach it over MOSI '
-            f'while its answers reach the host: {_CHECK}'
+            f'{self._name}: {100.0 * self.rate:.0f} % of the commands do not reach the board '
+            f'over MOSI, although its answers reach the host; {_CHECK}'
         )
 
     def answered(self, echoed: int, sent: int) -> None:
-        """Take the echo of a good answer; `sent` is the index of the exchange before."""
+        """Process the echo of a valid answer; `sent` is the index of the previous exchange."""
         if not self._echoes:
             return
         behind = (sent - echoed) % _INDICES
@@ -104,13 +104,13 @@ class CommandEcho:
             self.lost += is_lost
             self.lost_in_row += 1
             self.rate += (is_lost - self.rate) / _MEMORY
-        # A command whose own answer was lost may have arrived.
+        # A command whose answer was lost may have arrived.
         self.lost_in_row = min(self.lost_in_row, behind)
         self.unconfirmed = behind + 1
         self._answered = True
 
     def missed(self) -> None:
-        """Take note of an exchange without a good answer."""
+        """Record an exchange without a valid answer."""
         self.unconfirmed += 1
         self._answered = False
 
@@ -121,38 +121,37 @@ _ADVICE = 'check supply, wires and SPI mode'
 class BoardMonitor:
     """State machine of one board, driven by its frames; a fault is latched.
 
-    disconnected -> idle once it answers well; idle -> aligning -> ready when the system is
-    enabled and until every motor in use is aligned; ready <-> running while a command is
-    followed. Back to idle when it is disabled. An error code, too many bad frames, too many
-    commands that do not reach a driven board, frozen data, a slow bus or motors that are no longer
-    ready lead to fault.
+    A board goes from disconnected to idle once it answers reliably. When the system is enabled, it
+    goes to aligning, and to ready once every motor in use is aligned. It is running while the arm
+    follows a command, and returns to idle when the system is disabled. These conditions lead to
+    fault: an error code, too many bad frames, too many lost commands to a driven board, frozen
+    data, a slow bus, or motors that are no longer ready.
 
-    Silence is counted in exchanges that failed. Time in which the host was held up and asked
-    nothing says nothing about a board.
+    Silence is measured in failed exchanges, because a delay of the host says nothing about a board.
 
     Parameters
     ----------
     name
-        For the texts.
+        Name of the board in messages.
     profile
-        Meaning of error codes.
+        Frame layout with the meaning of error codes.
     channels
-        The motors in use, 0 and 1.
+        Motors in use, 0 and 1.
     settings
         Tolerances.
 
     Attributes
     ----------
     mode
-        The state.
+        Present state.
     fault
-        What happened and what to check; '' unless the mode is fault.
+        Fault and what to check; '' unless the mode is fault.
     problem
-        What the bus says about the last bad frame, or what to check.
+        Description of the last bad frame, or what to check.
     good_frames, bad_frames, slow_exchanges
-        Counts since start.
+        Numbers of frames and exchanges since start.
     echo
-        Which commands reached the board.
+        Counter of lost commands.
     """
 
     def __init__(
@@ -177,15 +176,15 @@ class BoardMonitor:
         self._enabled_since: float | None = None
 
     def watch(self, channels: Sequence[int]) -> None:
-        """Expect these motors, 0 and 1, to be driven where the system is enabled."""
+        """Set the motors (0 and 1) that must be driven when the system is enabled."""
         self._channels = tuple(channels)
 
     def sent(self, index: int) -> None:
-        """Note the index of the command that has just been sent."""
+        """Record the index of the command that has just been sent."""
         self._index = index
 
     def slow(self, duration: float) -> None:
-        """Judge the duration of an exchange [s]."""
+        """Check the duration of an exchange [s]."""
         if duration <= self._settings.exchange_time_max:
             self._slow_in_row = 0
             return
@@ -193,20 +192,20 @@ class BoardMonitor:
         self._slow_in_row += 1
         if self._slow_in_row >= self._settings.slow_exchanges_max:
             self.fail(
-                f'exchanges take {1000.0 * duration:.2f} ms, more than the allowed '
-                f'{1000.0 * self._settings.exchange_time_max:.2f}: check clock_hz, and '
+                f'exchanges take {1000.0 * duration:.2f} ms, above the limit of '
+                f'{1000.0 * self._settings.exchange_time_max:.2f} ms: check clock_hz, and '
                 'polling_limit_us of the SPI driver'
             )
 
     def missed(self, enable: bool = False, problem: str = '') -> None:
-        """Take note of a bad frame or of none.
+        """Record an invalid or missing frame.
 
         Parameters
         ----------
         enable
             Whether the commands sent enable the board.
         problem
-            What the bus says about it.
+            Description of the problem from the bus.
         """
         self.echo.missed()
         self.bad_frames += 1
@@ -219,15 +218,15 @@ class BoardMonitor:
             self.mode = BoardMode.DISCONNECTED
         else:
             why = problem or f'no frame with a correct check: {self.problem}'
-            self.fail(f'{self._bad_in_row} frames in a row were bad, {why}')
+            self.fail(f'{self._bad_in_row} consecutive frames were bad, {why}')
 
     def received(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
-        """Take note of a good frame.
+        """Process a valid frame.
 
         Parameters
         ----------
         state
-            What the board reports.
+            State that the board reports.
         now
             Time of the exchange [s].
         enable
@@ -253,18 +252,18 @@ class BoardMonitor:
         elif enable and self.echo.is_cut:
             self.fail(self.echo.fault)
         elif self._is_frozen(now):
-            self.fail('its frames are correct but their data is frozen: power-cycle it')
+            self.fail('frames are correct but their data is frozen: power-cycle the board')
         if self.mode is not BoardMode.FAULT:
             self._follow(state, now, enable, running)
 
     def fail(self, text: str) -> None:
-        """Enter the fault state; the first fault stays."""
+        """Enter the fault state of the board; the first fault stays."""
         if self.mode is not BoardMode.FAULT:
             self.mode = BoardMode.FAULT
             self.fault = f'{self.name}: {text}'
 
     def counters(self) -> dict[str, int]:
-        """Return the counts by name."""
+        """Return the frame and command counters by name."""
         return {
             'good frames': self.good_frames,
             'bad frames': self.bad_frames,
@@ -273,7 +272,7 @@ class BoardMonitor:
         }
 
     def clear(self, state: BoardState) -> str:
-        """Leave the fault state; return why it cannot be left, or ''."""
+        """Leave the fault state; return the reason if this is impossible, or ''."""
         if self.mode is not BoardMode.FAULT:
             return ''
         silent = self.is_silent
@@ -290,7 +289,7 @@ class BoardMonitor:
 
     @property
     def is_silent(self) -> bool:
-        """Whether too many exchanges in a row have failed, or no answer was ever good."""
+        """Whether too many exchanges in a row have failed, or no answer was ever valid."""
         return self._bad_in_row >= self._settings.bad_frames_max or self.good_frames == 0
 
     def is_aligned(self, state: BoardState) -> bool:
@@ -301,7 +300,7 @@ class BoardMonitor:
         return False not in [enabled[channel] and ready[channel] for channel in self._channels]
 
     def _is_frozen(self, now: float) -> bool:
-        """Whether one answer after the other brought the same data, for too long."""
+        """Whether consecutive answers have carried identical data for too long."""
         looks = self._frozen_in_row >= self._settings.bad_frames_max
         return looks and now - self._fresh_time > self._settings.state_age_max
 
@@ -312,12 +311,16 @@ class BoardMonitor:
         elif self.is_aligned(state):
             self.mode = BoardMode.RUNNING if running else BoardMode.READY
         elif self.mode in (BoardMode.READY, BoardMode.RUNNING):
-            self.fail('its motors are no longer driven: check its supply, it may have restarted')
+            self.fail(
+                'the board no longer drives its motors: check its supply, because it may '
+                'have restarted'
+            )
         else:
             self.mode = BoardMode.ALIGNING
             self._enabled_since = now if self._enabled_since is None else self._enabled_since
             if now - self._enabled_since > self._settings.alignment_timeout:
                 self.fail(
-                    f'its motors are not aligned after {self._settings.alignment_timeout:g} s: '
-                    'support the arm, check the motor cables, and enable again'
+                    'the motors of the board are not aligned after '
+                    f'{self._settings.alignment_timeout:g} s: support the arm, check the motor '
+                    'cables, and enable again'
                 )

@@ -1,7 +1,8 @@
-"""Watches motors that are turned by hand, and drives one motor of an arm that is not known yet.
+"""Commissioning functions: watch motors turned by hand, and drive one motor of an unknown arm.
 
-A client repeats its request as long as it wants it: the last answer is always that to its last
-request, a lost message costs nothing, and a motor stops for a client that falls silent.
+A client repeats its request as long as the request is needed. The last answer therefore always
+belongs to the last request, a lost message does no harm, and a motor stops if its client falls
+silent.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 
 WATCH, DRIVE, OFF = KINDS = ('watch', 'drive', 'off')
 _LONGEST = 64  # characters of a name
-_LONGEST_REQUEST = 1024  # characters; a node with other work reads it
+_LONGEST_REQUEST = 1024  # characters; a node with other tasks reads it
 
 
 @dataclass(frozen=True)
@@ -32,10 +33,10 @@ class ProbeRequest:
     Attributes
     ----------
     id
-        Client and number, as 'a1b2:3'. The same id continues what it began.
+        Client and number, for example 'a1b2:3'. A repeated id continues the running request.
     kind
-        'watch' counts how far motors that are off are turned, from the first request on. 'drive'
-        turns one motor forth and back. 'off' ends both.
+        'watch' measures the rotation of motors that are off, starting with the first request.
+        'drive' turns one motor back and forth. 'off' ends both.
     joint
         Name of the joint to drive.
     """
@@ -46,7 +47,7 @@ class ProbeRequest:
 
     @property
     def client(self) -> str:
-        """Name of the client."""
+        """Name of the client that sent the request."""
         return self.id.partition(':')[0]
 
     def text(self) -> str:
@@ -55,30 +56,32 @@ class ProbeRequest:
 
     @classmethod
     def parse(cls, text: str) -> ProbeRequest:
-        """Read a request; raises ValueError, with what is wrong, for any other text."""
+        """Parse a request; raises ValueError with the reason for any other text."""
         if len(text) > _LONGEST_REQUEST:
-            raise ValueError(f'{len(text)} characters are no commissioning request')
+            raise ValueError(f'a commissioning request of {len(text)} characters is too long')
         fields = _object(text)
         values = [fields.get(key, '') for key in ('id', 'kind', 'joint')]
         if not all(isinstance(value, str) and len(value) <= _LONGEST for value in values):
-            raise ValueError('id, kind and joint of a commissioning request are short texts')
+            raise ValueError('id, kind and joint of a commissioning request must be short strings')
         request = cls(*values)
         if not request.client or request.kind not in KINDS:
-            raise ValueError(f'a commissioning request has an id and a kind of {", ".join(KINDS)}')
+            raise ValueError(
+                f'a commissioning request needs an id and one of the kinds {", ".join(KINDS)}'
+            )
         return request
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """Means over a motor's motion in one direction of its joint.
+    """Mean values of a motor's motion in one direction of its joint.
 
     Attributes
     ----------
     requested, measured
-        Current that the board's law asked for and that the board measured [A], positive where it
-        drives the joint to larger angles by the configuration's sign.
+        Current requested by the board's control law, and measured current [A]. Positive values
+        drive the joint to larger angles by the configuration's sign.
     speed
-        Of the joint by the configuration's gear [rad/s].
+        Joint speed by the configured gear ratio [rad/s].
     """
 
     requested: float
@@ -88,33 +91,33 @@ class Stroke:
 
 @dataclass(frozen=True)
 class ProbeReport:
-    """The bridge's answer; arrays have one value per joint, in the arm's order.
+    """Bridge's answer to a commissioning request; arrays have one value per joint, in arm order.
 
     Attributes
     ----------
     id
-        Of the request that is answered.
+        Id of the answered request.
     phase
         'off', 'watching', 'aligning', 'driving', 'done' or 'failed'.
     reason
-        Why it failed.
+        Reason of a failure.
     mode
-        The arm's mode.
+        Mode of the arm.
     joints
-        Names.
+        Names of the joints.
     boards
-        What is wrong with each joint's board, '' for a board that answers.
+        Problem of each joint's board, '' if the board answers.
     travel, span
-        Motor angle since the request began, and its range since then [rad].
+        Motor angle travelled since the request began, and the range of angles [rad].
     pulses
-        Index pulses since then.
+        Number of index pulses since the request began.
     pulse_angle
-        Mean angle of these pulses, counted as `travel` and modulo a motor turn [rad]; None
-        without one.
+        Mean angle of these pulses, counted as `travel` and modulo a motor turn [rad]; None without
+        a pulse.
     strokes
-        Of a drive that is done, in the positive and the negative direction.
+        Results of a finished drive, in the positive and the negative direction.
     current_max
-        Largest current of a drive [A].
+        Largest current during a drive [A].
     emulated
         Whether the boards are emulated.
     """
@@ -139,7 +142,7 @@ class ProbeReport:
 
     @classmethod
     def parse(cls, text: str) -> ProbeReport:
-        """Read a report; raises ValueError for any other text."""
+        """Parse a report; raises ValueError for any other text."""
         fields = _object(text)
         try:
             strokes = [Stroke(**stroke) for stroke in fields.pop('strokes')]
@@ -161,7 +164,7 @@ class ProbeReport:
             texts = [report.id, report.phase, report.reason, report.mode]
             texts += [*report.joints, *report.boards]
             if not all(isinstance(text, str) for text in texts):
-                raise ValueError('a name or a reason is no text')
+                raise ValueError('a name or a reason is not a string')
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise ValueError(f'not a commissioning report: {error}') from None
         return report
@@ -173,27 +176,27 @@ def _object(text: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         fields = None
     if not isinstance(fields, dict):
-        raise ValueError('a commissioning message is a JSON object')
+        raise ValueError('a commissioning message must be a JSON object')
     return fields
 
 
-SPEED = 0.15  # [rad/s] of a driven joint, as of homing
-REACH = 0.12  # [rad] to either side of where it begins
-_SILENCE = 1.0  # [s] without a request that ends a drive
-_WATCH_SILENCE = 10.0  # [s] that ends a watch: motors are off, a busy host may be late
-# Torque that a drive may use: friction several times the configuration's, and the weight of an arm
-# that is tilted by the reach and more. The frame holds no less than half an ampere.
+SPEED = 0.15  # [rad/s] speed of a driven joint, as in homing
+REACH = 0.12  # [rad] to either side of the initial angle
+_SILENCE = 1.0  # [s] without a request after which a drive ends
+_WATCH_SILENCE = 10.0  # [s] after which a watch ends; motors are off, and a busy host may be late
+# Torque limit of a drive: several times the configured friction, plus the weight of an arm that is
+# tilted by more than the reach. The frame represents no current below 0.5 A.
 _FRICTION_FACTOR = 3.0
 _LOAD_SHARE = 0.15
 _CURRENT_MIN = 0.5  # [A]
-# What ends a drive at once: a motor whose torque has the wrong sign speeds up.
+# Speed that ends a drive: a motor whose torque has the wrong sign accelerates.
 _SPEED_FACTOR = 4.0
 _TRAVEL_FACTOR = 2.0
 _CURRENT_FACTOR = 2.0
 _ON = ('aligning', 'ready', 'homing', 'running', 'damping')  # modes in which motors are driven
-_AT_REST = 0.05  # [rad/s] of a joint before its motor is switched on
-_BLURRED = 3e-3  # [s] between two frames, after which the place of a pulse is not known
-_SETTLING = 0.3  # [s] of a stroke before its means begin
+_AT_REST = 0.05  # [rad/s] largest speed of a joint before its motor is switched on
+_BLURRED = 3e-3  # [s] between two frames, above which the position of a pulse is unknown
+_SETTLING = 0.3  # [s] of a stroke before averaging begins
 # Direction and duration [s] of each part of a drive; a stroke of 1 goes to the reach.
 _STROKE = REACH / SPEED
 _PARTS = (
@@ -208,27 +211,24 @@ _PARTS = (
 
 
 class CommissioningProbe:
-    """Lets a client learn how motors, encoders and joints are connected, at low torque and speed.
+    """Find out how motors, encoders and joints are connected, at low torque and speed.
 
-    Neither needs an encoder's zero. While it watches, all motors are off, and it counts how far
-    each is turned, and where its index pulses are. While it drives, one motor is on, all others are
-    off: it aligns, and turns its joint by 0.12 rad to either side at 0.15 rad/s.
+    No encoder zero is needed. In the watch phase all motors are off, and the probe counts the
+    rotation and the index pulses of each motor. In the drive phase one motor is on and all others
+    are off: the motor aligns, then turns its joint by 0.12 rad to either side at 0.15 rad/s.
 
-    A drive ends with its motor off, also where it fails: a motor that turns against its encoder is
-    driven, not braked, by a board's damping. It fails for a client that is silent for 1 s, a
-    fault of a board, an emergency stop, and where current, speed or travel exceed what was asked
-    for.
+    A drive always ends with its motor off, even on failure, because damping drives a motor whose
+    encoder has the wrong sign. A drive fails if the client is silent for 1 s, on a board fault, on
+    an emergency stop, and if current, speed or travel exceed their limits.
 
     Parameters
     ----------
-    config
-        The arm.
     links, state, references
-        The boards, what they report, and what they are asked for.
+        Links to the boards, their measurements, and their references.
     loads
-        Largest torques of gravity.
+        Largest gravity torques of the joints.
     problem
-        Returns why no motor may be switched on, '' if one may; see `FaultWatch.refusal`.
+        Returns why no motor may be switched on, '' if allowed; see `FaultWatch.refusal`.
     """
 
     def __init__(
@@ -257,43 +257,43 @@ class CommissioningProbe:
         self._reduction: list[float] = (1.0 / config.column('gear.ratio')).tolist()
         self._count = _TravelCount(state)
         self._drive = _Drive(0.0)
-        # Reference that the board had when it measured what it answers now [rad], [rad/s].
+        # Reference that was active at the board's measurement [rad], [rad/s].
         self._sent = self._next = (0.0, 0.0)
 
     @property
     def is_driving(self) -> bool:
-        """Whether a motor is on, or aligns."""
+        """Whether a motor is on or aligning."""
         return self._phase in ('aligning', 'driving')
 
     @property
     def refusal(self) -> str:
-        """Reason why no other request may switch motors on, or ''."""
+        """Reason why no other request may switch on motors, or ''."""
         name = self._config.joint_names[self._joint]
-        return f'{name} is being commissioned: end that first' if self.is_driving else ''
+        return f'{name} is being commissioned: end that procedure first' if self.is_driving else ''
 
     def ask(self, request: ProbeRequest, mode: str) -> ProbeReport:
-        """Take a request and answer it; between two cycles.
+        """Process a request and return the answer; call between two cycles.
 
         Parameters
         ----------
         request
-            The same as before goes on with what it began.
+            A request with a known id continues the running one.
         mode
-            The arm's.
+            Mode of the arm.
         """
         if self.is_driving and request.client != self._id.partition(':')[0]:
-            return self._report(request.id, 'failed', f'{self.refusal}: by another client', mode)
+            return self._report(request.id, 'failed', f'{self.refusal} (by another client)', mode)
         self._contact = self._now
         if request.id != self._id:
             self.end('')
             self._id, self._reason = request.id, ''
             is_on = mode in _ON
-            problem = f'the arm is {mode}: disable first' if is_on else self._problem(False)
+            problem = f'the arm is {mode}: disable the arm first' if is_on else self._problem(False)
             self._begin(request, problem)
         return self._report(self._id, self._phase, self._reason, mode)
 
     def end(self, reason: str) -> None:
-        """Switch the driven motor off, if one is, and watch no more."""
+        """Switch off the driven motor, if any, and stop watching."""
         if self.is_driving:
             self._links[self._config.joints[self._joint].board].drive_only(None)
             self._phase, self._reason = 'failed', reason
@@ -301,7 +301,7 @@ class CommissioningProbe:
             self._phase = 'off'
 
     def drive(self, now: float, stop: str) -> BoardLink | None:
-        """Set the reference of the driven motor; return its board's link, None if all are off.
+        """Set the driven motor's reference; return its board's link, None if all motors are off.
 
         Parameters
         ----------
@@ -313,13 +313,13 @@ class CommissioningProbe:
         if not self.is_driving:
             return None
         if stop or now - self._contact > _SILENCE:
-            self.end(stop or f'no request for {_SILENCE:g} s: the client is gone')
+            self.end(stop or f'no request for {_SILENCE:g} s: the client has stopped')
             return None
         motor = self._references.motors[self._joint]
         joint = self._config.joints[self._joint]
         motor.current_max = self._current_max[self._joint]
         motor.kp, motor.kd = joint.board_kp, joint.board_kd
-        # Where it is, until it is aligned.
+        # Keep the present position until the motor is aligned.
         motor.position = float(self._state.reported_position[self._joint])
         if self._phase == 'driving':
             slope = joint.sign * self._reduction[self._joint]
@@ -332,7 +332,7 @@ class CommissioningProbe:
         return self._links[joint.board]
 
     def look(self, now: float) -> None:
-        """Take the boards' answers at `now` [s]; once a cycle."""
+        """Process the boards' answers at `now` [s]; call once per cycle."""
         self._now = now
         if self._phase == 'watching':
             self._count.look()
@@ -350,11 +350,11 @@ class CommissioningProbe:
             return
         names = self._config.joint_names
         if not problem and request.joint not in names:
-            problem = f'there is no joint {request.joint}: the arm has {", ".join(names)}'
+            problem = f'unknown joint {request.joint}: the arm has {", ".join(names)}'
         moving = np.abs(self._state.dq) > _AT_REST
         if not problem and moving.any():
             name = names[int(np.argmax(moving))]
-            problem = f'{name} moves: hold the arm, wait until it rests'
+            problem = f'{name} moves: hold the arm and wait until it rests'
         if problem:
             self._phase, self._reason = 'failed', problem
             return
@@ -375,15 +375,15 @@ class CommissioningProbe:
         travel = (position - self._drive.start) / self._reduction[i]
         if abs(speed) > _SPEED_FACTOR * SPEED:
             self.end(
-                f'{joint.name} ran at {abs(speed):.2f} rad/s instead of {SPEED:g}: its motor turns '
-                'against its encoder, check the motor phases and the channel'
+                f'{joint.name} ran at {abs(speed):.2f} rad/s instead of {SPEED:g}, so its motor '
+                'turns against its encoder: check the motor phases and the channel'
             )
         elif abs(travel) > _TRAVEL_FACTOR * REACH:
             self.end(f'{joint.name} was turned by {abs(travel):.2f} rad instead of {REACH:g}')
         elif abs(current) > _CURRENT_FACTOR * self._current_max[i]:
             self.end(
-                f'the motor of {joint.name} had {abs(current):.1f} A, allowed were '
-                f'{self._current_max[i]:.1f}: check the current measurement of the board'
+                f'the motor of {joint.name} had {abs(current):.1f} A, above the limit of '
+                f'{self._current_max[i]:.1f} A: check the current measurement of the board'
             )
         elif self._drive.is_over(now):
             self._links[joint.board].drive_only(None)
@@ -423,7 +423,7 @@ def _board_problem(link: BoardLink) -> str:
 
 
 class _TravelCount:
-    """How far each motor was turned since it was made, and where its index pulses were."""
+    """Rotation of each motor since the start of the count, and angles of its index pulses."""
 
     def __init__(self, state: ArmMeasurements) -> None:
         self._state = state
@@ -470,7 +470,7 @@ class _TravelCount:
 
 
 class _Drive:
-    """References of a motor that is driven forth and back, and the means of what it does."""
+    """References of a motor driven back and forth, and means of its measurements."""
 
     def __init__(self, start: float, begin: float = inf) -> None:
         self.start = start
@@ -478,7 +478,7 @@ class _Drive:
         self._sums = {1: [0.0] * 4, -1: [0.0] * 4}
 
     def reference(self, now: float) -> tuple[float, float]:
-        """Return the joint's way from where it began [rad] and its speed [rad/s]."""
+        """Return the joint's displacement from its start [rad] and its speed [rad/s]."""
         direction, since, offset = self._part(now)
         return offset + direction * SPEED * since, direction * SPEED
 
@@ -486,7 +486,7 @@ class _Drive:
         return now - self._begin > sum(duration for _, duration in _PARTS)
 
     def add(self, now: float, *values: float) -> None:
-        """Count requested and measured current [A] and speed [rad/s], by the joint's sign."""
+        """Add requested and measured current [A] and speed [rad/s], with the joint's sign."""
         direction, since, _ = self._part(now)
         if direction and since > _SETTLING:
             sums = self._sums[direction]
@@ -494,14 +494,14 @@ class _Drive:
                 sums[i] += value
 
     def strokes(self) -> tuple[Stroke, ...]:
-        """Return the means in the positive and the negative direction."""
+        """Return the mean values in the positive and the negative direction."""
         return tuple(
             Stroke(*(value / max(count, 1.0) for value in values))
             for count, *values in (self._sums[1], self._sums[-1])
         )
 
     def _part(self, now: float) -> tuple[int, float, float]:
-        """Return direction, time in the part [s], and the way where it began [rad]."""
+        """Return direction, time in the present part [s] and its initial displacement [rad]."""
         left, offset = now - self._begin, 0.0
         for direction, duration in _PARTS:
             if left <= duration:

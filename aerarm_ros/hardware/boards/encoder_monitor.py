@@ -10,48 +10,49 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.gate.command_intake import Mask
 from aerarm_ros.motion.signals import Array
 
-# Motion counts once a joint must have turned by this much [rad]: 90 counts of its encoder.
+# A standstill is a fault once the joint must have turned by this angle [rad]: 90 encoder counts.
 _CLEARLY = 5e-3
-_LOOKS_MIN = 3  # that saw no motion; a frame that comes twice is one
-# A motor near its limit may lack what friction takes; but nothing holds it there for so long [s].
+_LOOKS_MIN = 3  # consecutive checks without motion; a frame may arrive twice
+# A motor near its limit may not overcome friction, but no load holds it still for so long [s].
 _STRAINED_SHARE = 0.9
 _STRAINED_MAX = 0.1
-# What a look finds wrong corrects the speed [1/s], and the load [1/s^2]: known within 10 ms.
+# Observer gains that correct the speed [1/s] and the load [1/s^2]; they settle within 10 ms.
 _SPEED_RATE = 200.0
 _LOAD_RATE = 15e3
-_LOOKED = 4e-3  # [s]; a longer interval corrects no more
-_COUNTS = 3e-3  # [rad, motor side] two counts: the error of an angle's change, ...
-_SHORTEST = 1e-4  # [s] ... and the time that it took at least
-# In a second a load changes by twice what the joint may carry: the base turns, the arm too.
+_LOOKED = 4e-3  # [s] longer intervals give no larger correction
+_COUNTS = 3e-3  # [rad, motor side] two counts: the error of an angle change, ...
+_SHORTEST = 1e-4  # [s] ... and the shortest time that the change can take
+# A load changes by at most twice the joint's largest load per second, as base and arm turn.
 _LOAD_TURNS = 2.0
 
 
 class ExpectedMotion:
-    """Follows the load of a motor that is seen to move, and its motion once it is seen to stand.
+    """Estimate a moving motor's load, and the motion its current must cause at standstill.
 
-    Nothing about the arm's weight is believed but what the motion tells: the torque that did not
-    accelerate the motor is its load, with any payload, on a base turned any way. While the angle
-    stands, a motor with that load and with more friction than any is led by its current. Its
-    speed does not end between two looks, and torque beyond the load accelerates it; so if it had
-    to turn clearly and its angle has not changed by a count, the angle is wrong, or the joint is
-    blocked. So it is if the motor's whole current does not change it by a count for a time.
+    The estimate uses no model of the arm's weight. The torque that does not accelerate the motor is
+    its load, which includes any payload and any base orientation. While the angle stands still, the
+    motor's minimum motion is predicted from its current, that load and an upper bound of friction.
+    If the motor must have turned clearly although its angle has not changed by one count, the
+    encoder is wrong or the joint is blocked. The same holds if the full motor current does not
+    change the angle for a given time.
 
-    A motor that creeps tells a count in some looks and none in others. Both are learnt from: by
-    those that tell one alone it is faster than it is, and its load would fall and fall.
+    A slow motor changes its angle by one count in some checks and by none in others. Both kinds of
+    checks update the estimate; counts alone would overestimate the speed and bias the load.
 
-    On the side of rest: a load that the motor gives way to may be carried by something else, a
-    changing load may be what the current changes for, and nobody saw what happened in a pause.
+    In doubt, the estimate assumes rest. An external force may carry a load to which the motor
+    yields, a changing load may explain a changing current, and pauses hide the motion.
 
-    Motor side; plain numbers, not arrays: for four joints that is faster.
+    Quantities are on the motor side. Plain floats are used, because they are faster than arrays for
+    four joints.
 
     Parameters
     ----------
     load_max
-        Current that load and friction may ask for [A].
+        Largest current that load and friction can require [A].
     current_max
-        The motor's limit [A].
+        Current limit of the motor [A].
     torque_per_ampere, ratio
-        Of the joint [Nm/A], and its speed over the motor's.
+        Joint torque per motor current [Nm/A], and joint speed over motor speed.
     """
 
     __slots__ = (
@@ -82,12 +83,13 @@ class ExpectedMotion:
         self._clearly = _CLEARLY / ratio
         self._load = self._current = self._modelled = nan
         self._speed = self._seen_speed = self._turned = self._stood = self._strained = 0.0
-        self._moved = self._impulse = 0.0  # [rad/s] when its angle last changed, [A s] since
+        # [rad/s] speed at the last change of angle, [A s] impulse since then
+        self._moved = self._impulse = 0.0
         self._looks = 0
         self._is_followed = True
 
     def restart(self) -> None:
-        """Reset the estimate: the motor rests, and its present current is its load."""
+        """Reset the estimate: the motor is at rest, and its present current is its load."""
         self._load = self._current = self._modelled = nan
         self._rest()
 
@@ -100,23 +102,23 @@ class ExpectedMotion:
         friction: float,
         modelled: float = 0.0,
     ) -> bool:
-        """Take a look; return whether it must have turned clearly since its angle last changed.
+        """Process a check; return whether the motor must have turned clearly since its last motion.
 
         Parameters
         ----------
         change
-            Of the angle since the last look [rad].
+            Change of the angle since the last check [rad].
         elapsed
-            Time since then [s].
+            Time since the last check [s].
         current
-            [A].
+            Motor current [A].
         inertia
-            Of the joint [kg m^2].
+            Inertia of the joint [kg m^2].
         friction
-            Current that may hold the motor [A].
+            Current that friction can hold [A].
         modelled
-            Its load as the arm's model has it [A]. Only changes count, and they only widen what
-            the load may be: other joints that push against something accelerate in the model.
+            Load by the arm's model [A]. Only its changes count, and they only widen the range of
+            possible loads, because the model ignores contacts.
         """
         if self._load != self._load:
             self._load, self._modelled = current, modelled
@@ -133,7 +135,7 @@ class ExpectedMotion:
         self._current = current
         drive = abs(current - self._load)
         if self._speed == 0.0 and drive <= friction and abs(current) <= self._strong:
-            # Most joints rest most of the time.
+            # Fast path: most joints are at rest most of the time.
             self._turned = self._strained = 0.0
             self._follow(current, elapsed)
             return False
@@ -144,9 +146,10 @@ class ExpectedMotion:
         return self._looks >= _LOOKS_MIN and abs(self._turned) > self._clearly
 
     def pause(self, change: float, elapsed: float, current: float) -> None:
-        """Take a look after a time [s] in which nobody saw what the current did; as `update`.
+        """Process a check after a time [s] without known currents; arguments as in `update`.
 
-        Whatever the speed was, it may be gone. But what stood before and stands now has stood.
+        The speed is unknown afterwards, but a motor that stood still before and after counts as
+        standing.
         """
         if change != 0.0 or not self._looks:
             self._rest()
@@ -160,12 +163,12 @@ class ExpectedMotion:
         self._is_followed = True
 
     def _see(self, change: float, elapsed: float, current: float, gain: float) -> None:
-        """Take an angle that has changed: by what the current did not do, correct the load."""
+        """Process a change of angle: correct the load by the torque that caused no acceleration."""
         impulse = self._impulse + current * elapsed
         elapsed += self._stood
         seen = change / elapsed
         if not self._is_followed or (self._stood and elapsed > _LOOKED):
-            self._speed = seen  # a mean over more than is known of the currents
+            self._speed = seen  # mean over a longer time than the currents are known for
         else:
             predicted = self._moved + (impulse - self._load * elapsed) * gain
             wrong = seen - predicted
@@ -179,19 +182,19 @@ class ExpectedMotion:
         self._is_followed = True
 
     def _begin(self, elapsed: float, gain: float) -> None:
-        """Find the least speed that it can have had at the end of the last look's motion."""
+        """Compute the least possible speed at the end of the last observed motion."""
         seen, way = self._seen_speed, copysign(1.0, self._seen_speed)
         speed = min(abs(seen), max(way * self._speed, 0.0))
         speed -= _COUNTS / max(elapsed, _SHORTEST)
-        # The look told of the mean: the torque that braked it has led it on.
+        # The observed motion gives a mean speed; the braking torque reduced the final speed.
         braked = min(way * (self._current - self._load), 0.0) * gain * 0.5 * elapsed
         self._speed = way * max(speed + braked, 0.0)
         self._seen_speed = self._turned = 0.0
 
     def _lead(self, elapsed: float, current: float, gain: float, friction: float) -> None:
-        """Lead the motor on by the least that its current must do."""
+        """Predict the least motion that the current must cause."""
         load, speed = self._load, self._speed
-        # Something else may carry a load that the motor gives way to.
+        # An external force may carry a load to which the motor yields.
         carried = min(max(current, min(load, 0.0)), max(load, 0.0))
         drive = current - carried
         if speed != 0.0:
@@ -207,70 +210,69 @@ class ExpectedMotion:
         self._follow(current, elapsed)
 
     def _follow(self, current: float, elapsed: float) -> None:
-        """Let the load be what the current changes for, as fast as a load may change."""
+        """Move the load towards the current, at most at the rate at which loads change."""
         step = self._rate * elapsed
         self._load += min(max(current - self._load, -step), step)
 
 
 _JUMP_VELOCITY_FACTOR = 2.0
 _JUMP_ALLOWANCE = 0.05  # [rad] motor side, 33 counts
-_JUMPS_MAX = 2  # that may each have been one wrong reading
-# A joint at rest stays there while its torque goes from minus to plus its dry friction: twice
-# the friction, and as much again because the friction is not known well.
+_JUMPS_MAX = 2  # jumps that may each be a single wrong reading
+# A joint at rest stays there while its torque changes by twice its dry friction; doubled again,
+# because friction is not known well.
 _FRICTION_FACTOR = 4.0
-_LOAD_SHARE = 0.2  # a gear's friction grows by a tenth of the torque that it transmits, either way
-# What a joint at rest carries, over gravity's largest share: base and other joints accelerate
-# (decision 19).
+_LOAD_SHARE = 0.2  # gear friction grows by a tenth of the transmitted torque, in both directions
+# Largest load of a joint at rest relative to the largest gravity load, because base and other
+# joints accelerate (decision 19).
 _LOAD_FACTOR = 1.5
-# Over the speed before a jump: a joint may brake harder, and a count more or less is a speed too.
+# Relative to the speed before a jump: a joint may brake harder, and one count adds speed.
 _SPEED_FACTOR = 1.5
 _SPEED_ALLOWANCE = 5.0  # [rad/s]
-_PAUSE = 3e-3  # [s] between two looks: what the current did meanwhile, nobody saw
+_PAUSE = 3e-3  # [s] between two checks: longer gaps hide the current
 
 
 class EncoderMonitor:
-    """Looks for motor angles that jump, and for angles that stand still against reason.
+    """Detect motor angles that jump, or stand still under a torque that must move them.
 
-    A jump is a change faster than twice the joint's velocity limit. A standstill is against
-    reason if the angle does not change by a single count although the torque has changed by
-    more than dry friction could hold: the encoder is stuck or the joint blocked, which the
-    bridge cannot tell apart.
+    A jump is a change faster than twice the joint's velocity limit. A standstill is implausible if
+    the angle does not change by a single count although the torque has changed by more than dry
+    friction can hold. Either the encoder is stuck or the joint is blocked; the bridge cannot
+    distinguish them.
 
-    On a drone the load changes too, and a controller that knows the base's motion holds it
-    without moving by a count. So what was commanded as effort is believed, up to the torque
-    that a load can ask for; what the boards' feedback adds is not, for it acts only where
-    reference and angle differ. Nor does it matter which of the two carries a load that was
-    carried before. A joint that the bridge itself brakes is believed to carry what its model says.
+    On a drone the load changes with the base motion, and a controller that knows this motion can
+    hold the joint without moving it by a count. Effort commands are therefore accepted as load, up
+    to the largest possible load torque. Board feedback is not accepted as load, because it acts
+    only on a difference between reference and angle. For a joint that the bridge brakes, the load
+    follows from the model.
 
-    A torque that stays the same moves a joint as well: a standstill is also against reason once the
-    joint must have turned clearly; see `ExpectedMotion`.
+    A constant torque also moves a joint: a standstill is also implausible once the joint must have
+    turned clearly; see `ExpectedMotion`.
 
-    One look stops the arm. But a joint that is no longer damped by its encoder's speed is let go,
-    so a second look comes before that: is the angle still where no motion could have brought it,
-    is it still standing? If not, the joint goes on being damped. Between the two looks at a jump
-    it is damped as far as the speed before the jump asks for: what the board makes of a jump is
-    a speed that would drive it.
+    One implausible reading stops the arm. Removing the damping of a joint lets it fall, so a second
+    reading must confirm the fault first. If the angle is plausible again, the joint stays damped. A
+    jump appears to the board as a speed, so damping would drive the joint. Between the two readings
+    damping is therefore limited to the speed before the jump.
 
     Parameters
     ----------
     config
-        Limits, friction and gears.
+        Configuration with limits, friction and gears.
     stall_time
-        How long a standstill against reason is borne [s].
+        Tolerated duration of an implausible standstill [s].
     load_max
-        (n,) or one for all: largest torque of gravity [Nm], see `largest_gravity_load`. Zero
-        is an arm whose load does not change.
+        (n,) or one for all: largest gravity torque [Nm], see `largest_gravity_load`. Zero means a
+        constant load.
 
     Attributes
     ----------
     trusted
-        (n,) False for the motors whose encoder is doubted, until `clear`.
+        (n,) False for motors whose encoder is doubted, until `clear`.
     tells_position
-        (n,) False for the motors whose encoder has jumped, or stands against reason; one that moves
-        on was not stuck: a load that changed as its current did may hold a joint still.
+        (n,) False for motors whose encoder has jumped or stands still implausibly. A motor that
+        moves again was not stuck: a load that changed with its current may have held it still.
     damping_speed
-        (n,) speeds [rad/s, motor side] up to which damping may believe the encoders: inf for
-        any, 0 for none.
+        (n,) speeds [rad/s, motor side] up to which damping may use the encoders: inf for no limit,
+        0 for no damping.
     """
 
     def __init__(self, config: ArmConfig, stall_time: float, load_max: ArrayLike = 0.0) -> None:
@@ -295,7 +297,7 @@ class EncoderMonitor:
         self._encoders = [_Encoder(*row) for row in rows]
 
     def clear(self) -> None:
-        """Trust every encoder again, wherever it is now."""
+        """Trust every encoder again, at its present angle."""
         self.trusted[:] = self.tells_position[:] = True
         self.damping_speed[:] = inf
         for encoder in self._encoders:
@@ -303,7 +305,7 @@ class EncoderMonitor:
 
     @property
     def lost(self) -> list[int]:
-        """Joints whose count is known to be wrong: it stays where it jumped to, or stood still."""
+        """Numbers of the joints whose count is wrong after a jump or a standstill."""
         return [number for number, encoder in enumerate(self._encoders) if encoder.is_lost]
 
     def check(
@@ -318,28 +320,28 @@ class EncoderMonitor:
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
-        """Return the fault of an encoder, or ''.
+        """Check all encoders; return the text of a fault, or ''.
 
         Parameters
         ----------
         position, current
-            (n,) motor side [rad], [A].
+            (n,) motor angles [rad] and currents [A].
         fresh
             (n,) True for motors whose board answered in this cycle.
         now
             Time [s].
         feed_forward
-            n, the part of the current that was commanded as effort [A]; none if not given.
-            Boards answer before they take a command: it is that of the cycle before.
+            n, currents commanded as effort [A]; none if not given. Boards answer before they read a
+            command, so this is the effort of the previous cycle.
         braking_noise
-            n, for joints that the bridge brakes itself, the current that counts of the encoder
-            make of its torque [A]; 0 for the others, none are braked if not given.
+            n, currents caused by encoder quantization in joints that the bridge brakes [A]; 0 for
+            all other joints. By default no joint is braked.
         interval_max
-            (n,) longest time that the angles can have taken to change since the last look [s];
-            the difference of `now` if not given, which a host held up makes too small.
+            (n,) longest time in which the angles can have changed since the last check [s]. By
+            default the difference of `now`, which is too small if the host was delayed.
         inertias, loads
-            n each, of the joints [kg m^2] and, as the arm's model has them, [Nm]; without them it
-            is not asked whether a joint must have turned.
+            n joint inertias [kg m^2] and n model loads [Nm]; without them the check of expected
+            motion is skipped.
         """
         n = len(self._encoders)
         given = [0.0] * n if feed_forward is None else feed_forward
@@ -377,34 +379,34 @@ class EncoderMonitor:
 
 
 class _Encoder:
-    """What the monitor knows about one motor's encoder; motor side."""
+    """Monitor state of one motor's encoder; quantities are on the motor side."""
 
-    # The first look finds a change (of NaN), which sets all that `feel` reads.
+    # The first check sees a change (from NaN), which initializes everything that `feel` reads.
     __slots__ = (
-        'anchor',  # [rad] before a jump that awaits its second look, NaN without one
-        'change',  # [rad] since the look before
-        'doubted_for',  # [s] of a standstill that awaits its second look, NaN without one
-        'elapsed',  # [s] since the look before
-        'expected',  # motion
-        'fastest',  # [rad/s]
-        'held',  # [A] that dry friction may hold
-        'has_jumped',  # and did not come back
+        'anchor',  # [rad] angle before a jump that awaits confirmation, NaN without one
+        'change',  # [rad] since the previous check
+        'doubted_for',  # [s] duration of a standstill that awaits confirmation, NaN without one
+        'elapsed',  # [s] since the previous check
+        'expected',  # estimate of expected motion
+        'fastest',  # [rad/s] largest plausible speed
+        'held',  # [A] current that dry friction may hold
+        'has_jumped',  # whether the angle jumped and did not come back
         'is_confirmed',
         'is_pause',
-        'is_settling',  # the last look saw it move
+        'is_settling',  # whether the last check saw motion
         'jumps',
-        'load',  # [A] that a load may ask for
+        'load',  # [A] largest load
         'model_scale',  # [A/Nm]
-        'moving_current',  # [A] when the angle last changed, or just after
-        'moving_feedback',  # [A] part of it that was not commanded as effort
-        'moving_noise',  # [A] of it, if the joint was braked
+        'moving_current',  # [A] at or just after the last change of angle
+        'moving_feedback',  # [A] part of that current that was not commanded as effort
+        'moving_noise',  # [A] noise of that current, if the joint was braked
         'name',
         'position',  # [rad]
-        'seen',  # [s] when
+        'seen',  # [s] time of the last check
         'since_anchor',  # [s]
-        'speed',  # [rad/s] without sign, of the last look that was no jump
-        'standing',  # [s] against reason
-        'stood_at',  # [rad] where it was doubted for that, NaN once it has moved on
+        'speed',  # [rad/s] absolute speed at the last check without a jump
+        'standing',  # [s] duration of an implausible standstill
+        'stood_at',  # [rad] angle of that standstill, NaN after motion
     )
 
     def __init__(
@@ -427,7 +429,7 @@ class _Encoder:
         self.clear()
 
     def clear(self) -> None:
-        """Trust it, wherever it is now."""
+        """Trust the encoder again, at its present angle."""
         self.position = self.anchor = nan  # compares as no change, so no jump
         self.stood_at = nan
         self.jumps = 0
@@ -436,17 +438,17 @@ class _Encoder:
 
     @property
     def tells_position(self) -> bool:
-        """Whether the joint position is known."""
+        """Whether the joint position is reliable."""
         return not self.jumps and self.stood_at != self.stood_at
 
     @property
     def is_lost(self) -> bool:
-        """Whether its count is known to be wrong."""
+        """Whether the encoder count is wrong."""
         return self.has_jumped or self.is_confirmed
 
     @property
     def damping_speed(self) -> float:
-        """Speed up to which damping may use the encoder [rad/s]."""
+        """Largest speed for which damping may use the encoder [rad/s]."""
         if self.is_confirmed:
             return 0.0
         if self.anchor == self.anchor:
@@ -454,7 +456,7 @@ class _Encoder:
         return inf
 
     def look(self, position: float, now: float, interval: float) -> str:
-        """Take an angle [rad] at a time, and the longest it can have changed for [s]."""
+        """Check an angle [rad] at a time [s]; it changed within at most `interval` [s]."""
         jump = self._jump(position, interval)
         self.change = position - self.position
         self.elapsed, self.is_pause = min(now - self.seen, interval), interval > _PAUSE
@@ -463,7 +465,7 @@ class _Encoder:
 
     def _jump(self, position: float, interval: float) -> str:
         doubted = self.anchor == self.anchor
-        # The second look compares with the angle before the jump, wherever that led.
+        # The second reading is compared with the angle before the jump.
         before = self.anchor if doubted else self.position
         time = self.since_anchor + interval if doubted else interval
         change = abs(position - before)
@@ -486,11 +488,11 @@ class _Encoder:
         )
 
     def _slowly(self, time: float) -> float:
-        """Return how far the speed before a jump may bring it in a time [s]."""
+        """Return how far the speed before a jump can move the motor in a time [s]."""
         return (_SPEED_FACTOR * self.speed + _SPEED_ALLOWANCE) * time + _JUMP_ALLOWANCE
 
     def feel(self, current: float, commanded: float, noise: float, stall_time: float) -> str:
-        """Take the currents [A] at the last look; return why it may not stand still, or ''."""
+        """Check currents [A] at the last angle; return why a standstill is implausible, or ''."""
         feedback = current - commanded
         if self.change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
@@ -502,7 +504,7 @@ class _Encoder:
         elif self.is_pause:
             return ''
         elif self.is_settling:
-            # The last look may have seen the current that braked it, which is gone at rest.
+            # The last check may have included a braking current that vanishes at rest.
             self.is_settling = False
             if abs(current) < abs(self.moving_current):
                 self.moving_current, self.moving_feedback = current, feedback
@@ -526,9 +528,9 @@ class _Encoder:
         )
 
     def expect(self, current: float, noise: float, inertia: float, load: float) -> str:
-        """Take what the joint moves [kg m^2] and carries [Nm]; return why it must have moved.
+        """Check standstill by inertia [kg m^2] and load [Nm]; return why the joint must move.
 
-        To be called after `feel`, with the same currents [A]; NaN is an inertia nobody knows.
+        Call after `feel` with the same currents [A]; a NaN inertia means unknown.
         """
         if inertia != inertia:
             return ''
@@ -546,12 +548,12 @@ class _Encoder:
             return ''
         self._doubt()
         return (
-            f'{self.name} does not move although its speed and its current of {current:.1f} A must '
-            'have turned it: check for a stuck encoder or a blocked joint'
+            f'{self.name} does not move although its speed and its current of {current:.1f} A '
+            'must have turned it: check for a stuck encoder or a blocked joint'
         )
 
     def _doubt(self) -> None:
-        """Begin to wait for the second look at a standstill."""
+        """Start waiting for the second reading of a standstill."""
         if self.doubted_for != self.doubted_for:
             self.doubted_for = 0.0
             self.stood_at = self.position

@@ -1,4 +1,4 @@
-"""Finds the encoders' zeros by their index pulses."""
+"""Homing: find the encoders' zeros by their index pulses."""
 
 from __future__ import annotations
 
@@ -13,40 +13,38 @@ from aerarm_ros.hardware.gate.command_intake import CommandBuffer, Mask
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
-# Of a motor turn: the home configuration has to be met so well for homing to find the right pulse.
+# Largest start error of homing, in motor turns, for which the right pulse is identified.
 REST_SHARE = 1.0 / 3.0
 _TURN = 2.0 * np.pi
 
 
 class EncoderZeros:
-    """Remembers of each joint whether its zero is known, and the home configuration.
+    """Store for each joint whether its zero is known, and the home configuration.
 
-    An incremental encoder counts from where its board was switched on, so its zero is unknown at
-    first. Homing finds it, by pulses that come once a motor turn; which turn it is follows from the
-    home configuration, to which the user brings the arm. A board that restarts, an encoder that
-    jumps or one that stood still while its joint turned has lost its zero: then no limit and no
-    load is known until the arm has been homed again.
+    An incremental encoder counts from its angle at power-on, so its zero is initially unknown.
+    Homing finds the zero by index pulses, one per motor turn. The home configuration, into which
+    the user moves the arm, determines the turn. The zero is lost if the board restarts, the encoder
+    jumps, or the encoder stood still while its joint turned. Then limits and loads are unknown
+    until the arm is homed again.
 
-    An absolute encoder knows its angle whenever its board is switched on: the configuration's zero
-    holds at first, and again after a restart.
+    An absolute encoder knows its angle after power-on, so the configured zero is valid initially
+    and after each restart.
 
     Parameters
     ----------
-    config
-        The arm.
     encoders
-        Kind of the encoders of boards whose configuration does not say it: the frame profile's.
+        Encoder type for boards whose configuration names none; the frame profile provides it.
 
     Attributes
     ----------
     rest
         (n,) motor angles of the home configuration [rad].
     absolute
-        n flags: whether the joint's encoder is absolute.
+        n flags: whether each joint has an absolute encoder.
     names
         n names of the joints.
     changes
-        How often a zero became known or unknown.
+        Number of times that a zero became known or unknown.
     """
 
     def __init__(self, config: ArmConfig, encoders: str = 'incremental') -> None:
@@ -84,42 +82,42 @@ class EncoderZeros:
         return known
 
     def restarted(self, joints: Iterable[int], reason: str) -> None:
-        """Note that the boards of joints were switched on, and read absolute encoders again."""
+        """Record that the joints' boards restarted, and read absolute encoders again."""
         joints = list(joints)
         self.found(joint for joint in joints if self.absolute[joint])
         self.lose((joint for joint in joints if not self.absolute[joint]), reason)
 
     def lose(self, joints: Iterable[int], reason: str) -> None:
-        """Note that the zeros of joints are unknown from now on; the first reason stays."""
+        """Record that the zeros of joints are unknown from now on; the first reason stays."""
         for joint in joints:
             self.changes += joint not in self._lost
             self._lost.setdefault(joint, reason)
 
     def explain(self, joints: Iterable[int], reason: str) -> None:
-        """Note why zeros that are unknown still are."""
+        """Record why unknown zeros are still unknown."""
         self._lost.update((joint, reason) for joint in joints if joint in self._lost)
 
     def found(self, joints: Iterable[int] | None = None) -> None:
-        """Note that the zero of joints is known, of every joint if not given."""
+        """Record that the zeros of joints (default all) are known."""
         for joint in range(len(self.names)) if joints is None else joints:
             self.changes += self._lost.pop(joint, None) is not None
 
     @property
     def problem(self) -> str:
-        """Which zeros are unknown, why, and the one way to know them again; '' if none is."""
+        """Names of unknown zeros with the reason and the remedy; '' if all are known."""
         if not self._lost:
             return ''
         reasons = dict.fromkeys(self._lost.values())
         return (
             f'the zero of {", ".join(self.unknown)} is unknown ({", ".join(reasons)}): bring the '
-            f"arm to its home configuration, {self._posture()}, and home it ('arm home')"
+            f"arm to its home configuration, {self._posture()}, then run 'arm home'"
         )
 
     def refusal(self, motor_position: Array) -> str:
         """Return why an arm at motor angles (n,) [rad] may not be homed where it is, or ''.
 
-        Each joint whose zero is known has to be at its home configuration; of the others only the
-        user knows it.
+        Each joint with a known zero must be at its home configuration; for the other joints only
+        the user can ensure it.
         """
         turns = (np.abs(motor_position - self.rest) / _TURN).tolist()
         rows = zip(self.names, turns, self.known, strict=True)
@@ -128,17 +126,17 @@ class EncoderZeros:
             return ''
         be = 'is' if len(away) == 1 else 'are'
         return (
-            f'{", ".join(away)} {be} not at the home configuration, {self._posture()}: homing '
-            'would use a wrong index pulse; move the arm there first'
+            f'{", ".join(away)} {be} not at the home configuration, {self._posture()}, so homing '
+            'would use a wrong index pulse: move the arm there first'
         )
 
     def expected(self, motor_position: Array) -> Array:
-        """Return the expected motor angles (n,) [rad]; absolute encoders report theirs."""
+        """Return the expected motor angles (n,) [rad]; absolute encoders report their own."""
         return np.where(self.absolute, motor_position, self.rest)
 
     def vouched(self) -> str:
-        """Return the assumed home configuration, in words."""
-        return f'homing assumes the home configuration, {self._posture()}'
+        """Return a description of the assumed home configuration."""
+        return f'homing assumes that the arm is at its home configuration, {self._posture()}'
 
     def _posture(self) -> str:
         return _in_words(self.names, self._rest_position)
@@ -149,68 +147,66 @@ def _in_words(names: Sequence[str], angles: Sequence[float]) -> str:
     return ', '.join(f'{name} {angle:.4g}' for name, angle in rows) + ' rad'
 
 
-# Of a motor turn: a pulse farther than this from where it is expected belongs to no known turn.
+# In motor turns: a pulse farther than this from its expected angle belongs to no known turn.
 RESIDUAL_MAX = 1.0 / 3.0  # decision 76
 
-_SPEED = 0.25  # [rad/s] at the joint, while its zero is unknown
+_SPEED = 0.25  # [rad/s] joint speed while the zero is unknown
 _RETURN_SPEED, _RETURN_GAIN = 0.3, 15.0  # [rad/s] at the joint, [1/s]
 _RETURNED = 5e-4  # [rad] at the joint
-_REACH = 1.05  # of a motor turn, in which a pulse must come
-_SAME_PULSE = 0.25  # of a motor turn from the first pulse: the motor passes that one again
-_SPACING_ERROR = 0.02  # of a motor turn, by which the distance of two pulses may differ from one
-_BLURRED = 6e-4  # [rad] at the joint, moved between two frames: the pulse lies somewhere in it
+_REACH = 1.05  # motor turns in which a pulse must come
+_SAME_PULSE = 0.25  # motor turns from the first pulse: the motor passes that pulse again
+_SPACING_ERROR = 0.02  # motor turns by which the distance of two pulses may differ from one
+_BLURRED = 6e-4  # [rad] joint motion between two frames; the pulse lies somewhere within it
 _REPEATS_MAX = 10  # per joint
-# Motor turns between home configuration and position limits: two pulses need the one or the other.
+# Motor turns that two pulses require: on both sides of the home configuration, or on one side.
 _ROOM_BOTH_SIDES = _REACH + RESIDUAL_MAX
 _ROOM_ONE_SIDE = 2.0 * _REACH + RESIDUAL_MAX
 
 
 class Homing:
-    """Turns every motor slowly to two index pulses, which fix the encoder's zero.
+    """Turn every motor slowly to two index pulses, which determine the encoder's zero.
 
-    An incremental encoder counts from where it was switched on; its index pulse comes once per
-    motor turn, at a known angle within the turn. Which turn it is follows from the posture: the
-    arm must start within a third of a motor turn (about 4 degrees at the joint) of its home
-    configuration. Each motor turns to the nearest pulse that is expected, and then back to the
-    pulse one turn before it, so no motor leaves its start by more than one turn. A joint whose
-    position limit is too near goes on to the next pulse instead. At the end each joint turns to
-    its home configuration, so the arm can be homed again from there.
+    An incremental encoder counts from its angle at power-on; its index pulse comes once per motor
+    turn, at a known angle within the turn. The posture determines the turn: the arm must start
+    within a third of a motor turn (about 4 degrees at the joint) of its home configuration. Each
+    motor turns to the nearest expected pulse, and then back to the pulse one turn before it. So no
+    motor leaves its start by more than one turn. A joint whose position limit is too near continues
+    to the next pulse instead. At the end each joint moves to its home configuration, so the arm can
+    be homed again from there.
 
     Homing fails if a pulse lies farther than `RESIDUAL_MAX` from its expected angle, or if the two
     pulses are not one turn apart. A posture that is wrong by two thirds of a turn or more looks
-    like a posture near the next turn: the pulses alone cannot show it.
+    like a posture near the next turn; the pulses alone cannot reveal this error.
 
-    The boards' own index offset compensation is not used: it makes the position jump under
-    the control law, so that the motor jerks. The host notes the position at the pulse, to within
-    the 1 ms between two frames, and corrects it afterwards. Two pulses met from opposite sides
-    cancel that delay. A pulse that was met while the host was held up lies somewhere in what the
-    motor turned meanwhile: it is searched once more, the other way and at half the speed, which
-    ends at the latest when the longest hold-up is too short for the motor to turn far. A joint that
-    passes its home configuration in a hold-up returns at half the speed, too. Homing fails if a
-    motor moves by more than a quarter of a turn between two frames.
+    The boards' own index offset compensation is not used, because a position jump in the running
+    control law jerks the motor. The host records the position at the pulse, to within the 1 ms
+    between two frames, and corrects it afterwards. Two pulses passed from opposite sides cancel
+    that delay. If the host was delayed during a pulse, the pulse angle is uncertain, and the motor
+    searches again in the other direction at half the speed. The repetitions end when the speed is
+    so low that the longest delay does not matter. A joint that passes its home configuration during
+    a delay also returns at half the speed. Homing fails if a motor moves by more than a quarter of
+    a turn between two frames.
 
     Parameters
     ----------
-    config
-        The arm.
     position
         (n,) motor angles as reported at the start [rad].
     toggles
-        (n,) the index bits at the start, which flip at each pulse.
+        (n,) index bits at the start; each bit flips at a pulse.
     expected
-        (n,) what the motors' angles are at the start, to within a third of a turn [rad].
+        (n,) motor angles at the start, accurate to a third of a turn [rad].
     pulse_offset
-        (n,) or one for all: motor angle of an index pulse, modulo one turn [rad], as measured at
-        commissioning. 0 is what the configuration's `offset` assumes.
+        (n,) or one for all: motor angle of an index pulse modulo one turn [rad], measured at
+        commissioning. The configuration's `offset` assumes 0.
 
     Attributes
     ----------
     command
-        What the joints shall do now.
+        Present joint command.
     fault
-        What went wrong, or ''.
+        Reason of a failure, or ''.
     doubted
-        Joints whose pulses contradict what is known of them.
+        Joints whose pulses contradict their known zeros.
     """
 
     def __init__(
@@ -228,7 +224,8 @@ class Homing:
         self._sign = config.column('sign')
         self._ratio = config.column('gear.ratio')
         self._start = position.copy()
-        self._reach_from = position.copy()  # from which a pulse must come within `_REACH` [rad]
+        # [rad] from this angle a pulse must come within `_REACH`
+        self._reach_from = position.copy()
         self._toggles = toggles.copy()
         self._shift = expected - position  # from the reported to the expected motor angle
         self._offset: Array = np.zeros(config.n) + np.asarray(pulse_offset, np.float64)
@@ -237,33 +234,33 @@ class Homing:
         nearest = np.where(ahead >= np.round(ahead), 1.0, -1.0)
         self._direction = np.where(self._side == 0.0, nearest, self._side)
         self._first = np.full(config.n, np.nan)  # reported angle of the first pulse [rad]
-        self._pulse = np.zeros(config.n)  # mean of the two, led to the first one's turn
+        self._pulse = np.zeros(config.n)  # mean of the two pulses, reduced to the turn of the first
         self._home = DriveTrain(config).joint_to_motor_position(np.array(config.rest_position))
         self._found = np.zeros(config.n, dtype=bool)
         self._returned = np.zeros(config.n, dtype=bool)
         self._speed = np.full(config.n, _SPEED)
         self._last = position.copy()
-        self._away = np.full(config.n, np.nan)  # from home, of joints that return [rad]
+        self._away = np.full(config.n, np.nan)  # [rad] distance from home of joints that return
         self._repeats = 0
 
     @property
     def is_done(self) -> bool:
-        """Whether every zero was found and every joint is back, or the search has failed."""
+        """Whether all zeros are found and all joints are back, or the search has failed."""
         return bool(self._returned.all()) or bool(self.fault)
 
     @property
     def zero(self) -> Array:
-        """(n,) angles [rad] that the boards report where the motors' angle is zero."""
+        """(n,) reported angles [rad] at which the motor angles are zero."""
         turn, _ = self._turn_and_residual(self._pulse)
         return self._pulse - self._offset - _TURN * turn
 
     @property
     def pulse_offset(self) -> Array:
-        """(n,) motor angles of the pulses that were met [rad], 0 to 2 pi, if the start is exact."""
+        """(n,) motor angles of the detected pulses [rad], 0 to 2 pi, assuming an exact start."""
         return (self._pulse + self._shift) % _TURN
 
     def update(self, position: Array, toggles: Mask) -> None:
-        """Set the next command.
+        """Compute the next joint command.
 
         Parameters
         ----------
@@ -292,9 +289,9 @@ class Homing:
         self.command.dq[:] = self._sign * speed
 
     def _return_speed(self, position: Array) -> Array:
-        """Return the speeds (n,) that lead joints home whose zeros are known [rad/s]."""
+        """Return the joint speeds (n,) [rad/s] that move joints with known zeros home."""
         away = self._ratio * (self.zero + self._home - position)
-        passed = away * self._away < 0.0  # home, while the host was held up
+        passed = away * self._away < 0.0  # home position passed while the host was delayed
         self._speed[passed] *= 0.5
         self._away = np.where(self._found, away, np.nan)
         self._returned |= self._found & (np.abs(away) < _RETURNED)
@@ -302,7 +299,7 @@ class Homing:
         return np.where(self._returned, 0.0, speed)
 
     def _meet(self, joint: int, position: Array) -> None:
-        """Take an index pulse of a joint at (n,) reported angles [rad]."""
+        """Process an index pulse of a joint at (n,) reported angles [rad]."""
         self._speed[joint] = _SPEED
         if np.isnan(self._first[joint]):
             self._first[joint] = self._reach_from[joint] = position[joint]
@@ -315,7 +312,7 @@ class Homing:
         if abs(error) > _SPACING_ERROR:
             self._fail(
                 [joint],
-                f'homing met two index pulses of {self._names[joint]} that are '
+                f'homing found two index pulses of {self._names[joint]} that are '
                 f'{1.0 + error:.2f} motor turns apart instead of 1: check the encoder, its disc '
                 'and its cable',
             )
@@ -323,21 +320,21 @@ class Homing:
         self._found[joint] = True
 
     def _judge(self, joint: int) -> None:
-        """Compare the first pulse of a joint with where it is expected."""
+        """Compare the first pulse of a joint with its expected angle."""
         residual = self._turn_and_residual(self._first)[1][joint]
         if abs(residual) <= RESIDUAL_MAX:
             return
         angle = abs(residual) * _TURN * self._ratio[joint]
         self._fail(
             [joint],
-            f'homing met the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
-            f'({angle:.3f} rad at the joint) from its expected angle, more than the allowed '
-            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again; if it '
-            'was there, the encoder, motor or configuration has changed, commission the joint',
+            f'homing found the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
+            f'({angle:.3f} rad at the joint) from its expected angle, above the limit of '
+            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again. If the '
+            'arm was there, the encoder, motor or configuration has changed; commission the joint',
         )
 
     def _turn_and_residual(self, reported: Array) -> tuple[Array, Array]:
-        """Return the turn of pulses at (n,) reported angles [rad], and what is left over, turns."""
+        """Return turn number and remainder [turns] of pulses at (n,) reported angles [rad]."""
         turns = (reported + self._shift - self._offset) / _TURN
         turn = np.round(turns)
         return turn, turns - turn
@@ -349,23 +346,23 @@ class Homing:
             names = ', '.join(self._names[joint] for joint in joints)
             self._fail(
                 joints,
-                f'homing found no index pulse of {names} within a motor turn: check the encoder '
-                'cable',
+                f'homing found no index pulse of {names} within one motor turn: check the '
+                'encoder cable',
             )
 
     def _give_up_after_a_long_hold_up(self, moved: Array) -> None:
-        """Fail if a motor moved by so many turns (n,) that its pulses are mixed up."""
+        """Fail if a motor moved by so many turns (n,) between frames that pulses are ambiguous."""
         joint = int(np.argmax(moved))
         if moved[joint] > _SAME_PULSE:
             self._fail(
                 [],
-                f'homing was delayed while {self._names[joint]} moved by {moved[joint]:.2f} motor '
-                f'turns, more than the allowed {_SAME_PULSE:.2f}: check other processes on this '
-                'computer, and the encoder, then home again',
+                f'homing was delayed while {self._names[joint]} moved by {moved[joint]:.2f} '
+                f'motor turns, above the limit of {_SAME_PULSE:.2f}: check other processes on '
+                'this computer, and the encoder, then home again',
             )
 
     def _search_again(self, blurred: Mask, position: Array) -> None:
-        self._reach_from[blurred] = position[blurred]  # the hold-up took the motor past the reach
+        self._reach_from[blurred] = position[blurred]  # the delay took the motor past the reach
         self._direction[blurred] *= -1.0
         self._speed[blurred] *= 0.5
         self._repeats += 1
@@ -382,13 +379,13 @@ class Homing:
 
 
 def roomy_side(config: ArmConfig) -> Array:
-    """Return the side to which each joint has to turn for its pulses, from its position limits.
+    """Return the direction in which each joint turns to its pulses, from its position limits.
 
     Returns
     -------
     (n,) ndarray
-        0 where there is room for a turn to both sides of the home configuration; 1 or -1 where the
-        joint has to turn towards its upper or lower limit only; NaN where neither side has room.
+        0 if both sides of the home configuration have room for a turn; 1 or -1 if only the side of
+        the upper or lower limit has room; NaN if neither side has room.
     """
     turn = _TURN * config.column('gear.ratio')
     home = np.array(config.rest_position)
@@ -400,48 +397,47 @@ def roomy_side(config: ArmConfig) -> Array:
 
 
 def motion_in_words(config: ArmConfig) -> str:
-    """Return a description of the homing motion, with the largest travel [rad]."""
+    """Return a description of the homing motion with the largest travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
     one_sided = roomy_side(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'
     return (
-        'the joints turn slowly by one motor turn '
-        f'({travel.min():.2f} to {travel.max():.2f} rad), {side}, and back home'
+        f'the joints turn slowly by one motor turn ({travel.min():.2f} to {travel.max():.2f} '
+        f'rad), {side}, and return'
     )
 
 
 def no_room(config: ArmConfig) -> str:
-    """Return why the arm cannot be homed within its position limits, '' if it can."""
+    """Return why the position limits prevent homing, '' if homing is possible."""
     tight = np.isnan(roomy_side(config))
     if not tight.any():
         return ''
     joint = int(np.argmax(tight))
     turn = _TURN * config.joints[joint].gear.ratio
     return (
-        f'{config.joint_names[joint]} cannot be homed: it needs {_ROOM_BOTH_SIDES * turn:.2f} rad '
-        f'from its home configuration to both position limits, or {_ROOM_ONE_SIDE * turn:.2f} rad '
-        'to one: change rest_position or the limits, or use an absolute encoder'
+        f'{config.joint_names[joint]} cannot be homed, because homing needs '
+        f'{_ROOM_BOTH_SIDES * turn:.2f} rad from the home configuration to both position limits, '
+        f'or {_ROOM_ONE_SIDE * turn:.2f} rad to one: change rest_position or the limits, or use '
+        'an absolute encoder'
     )
 
 
 class ZeroSearch:
-    """Starts `Homing` at once, or as soon as the motors are aligned, and runs it.
+    """Start `Homing` immediately or when the motors are aligned, and run it.
 
     Parameters
     ----------
-    config
-        The arm.
     state
-        What its boards report.
+        Measurements reported by the boards.
     pulse_offset
-        (n,) or one for all, as of `Homing` [rad]; each search reads it.
+        (n,) or one for all, as in `Homing` [rad]; each search reads the present value.
 
     Attributes
     ----------
     problem
-        Why this arm can never be homed, or ''.
+        Reason why this arm can never be homed, or ''.
     motion
-        What homing does to the joints, in words.
+        Description of the homing motion.
     """
 
     def __init__(
@@ -457,11 +453,11 @@ class ZeroSearch:
 
     @property
     def is_on(self) -> bool:
-        """Whether the zeros are searched, or will be."""
+        """Whether a search for the zeros is running or waiting."""
         return self._waits or self._homing is not None
 
     def begin(self, expected: Array) -> Homing:
-        """Begin now, with the motors at these angles (n,) [rad], to within a third of a turn."""
+        """Start now, with motor angles (n,) [rad] accurate to a third of a turn."""
         state = self._state
         homing = Homing(
             self._config,
@@ -474,15 +470,15 @@ class ZeroSearch:
         return homing
 
     def wait(self) -> None:
-        """Begin with the next update: the zeros are already known to a third of a motor turn."""
+        """Start at the next update, from zeros that are known to a third of a motor turn."""
         self._waits = True
 
     def end(self) -> None:
-        """Search no more."""
+        """Stop the search."""
         self._homing, self._waits = None, False
 
     def update(self) -> Homing:
-        """Take the last measurements, with aligned motors; return what homing says."""
+        """Process the last measurements of aligned motors; return the running homing."""
         state = self._state
         homing = self._homing or self.begin(state.motor_position)
         homing.update(state.reported_position, state.index_toggle)

@@ -1,4 +1,4 @@
-"""Zeros that outlive the bridge, and the evidence that they still hold."""
+"""Encoder zeros that survive a restart of the bridge, and checks that they are still valid."""
 
 from __future__ import annotations
 
@@ -23,42 +23,42 @@ from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
 from aerarm_ros.hardware.heat_watch import KeptHeat
 from aerarm_ros.motion.signals import Array
 
-if TYPE_CHECKING:  # which is made of this
+if TYPE_CHECKING:  # import cycle
     from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 
-# Longest time without an answer after which a board's clock, which repeats every 65.5 s, still
-# shows that it went on [s].
-AWAY_MAX = 60.0  # decision 74, as all that follows
-# What a board's clock may be off the host's: a tick, a frame's age, a host that is held up [s],
+# Longest time without an answer [s] after which a board's clock, which wraps every 65.5 s, still
+# proves that the board stayed on.
+AWAY_MAX = 60.0  # decision 74, as for all following values
+# Largest clock difference of board and host: a tick, a frame's age, a host delay [s],
 _TICKS = 0.01
-_DRIFT = 5e-4  # ... and of the time away; crystals are five times better
-# A joint whose motor is off and that falls is not faster than this multiple of its speed limit, ...
+_DRIFT = 5e-4  # ... relative to the elapsed time; crystals are five times better
+# Largest speed of a falling joint with its motor off, relative to its speed limit, ...
 _FALL_FACTOR = 2.5
-_TURNED = 0.02  # [rad] ... and turns so little at once
-# A joint's stops are not further beyond its limits than this [rad].
+_TURNED = 0.02  # [rad] ... plus this tolerance
+# A joint's mechanical stops lie at most this far beyond its limits [rad].
 _STOPS = 0.35
-# Next to an index pulse the count does not tell on which side of it the encoder was [rad, motor].
+# Near an index pulse the count does not show on which side of the pulse it is [rad, motor].
 _PULSE = 0.05
 _SAME_PULSE = 1e-6  # [rad]
 _TURN = 2.0 * pi
-_SUSPENDED = 0.05  # [s] by which the reading of two clocks differs from one time to the next
-LONGEST = 65536  # characters of a file that is read
+_SUSPENDED = 0.05  # [s] by which readings of the two clocks differ between calls
+LONGEST = 65536  # characters of a file that may be read
 
 
 class KeptZerosError(ValueError):
-    """Zeros that cannot be used, with the reason."""
+    """Kept encoder zeros that cannot be used; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class KeptJoint:
-    """A joint whose zero was known: motor angles [rad] and index bits.
+    """Joint with a known zero: motor angles [rad] and index bits.
 
     Attributes
     ----------
     zero, position
-        Reported angle where the motor's angle is zero, and the last that was reported.
+        Reported angle at motor angle zero, and last reported angle.
     pulse_offset
-        Motor angle of an index pulse by which the zero was found, see `Homing`.
+        Motor angle of the index pulse used to find the zero, see `Homing`.
     """
 
     name: str
@@ -71,7 +71,7 @@ class KeptJoint:
 
 @dataclass(frozen=True)
 class KeptBoard:
-    """A board's last answer: host's monotonic time [s], the board's own time [s], its error."""
+    """Last answer of a board: host time [s, monotonic], board time [s] and error."""
 
     name: str
     time: float
@@ -82,14 +82,15 @@ class KeptBoard:
 
 @dataclass(frozen=True)
 class HostClock:
-    """Whose monotonic clock it is.
+    """Identity of a host's monotonic clock.
 
     Attributes
     ----------
     boot
-        Identity of the host's last start, before which its clock was another one.
+        Identity of the host's last start, at which its monotonic clock was reset.
     suspended
-        How long the host has slept since [s]; its clock stood still then, the boards' did not.
+        Time that the host has slept since its start [s]; its clock stood still, the boards' did
+        not.
     """
 
     boot: str
@@ -98,7 +99,7 @@ class HostClock:
 
 @dataclass(frozen=True)
 class KeptZeros:
-    """Stored state of a bridge: arm, clock, boards with their encoders, temperatures of motors."""
+    """Stored state of a bridge: arm, clock, boards with encoders, and motor temperatures."""
 
     arm: str
     host: HostClock
@@ -106,12 +107,12 @@ class KeptZeros:
     heat: KeptHeat | None = None
 
     def text(self) -> str:
-        """Return the zeros as a file holds them, with their digest."""
+        """Return the zeros as file content with a digest."""
         return sealed(json.dumps(self, default=vars))
 
     @staticmethod
     def parse(text: str) -> KeptZeros:
-        """Return what a file holds; raises KeptZerosError if it is not whole."""
+        """Parse file content; raises KeptZerosError if it is incomplete."""
         try:
             if len(text) > LONGEST:
                 raise ValueError
@@ -142,35 +143,37 @@ class KeptZeros:
             host = HostClock(str(document['host']['boot']), _number(document['host']['suspended']))
             return KeptZeros(str(document['arm']), host, boards, _heat(document.get('heat')))
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-            raise KeptZerosError('is not whole, or not of this bridge') from None
+            raise KeptZerosError('is incomplete or was written by another program') from None
 
     def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
-        """Return itself; raises KeptZerosError if it is of another arm, host start or time.
+        """Return itself; raises KeptZerosError for another arm, host start or time.
 
         Parameters
         ----------
         arm
             `arm_identity` of the arm.
         host
-            The clock of `now`.
+            Host clock that `now` refers to.
         now
             Time [s, monotonic].
         """
         if self.arm != arm:
-            raise KeptZerosError('is of another arm, or of another configuration of its drives')
+            raise KeptZerosError(
+                'belongs to another arm, or to another configuration of its drives'
+            )
         if self.host.boot != host.boot:
-            raise KeptZerosError('is from before the host was started')
+            raise KeptZerosError('was written before the host was started')
         if abs(self.host.suspended - host.suspended) > _SUSPENDED:
-            raise KeptZerosError('is from before the host was suspended')
+            raise KeptZerosError('was written before the host was suspended')
         times = [board.time for board in self.boards]
         times += [self.heat.time] if self.heat else []
         if any(time > now for time in times):
-            raise KeptZerosError('is newer than now')
+            raise KeptZerosError('has a time in the future')
         return self
 
 
 def sealed(kept: str) -> str:
-    """Return a text with its digest, by which `KeptZeros.parse` knows that nothing is changed."""
+    """Return a text with its digest, by which `KeptZeros.parse` detects changes."""
     return json.dumps({'sha256': hashlib.sha256(kept.encode()).hexdigest(), 'kept': kept})
 
 
@@ -186,33 +189,30 @@ def arm_identity(config: ArmConfig) -> str:
 
 
 class ZeroRecall:
-    """Takes a board's kept zeros as soon as it answers, if its clock and counts went on.
+    """Accept a board's kept zeros at its first answer, if its clock and counts are consistent.
 
-    `index detected` alone is no evidence: it is still set. All of this has to fit: the time by the
-    board's clock and by the host's; an error that lasts until a power cycle, and index pulses that
-    were met, are still there; each count is where its joint can have moved to unpowered, within its
-    stops, and the index bit flipped as often as pulses lie between.
+    The flag `index detected` alone is no evidence, because it stays set. Board time and host time
+    must agree. Errors that last until a power cycle and detected index pulses must still be
+    reported. Each count must be reachable by the unpowered joint within its stops. Each index bit
+    must have flipped once per pulse in between.
 
     Parameters
     ----------
-    config
-        The arm.
     zeros
-        What is known of the zeros; reasons against the kept ones go there.
+        State of the zeros; reasons against the kept ones are recorded there.
     links
-        Its boards.
+        Links to the arm's boards.
     zero
-        (n,) angles [rad] that the boards report where the motors' angles are zero; kept ones go
-        there.
+        (n,) reported angles [rad] at motor angle zero; accepted zeros are written into it.
     kept
-        What was kept, or why nothing can be used; None if there is nothing.
+        Kept zeros, or the reason why they cannot be used; None without any.
     pulse_offset
         (n,) or one for all: motor angles of the index pulses modulo one turn [rad].
 
     Attributes
     ----------
     pulse_offset
-        The same, (n,); updated in place.
+        Motor angles of the index pulses, (n,) [rad]; updated in place.
     """
 
     def __init__(
@@ -237,11 +237,11 @@ class ZeroRecall:
 
     @property
     def is_on(self) -> bool:
-        """Whether a board has not answered yet whose zeros were kept."""
+        """Whether a board with kept zeros has not answered yet."""
         return bool(self._waiting)
 
     def look(self) -> bool:
-        """Judge the boards that are connected; return whether a zero has changed."""
+        """Judge the connected boards; return whether a zero has changed."""
         changed = False
         for link in self._links:
             board = self._waiting.get(link.monitor.name)
@@ -262,24 +262,24 @@ class ZeroRecall:
         return changed
 
     def take_pulse_offset(self, pulse_offset: ArrayLike, motors_are_off: bool) -> str:
-        """Take other motor angles of the index pulses, n or one for all [rad].
+        """Set new motor angles of the index pulses, n or one for all [rad].
 
-        The zeros of joints that were homed by others are unknown from then on. Returns why the old
-        ones stay, or ''.
+        The zeros of joints homed with different angles become unknown. Returns why the old angles
+        stay, or ''.
         """
         each = np.broadcast_to(np.asarray(pulse_offset, dtype=float), len(self.pulse_offset))
         changed = np.flatnonzero(np.abs(each - self.pulse_offset) > _SAME_PULSE).tolist()
         if not changed:
             return ''
         if not motors_are_off:
-            return 'the motors are on: other index pulses count after a restart of the bridge'
+            return 'the motors are on: the bridge uses the new index pulses after its next restart'
         self.pulse_offset[:] = each
         joints = (number for number in changed if not self._zeros.absolute[number])
         self._zeros.lose(joints, 'commissioned since it was homed')
         return ''
 
     def keep(self, arm: str, host: HostClock) -> KeptZeros | None:
-        """Return what to keep of the zeros; None while kept ones wait to be judged."""
+        """Return the zeros to store; None while kept zeros are not judged yet."""
         if self._waiting:
             return None
         zero = self._zero.tolist()
@@ -291,32 +291,32 @@ class ZeroRecall:
         """Return why a board's kept zeros cannot be used, or ''."""
         state, away = link.state, link.answered_at - board.time
         if away < 0.0:
-            return 'answered before its zero was kept'
+            return 'answered before its zero was stored'
         if away > AWAY_MAX:
-            return f'was not observed for {away:.0f} s, and its clock tells at most {AWAY_MAX:g} s'
+            return f'was not observed for {away:.0f} s, and its clock covers at most {AWAY_MAX:g} s'
         ahead = state.timestamp - board.timestamp - away
         off = (ahead + 0.5 * TIMESTAMP_PERIOD) % TIMESTAMP_PERIOD - 0.5 * TIMESTAMP_PERIOD
         lost_error = link.keeps_errors and board.error and not state.error
         if abs(off) > _TICKS + _DRIFT * away or lost_error:
-            return 'was switched off and on while the bridge was away'
+            return 'was switched off and on while the bridge was not running'
         kept = {joint.name: joint for joint in board.joints}
         for number, channel in link.joints:
             joint = kept.get(self._config.joint_names[number])
             if joint is None:
                 continue
             if joint.index_detected and not state.index_detected[channel]:
-                return 'was switched off and on while the bridge was away'
+                return 'was switched off and on while the bridge was not running'
             if abs(joint.pulse_offset - self.pulse_offset[number]) > _SAME_PULSE:
-                return 'was homed by another index pulse of ' + joint.name
+                return 'was homed with another index pulse of ' + joint.name
             toggled = state.index_toggle[channel] != joint.index_toggle
             if not self._went_on(number, joint, state.position[channel], toggled, away):
-                return f'does not go on with the count of {joint.name}'
+                return f'has another encoder count of {joint.name} than before'
         return ''
 
     def _went_on(
         self, number: int, kept: KeptJoint, position: float, toggled: bool, away: float
     ) -> bool:
-        """Return whether a joint can have moved from where it was to a reported angle [rad]."""
+        """Return whether a joint can have moved from its kept angle to a reported angle [rad]."""
         joint = self._config.joints[number]
         before, after = kept.position - kept.zero, position - kept.zero
         q = joint.sign * joint.gear.ratio * after + joint.offset
@@ -332,14 +332,14 @@ class ZeroRecall:
 
 
 def _from_pulse(angle: float) -> float:
-    """Return how far a motor angle is from the next index pulse [rad]."""
+    """Return the distance of a motor angle from the nearest index pulse [rad]."""
     return abs((angle + pi) % _TURN - pi)
 
 
 def _to_keep(
     link: BoardLink, zeros: EncoderZeros, zero: Sequence[float], pulses: Sequence[float]
 ) -> KeptBoard | None:
-    """Return what to keep of a board's known zeros, as it last answered."""
+    """Return the storable state of a board's known zeros at its last answer."""
     state, known = link.state, zeros.known
     joints = tuple(
         KeptJoint(
@@ -359,7 +359,7 @@ def _to_keep(
 
 
 def _heat(entry: dict[str, Any] | None) -> KeptHeat | None:
-    if entry is None:  # of a bridge that kept none
+    if entry is None:  # written by a bridge that stored no temperatures
         return None
     rows = [tuple(map(_number, entry[key])) for key in ('windings', 'housings')]
     return KeptHeat(_number(entry['time']), *rows)
@@ -376,32 +376,31 @@ _BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
 
 def host_clock() -> HostClock:
-    """Return whose monotonic clock this process reads; raises OSError where no kernel says it."""
+    """Return the identity of this process's monotonic clock; raises OSError if unavailable."""
     boot = _BOOT_ID.read_text(encoding='ascii').strip()
     suspended = time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
     return HostClock(boot, suspended)
 
 
 def _text(path: Path) -> str:
-    """Return what a file holds; one that is no file is not opened: it might never end."""
+    """Return the text of a regular file; other paths are not opened, as they might never end."""
     if path.exists() and not path.is_file():
-        raise KeptZerosError('is no regular file')
+        raise KeptZerosError('is not a regular file')
     with path.open(encoding='utf-8') as file:
         return file.read(LONGEST + 1)
 
 
 class ZeroFile:
-    """Writes the known zeros once per second, and at once when one is found or lost.
+    """Write the known zeros once per second, and immediately when one is found or lost.
 
-    The cycle's thread makes the text in its slack, another one writes it: no disk delays a cycle.
-    The file is not forced to the disk, because it is void once the host has started again.
+    The cycle's thread formats the text in its idle time and another thread writes it, so no disk
+    access delays a cycle. The file is not synchronized to disk, because a restart of the host
+    invalidates it.
 
     Parameters
     ----------
     path
-        The file; its folder is made. None keeps nothing.
-    config
-        The arm.
+        Path of the file; its folder is created. None stores nothing.
 
     Attributes
     ----------
@@ -423,7 +422,7 @@ class ZeroFile:
         self._thread: threading.Thread | None = None
 
     def read(self, now: float) -> KeptZeros | str | None:
-        """Return the zeros that were kept, why they cannot be used, or None if there is no file.
+        """Return the kept zeros, the reason why they are unusable, or None if there is no file.
 
         Parameters
         ----------
@@ -440,11 +439,11 @@ class ZeroFile:
         except (OSError, UnicodeDecodeError, KeptZerosError) as error:
             reason = getattr(error, 'strerror', None) or error
             if isinstance(error, UnicodeDecodeError):
-                reason = 'is no text'
-            return f'the state file {self._path} cannot be used: it {reason}'
+                reason = 'is not a text file'
+            return f'the state file {self._path} cannot be used, because it {reason}'
 
     def update(self, cycle: BridgeCycle, now: float) -> None:
-        """Write what the cycle knows if that is due at `now` [s] or has changed."""
+        """Write the cycle's zeros if they have changed or writing is due at `now` [s]."""
         if self._host is None or (now < self._due and cycle.zeros.changes == self._changes):
             return
         kept = cycle.recall.keep(self._arm, self._host)
@@ -479,6 +478,6 @@ class ZeroFile:
             self.problem = ''
         except OSError as error:
             self.problem = (
-                f'the state file {path} cannot be written ({error.strerror}): after a '
-                'restart of the bridge the arm has to be homed'
+                f'the state file {path} cannot be written ({error.strerror}): the arm must be '
+                'homed after a restart of the bridge'
             )

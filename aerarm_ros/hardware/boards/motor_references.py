@@ -1,4 +1,4 @@
-"""From what the joints shall do to what the boards' law (4.4) is given."""
+"""Conversion of joint references into references of the boards' control law (4.4)."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -14,49 +14,50 @@ from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
-_SENT_KEPT = 512  # references; a board goes on alone for 0.255 s at most, a cycle lasts 0.5 ms
+# references; a board continues alone for at most 0.255 s, and a cycle lasts at least 0.5 ms
+_SENT_KEPT = 512
 
 
 class MotorReference:
-    """Reference and gains of one motor, as the board's law (4.4) takes them.
+    """Reference and gains of one motor for the board's control law (4.4).
 
-    Plain numbers, not arrays: for four joints that is faster, and NaN means unused.
+    Plain floats are used, because they are faster than arrays for four joints; NaN means unused.
 
     Parameters
     ----------
     slope, intercept
         Motor angle [rad] = slope * joint angle [rad] + intercept.
     current_per_effort
-        [A/Nm].
+        Motor current per joint torque [A/Nm].
     position_min, position_max
         Limits of the joint [rad].
     effort_max
         Largest torque of the joint [Nm].
     braking_kd
-        Damping with which a joint is braked, whatever gains are set [A s/rad].
+        Damping gain used to brake the joint, independent of the set gains [A s/rad].
     kd_max
-        Largest damping that a frame holds [A s/rad].
+        Largest damping gain that a frame can represent [A s/rad].
 
     Attributes
     ----------
     position, velocity, current, kp, kd, integral_gain
         As in `BoardCommand`: [rad], [rad/s], [A], [A/rad], [A s/rad], [A/(rad s)].
     believed
-        Current that a load explains, however the joint moves [A]: the effort commanded, or what
-        a braked joint carries.
+        Current that a load explains without motion [A]: the commanded effort, or the load of a
+        braked joint.
     noise
-        Current that the encoder's counts make of the torque of a braked joint [A]; 0 if it is not
+        Current that encoder quantization causes in a braked joint [A]; 0 if the joint is not
         braked.
     current_max
-        Largest current that it may take besides the board's own limit [A].
+        Largest motor current, a further limit in addition to that of the board [A].
     effort_limit
-        Largest torque of the joint that a reference may ask for [Nm]; braking may use all of
+        Largest joint torque that a reference may request [Nm]; braking may use the full
         `effort_max`.
     zero
-        Angle [rad] that the board reports where the motor's angle is zero.
+        Reported angle [rad] at motor angle zero.
     integral
-        What the board's integral term makes of the current while its gain is not 0 [A], as far as
-        the references and the measured angles tell.
+        Estimated contribution of the board's integral term to the current [A], from references and
+        measured angles; 0 without integral gain.
     joint_position
         Position reference at the joint [rad], NaN if there is none.
     """
@@ -118,7 +119,7 @@ class MotorReference:
         self.release()
 
     def set_gains(self, kp: float, kd: float, integral_gain: float, reach: float) -> None:
-        """Set the board's gains, units as above.
+        """Set the board's gains, units as in the class attributes.
 
         `reach` is the largest distance of an integrated reference from the joint [rad].
         """
@@ -127,12 +128,12 @@ class MotorReference:
         self._reach = reach
 
     def set_zero(self, zero: float) -> None:
-        """Change `zero` [rad] without moving the motor: the joint's angle changes instead."""
+        """Change `zero` [rad] without moving the motor; the joint angle changes instead."""
         self.joint_position += (self.zero - zero) / self._slope
         self.zero = zero
 
     def release(self) -> None:
-        """Set zero current and zero gains."""
+        """Set zero current and zero gains for the motor."""
         self.position = self.velocity = self.current = 0.0
         self.kp = self.kd = self.integral_gain = self.believed = self.noise = 0.0
         self.current_max = inf
@@ -141,7 +142,7 @@ class MotorReference:
         self._integrates = False
 
     def damp(self, speed_max: float = inf) -> None:
-        """Set references that brake the joint to rest, from a motor speed [rad/s]."""
+        """Brake the joint to rest, with at most the current for a motor speed [rad/s]."""
         self.release()
         self.kd = self._board_kd
         if speed_max < inf:
@@ -152,26 +153,26 @@ class MotorReference:
         return self._limited(self._law(self._reference(), q, dq))
 
     def note_sent(self) -> None:
-        """Remember the references, which a frame has taken to the board or was to take."""
+        """Record the references that a frame carries to the board."""
         self._sent.append(self._reference())
 
     def kept_torque(self, q: float, dq: float, unconfirmed: int) -> float:
         """Return the joint torque [Nm] if the last commands do not arrive.
 
-        The board then goes on with the one that is `unconfirmed` commands older than the last.
+        The board then keeps the command that is `unconfirmed` commands older than the last.
         """
         sent = self._sent
         return self._limited(self._law(sent[-1 - min(unconfirmed, len(sent) - 1)], q, dq))
 
     def wind_up(self, q: float, duration: float) -> None:
-        """Follow the board's integral for a time [s], with the joint at q [rad] in its middle."""
+        """Update the estimated board integral over a time [s] with mean joint angle q [rad]."""
         if self.integral_gain:
             most = abs(self._current_per_effort) * self._effort_max
             wound = self.integral + self.integral_gain * self._error(q) * duration
             self.integral = min(max(wound, -most), most)
 
     def track(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Follow a limited reference [rad], [rad/s], [Nm]; NaN where unused.
+        """Follow a limited joint reference [rad], [rad/s], [Nm]; NaN where unused.
 
         The joint is at q [rad], `dt` is the time since the last call [s].
         """
@@ -185,7 +186,7 @@ class MotorReference:
         elif stiff:
             reference = self._integrated(speed * dt, q)
         else:
-            reference = q  # without stiffness, but any frame can hold it
+            reference = q  # no stiffness, but a value that any frame can represent
         self.joint_position = reference if stiff else nan
         self.kp = self._board_kp if stiff else 0.0
         self.kd = self._board_kd if stiff else 0.0
@@ -197,14 +198,15 @@ class MotorReference:
         self.believed, self.noise = self.current, 0.0
 
     def keep_within(self, barrier: JointBarrier) -> bool:
-        """Brake the joint instead if the references ask for more than a barrier lets pass.
+        """Brake the joint if the references request more torque than a barrier allows.
 
-        A torque alone that passes, but would be too much if the host were held up, gets a damping
-        about the speed that the joint will have until the next frame. So does the torque that other
-        references make now, if their stiffness would make the joint too fast by then.
+        A pure torque reference that is allowed now, but too large if the host were delayed, gets
+        damping about the joint speed expected at the next frame. The same applies to other
+        references whose stiffness would make the joint too fast by then.
 
-        Else the torque is the barrier's, put as a speed that the board damps to: it can be said
-        without a feed-forward current, and while it is held the joint's own speed lowers it.
+        Otherwise the barrier's torque replaces the reference, expressed as a speed that the board
+        damps to. This form needs no feed-forward current, and while the frame is held, the joint's
+        own speed reduces the torque.
 
         Returns
         -------
@@ -220,17 +222,17 @@ class MotorReference:
                 self.kd = gap
                 self.velocity = self._slope * barrier.mean_filtered(asked) if gap else 0.0
             elif gap:
-                # It falls as the joint gets faster, as under the law that it stands for.
+                # The torque falls as the joint accelerates, as under the original law.
                 self.kp = self.integral_gain = self.current = 0.0
                 self.kd = max(gap, self.kd)
                 self.velocity = self._slope * dq + asked * self._current_per_effort / self.kd
             return False
         allowed = barrier.highest if asked > barrier.highest else barrier.lowest
-        if self._most < self._effort_max:  # a reduced torque is no reason to break a limit
+        if self._most < self._effort_max:  # a reduced torque is no reason to exceed a limit
             self._most, self.current_max = self._effort_max, inf
         torque = self._limited(allowed)
         if self._integrates and self.kp > 0.0:
-            # The integral of a velocity reference does not wind up.
+            # The integral of a velocity reference must not wind up.
             excess = (asked - torque) * self._current_per_effort / (self.kp * self._slope)
             self.joint_position -= excess
         self.kp = self.kd = self.integral_gain = self.current = 0.0
@@ -244,13 +246,13 @@ class MotorReference:
         return True
 
     def _gap_kd(self, barrier: JointBarrier, torque: float, law: float) -> float:
-        """Return the board's damping [A s/rad] for a torque [Nm] that a held up host leaves."""
+        """Return the board's damping [A s/rad] for a torque [Nm] while the host is delayed."""
         per_gain = self._per_gain
         damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
         return min(damping / per_gain, self._kd_max)
 
     def _reference(self) -> tuple[float, float, float, float, float, float]:
-        """Return what a frame says of the motor, as `_law` takes it."""
+        """Return the motor's frame values in the form that `_law` uses."""
         return self.position, self.velocity, self.current, self.kp, self.kd, self.integral_gain
 
     def _law(
@@ -271,11 +273,11 @@ class MotorReference:
         return -most if torque < -most else torque
 
     def _error(self, q: float) -> float:
-        """Return how far the motor is from its reference [rad] with the joint at q [rad]."""
+        """Return the motor's distance from its reference [rad] with the joint at q [rad]."""
         return self.position - self.zero - self._slope * q - self._intercept
 
     def _integrated(self, step: float, q: float) -> float:
-        """Return the last reference moved on by a step [rad], within reach and limits."""
+        """Return the last reference advanced by a step [rad], within reach and limits."""
         last = self.joint_position
         wanted = (last if last == last else q) + step
         least, most = q - self._reach, q + self._reach
@@ -286,36 +288,36 @@ class MotorReference:
 class MotorReferences:
     """References and gains of the n motors, in the joints' order.
 
-    For a joint commanded by velocity alone the velocity is integrated into a position
-    reference: with it the boards' proportional and derivative gains are the integral and
-    proportional gains of the PI velocity loop, thesis (4.5). The integrated reference stays
-    so close to the measured position that its share of the torque does not exceed the
-    joint's effort limit (anti-windup), and within the position limits.
+    If a joint is commanded by velocity only, the velocity is integrated into a position reference.
+    With it the boards' proportional and derivative gains act as the integral and proportional gains
+    of the PI velocity loop, thesis (4.5). The integrated reference stays within the position limits
+    and so close to the measured position that its torque does not exceed the joint's effort limit
+    (anti-windup).
 
     Parameters
     ----------
     config
-        Gains, limits and drive train.
+        Configuration with gains, limits and drive train.
     profile
-        Says which gains the boards' frames hold.
+        Frame layout, which determines the representable gains.
     reach_max
-        Largest distance of an integrated reference from the arm [rad].
+        Largest distance of an integrated reference from the measured angle [rad].
 
     damping_min
-        (n,) or one for all: least damping that kd may give a joint [Nms/rad], so that an arm
-        that is stopped does not fall; see `JointLoads`.
+        (n,) or one for all: least damping that kd may give a joint [Nms/rad], so that a stopped arm
+        does not fall; see `JointLoads`.
 
     Raises
     ------
     ValueError
-        If the frame cannot hold the configuration's gains, or its damping is too small.
+        If the frame cannot represent the configuration's gains, or the damping is too small.
 
     Attributes
     ----------
     motors
-        One `MotorReference` a joint.
+        One `MotorReference` per joint.
     zero
-        (n,) angles [rad] that the boards report where the motors' angle is zero.
+        (n,) reported angles [rad] at motor angle zero.
     """
 
     def __init__(
@@ -349,32 +351,32 @@ class MotorReferences:
 
     @property
     def gains(self) -> list[tuple[float, float]]:
-        """Kp and Kd that the boards have now, n pairs, motor side [A/rad], [A s/rad].
+        """Kp and Kd of the boards at present, n pairs, motor side [A/rad], [A s/rad].
 
-        Zero where the joint is controlled by torque.
+        Both gains are zero while the joint is controlled by torque.
         """
         return [(motor.kp, motor.kd) for motor in self.motors]
 
     @property
     def integrates(self) -> bool:
-        """Whether the boards' integral terms act now."""
+        """Whether the boards' integral terms are active."""
         return any(motor.integral_gain for motor in self.motors)
 
     @property
     def feed_forward(self) -> list[float]:
-        """Currents, n, commanded as effort, or of a braked joint's load [A], motor side."""
+        """N motor currents [A] commanded as effort, or of a braked joint's load."""
         return [motor.believed for motor in self.motors]
 
     @property
     def braking_noise(self) -> list[float]:
-        """Currents, n, that counts make of a braked joint's torque [A]; 0 where none is braked."""
+        """N currents that quantization causes in braked joints [A]; 0 for all others."""
         return [motor.noise for motor in self.motors]
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
         """Set the boards' gains, motor side: (n,) or one for all [A/rad], [A s/rad], [A/(rad s)].
 
-        Raises ValueError, and changes nothing, if the frame cannot hold one of them or kd does
-        not damp a joint.
+        Raises ValueError, and changes nothing, if the frame cannot represent a gain or kd does not
+        damp a joint.
         """
         gains = self.check_gains(kp, kd, integral_gain)
         stiffness = np.maximum(self._drive.motor_to_joint_gain(gains[0]), 1e-9)
@@ -385,10 +387,10 @@ class MotorReferences:
     def check_gains(
         self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0
     ) -> list[Array]:
-        """Return the three gains as (n,), or raise what `set_gains` would raise."""
+        """Return the three gains as (n,); raises ValueError where `set_gains` would."""
         named = zip(('kp', 'kd', 'integral_gain'), (kp, kd, integral_gain), strict=True)
         gains = [self._checked(name, gain) for name, gain in named]
-        # What the frame makes of it counts: a field may be coarse.
+        # The value as rounded by the frame counts, because a field may be coarse.
         count = self._profile.command.count_of('kd')
         damping = np.round(gains[1] / count) * count
         for name, given, least in zip(
@@ -397,24 +399,24 @@ class MotorReferences:
             if given < least:
                 raise ValueError(
                     f'kd of {name} is {given:.4g} A s/rad, too little to slow a falling arm: set '
-                    f'at least {least:.4g}'
+                    f'kd to at least {least:.4g}'
                 )
         return gains
 
     def set_zero(self, zero: Array) -> None:
-        """Change `zero` (n,) [rad] without moving the motors: the joints' angles change instead."""
+        """Change `zero` (n,) [rad] without moving the motors; the joint angles change instead."""
         self.zero[:] = zero
         for motor, angle in zip(self.motors, zero.tolist(), strict=True):
             motor.set_zero(angle)
 
     def switch_off(self) -> None:
-        """Set zero current and zero gains. A board that is off resets its integral."""
+        """Set zero current and zero gains; a board that is off resets its integral."""
         for motor in self.motors:
             motor.release()
             motor.integral = 0.0
 
     def wind_up(self, q: Array, duration: float) -> None:
-        """Follow the boards' integrals for a time [s], with joints at q (n,) in its middle."""
+        """Update the estimated board integrals over a time [s], with mean joint angles q (n,)."""
         for motor, angle in zip(self.motors, q.tolist(), strict=True):
             motor.wind_up(angle, duration)
 
@@ -424,20 +426,20 @@ class MotorReferences:
         return np.array([motor.torque(angle, speed) for motor, angle, speed in rows])
 
     def note_sent(self) -> None:
-        """Remember what the frames of this cycle said."""
+        """Record the references of this cycle's frames."""
         for motor in self.motors:
             motor.note_sent()
 
     def kept_torques(self, q: Array, dq: Array, unconfirmed: Sequence[int]) -> list[float]:
-        """Return the torques, n [Nm], of boards that go on with an older command.
+        """Return the torques, n [Nm], of boards that continue with an older command.
 
         Parameters
         ----------
         q, dq
             (n,) joints [rad], [rad/s].
         unconfirmed
-            n numbers of commands since the one that the board used when it answered last; 0 for a
-            board that loses none, whose torque is NaN.
+            n counts of commands since the command that the board had used at its last answer; 0 for
+            a board that loses no command, whose torque is NaN.
         """
         if not any(unconfirmed):
             return [nan] * len(self.motors)
@@ -448,14 +450,12 @@ class MotorReferences:
         ]
 
     def keep_within(self, barriers: Sequence[JointBarrier], trusted: Mask) -> bool:
-        """Brake joints whose references ask for more than their barriers let pass.
+        """Brake joints whose references request more torque than their barriers allow.
 
         Parameters
         ----------
-        barriers
-            One a joint.
         trusted
-            (n,) False for joints whose encoder is not believed: they have no barrier.
+            (n,) False for joints whose encoder is doubted; these joints have no barrier.
 
         Returns
         -------
@@ -467,9 +467,9 @@ class MotorReferences:
         return True in braked
 
     def damp(self, speed_max: Array) -> None:
-        """Damp the joints to rest, with no more current than (n,) motor speeds ask for [rad/s].
+        """Damp the joints to rest, with at most the currents for (n,) motor speeds [rad/s].
 
-        A joint whose speed is 0, for its encoder tells none, gets no current.
+        A joint with speed 0, because its encoder is unreliable, gets no current.
         """
         for motor, speed in zip(self.motors, speed_max.tolist(), strict=True):
             if speed > 0.0:
@@ -480,10 +480,11 @@ class MotorReferences:
     def _checked(self, name: str, gain: ArrayLike) -> Array:
         values, n = np.array(gain, dtype=float), len(self.motors)
         if values.shape not in ((), (1,), (n,)):
-            raise ValueError(f'{name} has {values.size} values: give 1 or {n}')
+            raise ValueError(f'{name} has {values.size} values: set 1 or {n}')
         most = self._profile.command.largest(name)
         if not np.all((values >= 0.0) & (values <= most)):
             raise ValueError(
-                f'{name} is {values}: frames of profile {self._profile.name} hold 0 to {most:.4g}'
+                f'{name} is {values}, but frames of profile {self._profile.name} can only carry '
+                f'0 to {most:.4g}: set a value in this range'
             )
         return np.broadcast_to(values, (n,))

@@ -1,5 +1,5 @@
-"""Boards that are not there, on an arm that is simulated.
+"""Emulated motor boards that drive a simulated arm.
 
-In come the bridge's frames; out go the frames that real boards would answer with, whose motors
-turn the arm of a physics engine. `make_emulated_transport` builds them; faults can be injected.
+The boards receive the bridge's frames and answer with frames like real boards; their motors drive
+the arm of a physics engine. `make_emulated_transport` creates them. Faults can be injected.
 """

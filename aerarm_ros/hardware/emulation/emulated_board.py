@@ -1,4 +1,4 @@
-"""An emulated dual-motor board: frames in, frames out, motors in between."""
+"""Emulated dual-motor board that exchanges frames and drives two motors."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, FrameProfile
 
 @dataclass(slots=True)
 class BoardFaults:
-    """Lasting faults of one emulated board; all off by default.
+    """Persistent faults of one emulated board; all off by default.
 
     Attributes
     ----------
     bit_error_rate
-        Share of frames, each way, in which one to three bits flip.
+        Fraction of frames, in each direction, in which one to three bits flip.
     lost_frame_rate
-        Share of exchanges that the board misses: it reads nothing, and the line stays low.
+        Fraction of exchanges that the board misses: it reads nothing, and the line stays low.
     lost_command_rate
-        Share of commands that do not reach the board, while its answers reach the host.
+        Fraction of commands that do not reach the board although its answers reach the host.
     dead
         No supply: the line stays low and the motors are free.
     deaf
-        The board sends but receives nothing, so its time-out strikes.
+        The board sends but receives nothing, so its time-out expires.
     mute
-        The board receives but is not heard: the line to the host stays low.
+        The board receives commands, but its line to the host stays low.
     answer_bytes
-        Bytes of an answer that reach the host.
+        Number of bytes of an answer that reach the host.
     exchange_time
         Duration of an exchange [s].
     """
@@ -60,20 +60,20 @@ def _of_both(value: float) -> list[float]:
 
 @dataclass(slots=True)
 class BoardWiring:
-    """Errors made at the bench, of one board and its two motors; none by default.
+    """Wiring and assembly errors of one board and its two motors; none by default.
 
-    They last: no power cycle mends a cable. Lists have one entry per channel.
+    A power cycle does not remove these errors. Lists have one entry per channel.
 
     Attributes
     ----------
     swapped
         Whether the two motors, with their encoders, are plugged into each other's channel.
     direction
-        -1 for a motor that turns its joint against the configuration's sign, else 1.
+        -1 for a motor that turns its joint against the configuration's sign, otherwise 1.
     reduction
-        Motor turns per joint turn; 0 for the configuration's.
+        Motor turns per joint turn; 0 for the configured gear ratio.
     delivery
-        Share of the requested current that the driver delivers. Its measurement is right.
+        Fraction of the requested current that the driver delivers; the measured current is correct.
     friction
         Factor of the dry friction of the joint that the motor drives.
     """
@@ -90,16 +90,16 @@ _VOLTAGE = 24.0  # [V]
 
 
 class EmulatedSupply:
-    """A battery behind its leads, or a supply that cannot sink current and the board's capacitors.
+    """Battery with lead resistance, or board capacitors on a supply that cannot sink current.
 
     Attributes
     ----------
     source
-        Voltage without a load [V].
+        Open-circuit voltage [V].
     capacitance
-        Of the board [F] if its supply takes no current back; 0 for a battery, which does.
+        Board capacitance [F] if the supply cannot sink current; 0 for a battery.
     voltage
-        At the board [V].
+        Voltage at the board [V].
     """
 
     def __init__(self) -> None:
@@ -107,54 +107,52 @@ class EmulatedSupply:
         self.capacitance = 0.0
 
     def step(self, power: float, duration: float) -> None:
-        """Go on by a duration [s] with the power [W] that the motors take."""
+        """Advance by a duration [s] with the power [W] drawn by the motors."""
         loaded = self.source - _RESISTANCE * power / self.source
         if not self.capacitance or power > 0.0 and self.voltage <= self.source:
             self.voltage = loaded
             return
-        # No current flows back: what the motors give stays in the capacitors, C/2 V^2.
+        # No current flows back, so regenerated energy charges the capacitors, C/2 V^2.
         stored = self.voltage**2 - 2.0 * power * duration / self.capacitance
         self.voltage = max(sqrt(max(stored, 0.0)), min(loaded, self.source))
 
 
-ENCODER_ERRORS = (1, 6)  # of motor 1, motor 2
+ENCODER_ERRORS = (1, 6)  # error codes of motor 1 and motor 2
 TIMEOUT_ERROR = 2
 TEMPERATURE_ERROR = 3
 ROLLOVER_ERROR = 5
 DRIVER_ERROR = 7
 
-_ROLLOVER = 128.0 * 2.0 * np.pi  # [rad] end of the position field
+_ROLLOVER = 128.0 * 2.0 * np.pi  # [rad] end of the position field's range
 _CURRENT_NOISE = 0.02  # [A] standard deviation
 _NOISE_LENGTH = 8192
 _LINE_LOW = bytes(FRAME_BYTES)
-_SLOW_STEPS = 8  # sub-steps between two looks at heat and supply
+_SLOW_STEPS = 8  # sub-steps between two updates of heat and supply
 
 
 class EmulatedBoard:
-    """Emulates the firmware of a frame profile, as seen on the wire.
+    """Emulate the firmware of a frame profile at its SPI interface.
 
-    Motors are advanced by `step`, which the transport calls in step with the plant; frames
-    pass through `exchange` at any time between. An error switches the motors off. With
-    `profile.errors_until_power_cycle` only `power_cycle` removes it, else a command with
-    the system disabled does.
+    The transport advances the motors by `step` together with the plant; frames pass through
+    `exchange` at any time in between. An error switches the motors off. With
+    `profile.errors_until_power_cycle` only `power_cycle` clears it, otherwise a command with the
+    system disabled does.
 
     Parameters
     ----------
     profile
-        Frames of the board.
-    motors
-        The two motors.
+        Frame layout of the board.
     substep
         Time between two calls of `step` [s].
     seed
-        Of measurement noise and of random faults.
+        Seed of measurement noise and random faults.
     heats
-        How warm the two motors get; None for motors as stated.
+        Thermal models of the two motors; None for motors with nominal data.
     alignment
-        What happens when a motor is enabled.
+        Durations and current of the alignment when a motor is enabled.
     zeros
-        True angles [rad] of the two motors at which their encoders count zero; None where they
-        are switched on.
+        True angles [rad] of the two motors at which their encoders count zero; None for the angle
+        at power-on.
     absolute
         Whether the encoders of the two motors are absolute.
     pulse_offsets
@@ -163,7 +161,7 @@ class EmulatedBoard:
     Attributes
     ----------
     wiring
-        What is connected to the board; `rewire` tells whoever connects that it has changed.
+        Wiring errors of the board; `rewire` notifies the transport of a change.
     """
 
     def __init__(
@@ -195,7 +193,7 @@ class EmulatedBoard:
         )
         for emulated, heat in zip(self.motors, heats or (), strict=False):
             emulated.heat = heat
-        self._squares = [0.0, 0.0]  # of the currents, since the last look at the heat [A^2]
+        self._squares = [0.0, 0.0]  # sum of squared currents since the last thermal update [A^2]
         self._steps = 0
         self._substep = substep
         self._random = np.random.default_rng(seed)
@@ -210,21 +208,21 @@ class EmulatedBoard:
 
     @property
     def system_enabled(self) -> bool:
-        """Whether the board drives motors at all."""
+        """Whether the board drives any motor."""
         return self._command.enable_system and self.error == 0 and not self.faults.dead
 
     @property
     def has_let_go(self) -> bool:
-        """Whether no motor has torque until a command comes.
+        """Whether all motors are without torque until the next command.
 
-        It is switched off, or its time-out has passed on a command of no current, which is no
-        error.
+        True if the board is switched off, or its time-out has expired after a command of zero
+        current, which is not an error.
         """
         is_silent = 0.0 < self._command.timeout < self._silence
         return not self.system_enabled or (is_silent and not self._is_driving())
 
     def exchange(self, frame: bytes) -> bytes:
-        """Take a command frame and return the sensor frame that was ready before it."""
+        """Process a command frame and return the sensor frame prepared before it."""
         faults = self.faults
         if faults.dead or (faults.lost_frame_rate and self._happens(faults.lost_frame_rate)):
             return _LINE_LOW
@@ -238,11 +236,11 @@ class EmulatedBoard:
         return self._with_bit_errors(answer)[: faults.answer_bytes]
 
     def prepare(self) -> None:
-        """Make the frame of the next exchange, as the firmware does after its last loop."""
+        """Prepare the frame of the next exchange, as the firmware does after each control loop."""
         self._prepared = self._sensor_frame()
 
     def step(self, angle_1: float, angle_2: float) -> None:
-        """Advance by one sub-step at the true motor angles [rad]."""
+        """Advance the board by one sub-step at the true motor angles [rad]."""
         first, second = self.motors
         first.step(angle_1)
         second.step(angle_2)
@@ -257,7 +255,7 @@ class EmulatedBoard:
         self._check()
 
     def _warm(self) -> None:
-        """Let heat and supply follow the sub-steps since the last time."""
+        """Update heat and supply for the sub-steps since the last update."""
         duration = self._steps * self._substep
         power = 0.0
         for i, motor in enumerate(self.motors):
@@ -270,7 +268,7 @@ class EmulatedBoard:
         self._steps = 0
 
     def raise_error(self, code: int) -> None:
-        """Stop with an error code; the first one stays."""
+        """Stop with an error code; the first error stays."""
         self._prepared = None
         if self.error == 0:
             self.error = code
@@ -278,7 +276,7 @@ class EmulatedBoard:
             motor.forget_alignment()
 
     def power_cycle(self) -> None:
-        """Switch the supply off and on: errors, faults, alignment, counts, commands are gone."""
+        """Switch the supply off and on; clears errors, faults, alignment, counts and commands."""
         self.faults = BoardFaults()
         self.error = 0
         self._prepared = None
@@ -290,7 +288,7 @@ class EmulatedBoard:
             motor.forget_alignment()
 
     def cut_power(self) -> None:
-        """Take the supply away until `power_cycle`."""
+        """Remove the supply until `power_cycle`."""
         self.faults.dead = True
         for motor in self.motors:
             motor.forget_alignment()
@@ -298,7 +296,7 @@ class EmulatedBoard:
     def _receive(self, frame: bytes) -> None:
         command = self._codec.decode_command(frame, self._command)
         if command is None:
-            return  # the firmware ignores it and goes on with the command before
+            return  # the firmware ignores the frame and keeps the previous command
         self._silence = 0.0
         self._state.index = command.index
         if not command.enable_system:
@@ -322,7 +320,7 @@ class EmulatedBoard:
                 motor.enable(command.enable_motor[i])
 
     def _check(self) -> None:
-        """Raise the errors that the firmware looks for in every loop."""
+        """Raise the errors that the firmware checks in every loop."""
         command = self._command
         if command.timeout and self._silence > command.timeout and self._is_driving():
             self.raise_error(TIMEOUT_ERROR)

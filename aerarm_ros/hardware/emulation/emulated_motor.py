@@ -1,4 +1,4 @@
-"""One motor of an emulated board."""
+"""Emulated motor with its encoder and thermal model."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from aerarm_ros.description.drive_config import JointConfig, MotorConfig
 
 @dataclass(frozen=True)
 class AlignmentTiming:
-    """The field that turns an unaligned rotor: one electrical turn forward, then back.
+    """Alignment of a rotor: a magnetic field turns one electrical turn forward and back.
 
     Attributes
     ----------
     forward, reverse, hold
-        Durations [s] of the turn forward, the turn back, and the rest at the end.
+        Durations [s] of the forward turn, the backward turn, and the hold at the end.
     current
-        Current in the field's direction [A].
+        Current in the direction of the field [A].
     """
 
     forward: float = 0.5
@@ -28,7 +28,7 @@ class AlignmentTiming:
     current: float = 2.0
 
     def __post_init__(self) -> None:
-        """Check the durations; raises ValueError."""
+        """Validate the durations; raises ValueError."""
         if min(self.forward, self.reverse, self.hold, self.current) <= 0.0:
             raise ValueError('alignment durations and current must be above 0')
 
@@ -41,29 +41,29 @@ class AlignmentTiming:
 COUNTS_PER_TURN = 4096
 RAD_PER_COUNT = 2.0 * pi / COUNTS_PER_TURN
 _COUNTS_PER_RAD = COUNTS_PER_TURN / (2.0 * pi)
-_VELOCITY_BANDWIDTH = 2.0 * pi * 100.0  # [rad/s] low-pass of the firmware
+_VELOCITY_BANDWIDTH = 2.0 * pi * 100.0  # [rad/s] low-pass filter of the firmware
 
 
 class EmulatedEncoder:
-    """An encoder of a motor: quantised angle, filtered speed, one index pulse a turn.
+    """Motor encoder with quantized angle, filtered speed and one index pulse per turn.
 
     Parameters
     ----------
     substep
         Time between two samples [s].
     zero
-        True motor angle [rad] at which the count is zero; where it is first sampled if None.
+        True motor angle [rad] at count zero; None for the angle at the first sample.
     absolute
-        Whether it knows its angle after a restart; else it counts from where it is then.
+        Whether the encoder knows its angle after a restart; otherwise its count restarts at zero.
     pulse_offset
         True motor angle of an index pulse, modulo one turn [rad].
 
     Attributes
     ----------
     position, velocity
-        What the firmware measures [rad], [rad/s].
+        Measured angle [rad] and speed [rad/s].
     index_detected, index_toggle
-        Set at the first index pulse; flips at each one.
+        Flag set at the first index pulse; bit that flips at each pulse.
     stuck
         Fault: the count no longer changes.
     """
@@ -78,7 +78,7 @@ class EmulatedEncoder:
         self._substep = substep
         self._gain = 1.0 - exp(-_VELOCITY_BANDWIDTH * substep)
         self._shift = 0.0 if zero is None else -zero
-        self._begins = zero is None  # to count where it is first sampled
+        self._begins = zero is None  # count from the first sampled angle
         self._shift_absolute = self._shift if absolute else None
         self._pulse_offset = pulse_offset
         self._angle: float | None = None
@@ -90,10 +90,10 @@ class EmulatedEncoder:
         self.stuck = False
 
     def sample(self, angle: float, compensate_index: bool = False) -> None:
-        """Measure a true motor angle [rad].
+        """Sample the encoder at a true motor angle [rad].
 
-        With `compensate_index`, the next index pulse makes the position jump so that the
-        pulse lies at zero, as the firmware's index offset compensation does.
+        With `compensate_index`, the next index pulse shifts the position so that the pulse lies at
+        zero, like the firmware's index offset compensation.
         """
         if self._angle is None:
             self.place(angle)
@@ -109,7 +109,7 @@ class EmulatedEncoder:
         self.position = position
 
     def place(self, angle: float) -> None:
-        """Go to a true motor angle [rad] unseen, as if turned there between two samples."""
+        """Set a true motor angle [rad], as if the motor had turned between two samples."""
         if self._begins:
             self._shift, self._begins = -angle, False
         self._angle = angle
@@ -118,34 +118,34 @@ class EmulatedEncoder:
         self.velocity = 0.0
 
     def remount(self, angle: float) -> None:
-        """Go on counting on another shaft, which is at an angle [rad]."""
+        """Continue counting on another shaft at an angle [rad]."""
         if self._angle is None:
-            return  # it has not begun
+            return  # counting has not begun
         self._shift += self._angle - angle
         self._angle = angle
         self._turn = self._turns(angle)
 
     def restart(self) -> None:
-        """Begin to count, with no pulse met: the supply was off and on."""
+        """Restart counting without a detected pulse, as after a power cycle."""
         angle = self._angle or 0.0
         self._shift = -angle if self._shift_absolute is None else self._shift_absolute
         self.position, self.velocity = self._quantised(angle), 0.0
         self.index_detected = self.index_toggle = self.stuck = False
 
     def jump(self, angle: float) -> None:
-        """Fault: add an angle [rad] to the count at once, as lost or doubled pulses would."""
+        """Fault: add an angle [rad] to the count, as lost or doubled pulses would."""
         self._shift += angle
 
     def _pass_index(self, turn: int, compensate: bool) -> None:
         if compensate and not self.index_detected:
             shift = -2.0 * pi * turn - self._pulse_offset
-            self.position += shift - self._shift  # the firmware's speed does not see this jump
+            self.position += shift - self._shift  # the firmware's speed does not include this jump
             self._shift = shift
         self.index_detected = True
         self.index_toggle = not self.index_toggle
 
     def _turns(self, angle: float) -> int:
-        """Return how many index pulses lie below a true motor angle [rad], from the offset on."""
+        """Return the number of index pulses between the offset and a true motor angle [rad]."""
         return floor((angle - self._pulse_offset) / (2.0 * pi))
 
     def _quantised(self, angle: float) -> float:
@@ -155,36 +155,36 @@ class EmulatedEncoder:
 ROOM = 25.0  # [degC]
 CRITICAL = 130.0
 """Temperature of a winding at which an emulated board reports its error [degC]."""
-# Copper resistance vanishes, by extrapolation, at this temperature [degC] (IEC 60034-1).
+# Temperature at which copper resistance extrapolates to zero [degC] (IEC 60034-1).
 _ABSENT = -234.5
-# Of the way from copper to housing: thermal resistance and heat capacity on the copper's side.
+# Copper's fraction of the thermal resistance to the housing and of the heat capacity.
 _COPPER_RESISTANCE, _COPPER_CAPACITY = 0.12, 0.35
-# Losses in the stator's iron at this speed [rad/s] are this share of the continuous copper loss.
+# Iron losses at this speed [rad/s] are this fraction of the continuous copper loss.
 _IRON_SPEED, _IRON_SHARE = 150.0, 0.1
-# Made motors differ from what is known of them by up to this share: thermal resistances, heat
-# capacities, resistance of the copper.
+# Real motors deviate from nominal data by up to this fraction: thermal resistances, heat
+# capacities, and copper resistance.
 _SPREAD = 0.1
 _COPPER_SPREAD = 0.05
 _SHORTEST = 5.0  # steps in the shortest time constant, for a stable explicit integration
 
 
 class EmulatedHeat:
-    """Three bodies in a row: copper, stator iron, housing; the air beyond them has 25 degC.
+    """Thermal model of copper, stator iron and housing in series, in air at 25 degC.
 
-    It shares no code with the estimator of `hardware.heat`: there are more bodies, iron losses,
+    It shares no code with the estimator of `hardware.heat_watch`: it has more bodies, iron losses,
     another numerical method (explicit midpoint) and, with a seed, other parameters.
 
     Parameters
     ----------
     motor
-        Its data, as the configuration states them.
+        Nominal motor data of the configuration.
     seed
-        Of the deviations; None for a motor as stated.
+        Seed of the deviations; None for nominal data.
 
     Attributes
     ----------
     temperatures
-        Of copper, iron and housing [degC].
+        Temperatures of copper, iron and housing [degC].
     """
 
     def __init__(self, motor: MotorConfig, seed: int | None = None) -> None:
@@ -216,27 +216,27 @@ class EmulatedHeat:
 
     @classmethod
     def of_joint(cls, joint: JointConfig, arm_seed: int | None) -> EmulatedHeat:
-        """Return the heat of a joint's motor in the emulated arm of a seed; None: as stated."""
+        """Return the thermal model of a joint's motor for an arm's seed; None for nominal data."""
         if arm_seed is None:
             return cls(joint.motor)
         return cls(joint.motor, 2 * (1000 * arm_seed + joint.board) + joint.channel)
 
     @property
     def copper(self) -> float:
-        """Temperature of the copper [degC]."""
+        """Temperature of the copper winding [degC]."""
         return self.temperatures[0]
 
     @property
     def resistance(self) -> float:
-        """Resistance of a phase at the copper's temperature [ohm]."""
+        """Phase resistance at the copper temperature [ohm]."""
         return self._cold * (self.temperatures[0] - _ABSENT) / (ROOM - _ABSENT)
 
     def warm(self, temperature: float) -> None:
-        """Bring the whole motor to a temperature [degC]."""
+        """Set the temperature of the whole motor [degC]."""
         self.temperatures = [temperature, temperature, temperature]
 
     def step(self, square: float, speed: float, duration: float) -> None:
-        """Go on by a duration [s] with a mean squared current [A^2] and a speed [rad/s]."""
+        """Advance by a duration [s] with a mean squared current [A^2] and a speed [rad/s]."""
         steps = int(duration / self._longest) + 1
         dt = duration / steps
         for _ in range(steps):
@@ -262,26 +262,26 @@ class EmulatedHeat:
         )
 
 
-_CURRENT_BANDWIDTH = 2.0 * pi * 1000.0  # [rad/s] of the closed current loop
-_TRAVEL_TOLERANCE = 0.3  # of an electrical turn, beyond which the alignment has failed
+_CURRENT_BANDWIDTH = 2.0 * pi * 1000.0  # [rad/s] bandwidth of the closed current loop
+_TRAVEL_TOLERANCE = 0.3  # electrical turns of travel error above which the alignment has failed
 
 
 class EmulatedMotor:
-    """Alignment, the law (4.4), current loop and encoder of one motor.
+    """Motor with alignment, control law (4.4), current loop and encoder.
 
-    It is advanced in equal sub-steps. The board writes the references and gains, named as in
+    The model advances in equal sub-steps. The board writes the references and gains, named as in
     `BoardCommand`, and reads the measurements.
 
     Attributes
     ----------
     torque_current
-        Current that makes torque [A]: the plant multiplies it by the true torque constant.
+        Current that produces torque [A]; the plant multiplies it by the true torque constant.
     delivery
-        Share of the target current that the driver delivers.
+        Fraction of the target current that the driver delivers.
     ready, alignment_failed
         Result of the alignment.
     heat
-        How warm it is.
+        Thermal model of the motor.
     """
 
     def __init__(
@@ -320,34 +320,34 @@ class EmulatedMotor:
 
     @property
     def measured_current(self) -> float:
-        """Quadrature current [A] in the frame that the firmware estimates; 0 during alignment."""
+        """Quadrature current [A] in the firmware's estimated rotor frame; 0 during alignment."""
         return self.torque_current if self.ready else 0.0
 
     @property
     def quadrature_voltage(self) -> float:
-        """Voltage [V] for which (4.1) gives Joule loss plus mechanical power."""
+        """Voltage [V] that reproduces Joule loss plus mechanical power in (4.1)."""
         back_emf = 2.0 / 3.0 * self._motor.torque_constant * self.encoder.velocity
         return self.heat.resistance * self.measured_current + back_emf
 
     @property
     def power(self) -> float:
-        """Electrical power consumption [W], negative while braking."""
+        """Electrical power consumption of the motor [W], negative while braking."""
         return 1.5 * self.quadrature_voltage * self.measured_current
 
     def enable(self, enabled: bool) -> None:
-        """Drive the motor, after an alignment if it has not been aligned; or stop driving it."""
+        """Drive the motor, after an alignment if needed, or stop driving it."""
         if enabled and not self._enabled and not self.ready:
             self._aligning_for = 0.0
         self._enabled = enabled
         self._integral = 0.0 if not enabled else self._integral
 
     def forget_alignment(self) -> None:
-        """Switch off; the next enabling aligns again."""
+        """Switch off, so that the next enabling aligns the motor again."""
         self._enabled = self.ready = self.alignment_failed = False
         self._integral = 0.0
 
     def step(self, angle: float) -> None:
-        """Advance by one sub-step at a true motor angle [rad]."""
+        """Advance the motor by one sub-step at a true motor angle [rad]."""
         encoder = self.encoder
         encoder.sample(angle, self.compensate_index)
         if not self._enabled:
@@ -366,14 +366,14 @@ class EmulatedMotor:
         self.torque_current += self._current_gain * (target - self.torque_current)
 
     def _integrate(self, error: float) -> float:
-        """Return the integral term of (4.4) [A], held within the saturation."""
+        """Return the integral term of (4.4) [A], limited to the current saturation."""
         limit = self.current_saturation
         step = self.integral_gain * error * self._substep
         self._integral = min(max(self._integral + step, -limit), limit)
         return self._integral
 
     def _align(self, angle: float) -> None:
-        """Turn a field of known direction and let the rotor, a magnet, follow it."""
+        """Turn a field of known direction; the rotor magnet follows the field."""
         timing, before = self._alignment, self._aligning_for
         self._aligning_for = now = before + self._substep
         if now < timing.forward:

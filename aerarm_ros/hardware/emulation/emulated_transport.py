@@ -1,4 +1,4 @@
-"""Emulated boards on a simulated arm, in step with the caller's time."""
+"""Emulated boards on a simulated arm, synchronized with the caller's time."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
 
-_LAG_MAX = 20  # states; beyond it a command would be too old to be let in anyway
+_LAG_MAX = 20  # states; with a larger lag the bridge would reject the command as too old
 
 
 class AnswerWatch:
-    """Follows which state was answered last, and says whether the next must wait for an answer.
+    """Track which state a controller answered last, and whether to wait for its next answer.
 
-    A controller stamps a command with the stamp of the state that it answers. Once one does, it is
-    expected to go on, each answer at most `lag` states behind. Who does not within the patience of
-    whoever waits is given up, until its next answer, and with a larger lag from then on: it may
-    answer every tenth state only. A command with a stamp of its own is no answer, and nobody waits
-    for the next.
+    A controller stamps a command with the stamp of the state that it answers. After the first
+    answer, every further answer is expected at most `lag` states later. If an answer does not
+    arrive in time, waiting stops until the controller answers again. From then on the allowed lag
+    is larger, because the controller may answer only every tenth state. A command with its own
+    stamp is not an answer and causes no waiting.
 
     Parameters
     ----------
     period_ns
-        From state to state [ns].
+        Time between two states [ns].
     lag
-        Number of states that may be without an answer.
+        Number of states that may remain unanswered.
     """
 
     def __init__(self, period_ns: int, lag: int) -> None:
@@ -41,56 +41,56 @@ class AnswerWatch:
 
     @property
     def expects(self) -> bool:
-        """Whether a node responds to states."""
+        """Whether a controller answers states."""
         return self._expects
 
     def note(self, stamp_ns: int, newest_ns: int) -> None:
-        """Take note of a command with a stamp, while the newest state has another [ns]."""
+        """Record the stamp of a command and of the newest state [ns]."""
         self._expects = self.is_answer(stamp_ns, newest_ns)
         self._answered_ns = stamp_ns
 
     def is_answer(self, stamp_ns: int, newest_ns: int) -> bool:
-        """Whether a stamp [ns] is that of the newest state, or of one not long before."""
+        """Whether a stamp [ns] belongs to the newest state or a recent one."""
         states, rest = divmod(newest_ns - stamp_ns, self._period_ns)
         return 0 <= states <= _LAG_MAX and rest == 0
 
     def awaits(self, newest_ns: int) -> bool:
-        """Whether the answer to the state of this stamp [ns], or one shortly before, is due."""
+        """Whether an answer to the state with this stamp [ns], or a recent one, is due."""
         return self._expects and newest_ns - self._answered_ns > self._lag * self._period_ns
 
     def give_up(self) -> None:
-        """Stop waiting until the next response, and wait a shorter time from then on."""
+        """Stop waiting until the next answer, and allow a larger lag from then on."""
         self._expects = False
         self._lag = min(4 * self._lag + 1, _LAG_MAX)
 
     def forget(self) -> None:
-        """Reset: no node commands the arm."""
+        """Reset after the last controller has stopped."""
         self._expects = False
         self._lag = self._first_lag
 
 
-_SPEED = 0.6  # [rad/s]
+_SPEED = 0.6  # [rad/s] speed of the turning hand
 _STIFFNESS = 150.0  # [Nm/rad]
 _DAMPING = 3.0  # [Nms/rad]
-_STRENGTH = 12.0  # [Nm] at most
-_ERROR = 0.01  # [rad] a hand places a joint against a mark or a set square so well
+_STRENGTH = 12.0  # [Nm] largest torque of a hand
+_ERROR = 0.01  # [rad] placement error of a hand against a mark or a set square
 _SETTLING = 0.5  # [s]
 
 
 def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
-    """Read JOINT:ANGLE and return the joint's number and the angle [rad].
+    """Parse JOINT:ANGLE and return the joint number and the angle [rad].
 
     Parameters
     ----------
     text
-        As a user writes it.
+        Text as typed by the user.
     names
-        Joints of the arm; a prefix that they share may be left out.
+        Joint names of the arm; the user may omit their common prefix.
 
     Raises
     ------
     ValueError
-        If there is no such joint, or the angle is not a number.
+        If the joint is unknown, or the angle is not a number.
     """
     name, _, number = text.strip().rpartition(':')
     joints = [i for i, known in enumerate(names) if name and known.endswith(name)]
@@ -100,21 +100,21 @@ def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
         joints = []
     if len(joints) != 1 or not isfinite(angle):
         listed = ', '.join(names)
-        raise ValueError(f'{text!r} is not JOINT:ANGLE with one of {listed} and an angle [rad]')
+        raise ValueError(
+            f'{text!r} must be JOINT:ANGLE with one of the joints {listed} and an angle [rad]'
+        )
     return joints[0], angle
 
 
 class EmulatedHand:
-    """Turns a joint slowly to an angle, misses it a little, and lets go.
+    """Turn a joint slowly to an angle with a small placement error, then release it.
 
     Parameters
     ----------
-    joint
-        Number of the joint.
     start, target
-        Angles [rad] where the joint is and where it shall be.
+        Initial and final angle [rad].
     seed
-        Of the error of placement.
+        Seed of the placement error.
     """
 
     def __init__(self, joint: int, start: float, target: float, seed: int = 0) -> None:
@@ -126,11 +126,11 @@ class EmulatedHand:
 
     @property
     def is_done(self) -> bool:
-        """Whether the joint has been let go."""
+        """Whether the hand has released the joint."""
         return self._left <= 0.0
 
     def effort(self, q: float, dq: float, duration: float) -> float:
-        """Return the torque [Nm] on the joint at q [rad], dq [rad/s], and go on for a time [s]."""
+        """Return the torque [Nm] on the joint at q [rad], dq [rad/s], and advance by a time [s]."""
         self._left -= duration
         step = _SPEED * duration
         away = self._target - self._reference
@@ -139,31 +139,31 @@ class EmulatedHand:
         return min(max(effort, -_STRENGTH), _STRENGTH)
 
 
-_CATCH_UP = 0.010  # [s] most that one call simulates
-_RELEASE_TIME = 0.5  # [s] in which whoever carries the arm lets it go
+_CATCH_UP = 0.010  # [s] longest simulated time per call
+_RELEASE_TIME = 0.5  # [s] in which the person who carries the arm releases it
 
 
 class EmulatedTransport:
     """A `Transport` whose boards drive an `ArmPlant`.
 
-    `advance(now)` runs boards and arm in whole sub-steps up to `now`. After a gap of more
-    than 10 ms simulated time slips by the rest, so that a host that was late neither bursts
-    to catch up nor lets the boards' time-outs strike for it. It may run ahead of the next
-    exchange, as real boards do beside the host: `advance` to an earlier time then does nothing.
+    `advance(now)` simulates boards and arm in whole sub-steps up to `now`. After a gap of more than
+    10 ms the rest of the gap is skipped. A delayed host thus causes neither a burst of sub-steps
+    nor board time-outs. The simulation may be ahead of the next exchange, like real boards;
+    `advance` to an earlier time then does nothing.
 
-    A real arm is carried by hand until its motors hold it, because the alignment of
-    unpowered motors cannot lift it. So is this one: its weight is carried at first, and let
-    go within 0.5 s once every motor is ready. `carry` takes it up again where it is,
-    `put_back` where it started, `put_at_rest` in its home configuration.
+    A person carries a real arm until its motors hold it, because unpowered motors cannot lift it
+    during alignment. The simulated arm's weight is likewise supported at first, and released within
+    0.5 s once every motor is ready. `carry` supports the arm at its present position, `put_back` at
+    its initial position, `put_at_rest` in its home configuration.
 
     Parameters
     ----------
     boards
-        One for each of the configuration's boards.
+        One board per board of the configuration.
     plant
-        The arm.
+        Plant of the arm.
     config
-        Connects joints to boards, and gives signs, offsets and gear ratios.
+        Connections of joints to boards, signs, offsets and gear ratios.
     """
 
     def __init__(self, boards: Sequence[EmulatedBoard], plant: ArmPlant, config: ArmConfig) -> None:
@@ -183,8 +183,9 @@ class EmulatedTransport:
         self.carry()
 
     def _connect(self) -> None:
-        """Connect joints to boards as the configuration and the boards' wiring say."""
-        # What each joint turns: where its motor's angle goes, the motor, its gear and its zero.
+        """Connect joints to boards according to the configuration and the boards' wiring errors."""
+        # Per joint: list that receives the motor angle, its index, the motor, its gear and its
+        # zero.
         self._drives: list[tuple[list[float], int, EmulatedMotor, float, float]] = []
         self._effort_per_current: list[float] = []
         constants = self.plant.parameters.motor_torque_constant.tolist()
@@ -199,7 +200,7 @@ class EmulatedTransport:
             self._effort_per_current.append(torque_constant * joint.gear.efficiency * ratio)
 
     def _rewire(self) -> None:
-        """Adopt the boards' wiring; encoders continue from their counts."""
+        """Apply the boards' wiring errors; encoders continue from their counts."""
         self._connect()
         for (_, _, motor, ratio, offset), q in zip(
             self._drives, self.plant.position.tolist(), strict=True
@@ -214,18 +215,18 @@ class EmulatedTransport:
         self.plant.scale_friction(friction)
 
     def turn(self, joint: int, angle: float) -> float:
-        """Let a hand turn a joint to an angle [rad] while its motors are off.
+        """Turn a joint by hand to an angle [rad] while its motors are off.
 
-        It carries the weight of the arm, from now on. Returns how long it will take [s]; raises
-        ValueError if a motor is driven or the angle is beyond what a hand can reach.
+        The hand supports the weight of the arm from now on. Returns the duration of the motion [s];
+        raises ValueError if a motor is driven or a hand cannot reach the angle.
         """
         if any(board.system_enabled for board in self.boards):
-            raise ValueError('the motors are driven: disable first')
+            raise ValueError('the motors are driven: disable the arm first')
         limits = self._config.joints[joint]
         if not limits.position_min <= angle <= limits.position_max:
             raise ValueError(
-                f'{limits.name} turns from {limits.position_min:g} to {limits.position_max:g} rad, '
-                f'not to {angle:g}'
+                f'{limits.name} can turn from {limits.position_min:g} to {limits.position_max:g} '
+                f'rad, not to {angle:g}'
             )
         if not self._carried:
             self.carry()
@@ -233,48 +234,48 @@ class EmulatedTransport:
         return self._hand.duration
 
     def open(self) -> None:
-        """Nothing to open."""
+        """Do nothing; emulated boards need no device."""
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing; emulated boards need no device."""
 
     def exchange(self, board: int, frame: bytes) -> bytes:
         """Pass a frame to an emulated board and return its answer."""
         return self.boards[board].exchange(frame)
 
     def exchange_time(self, board: int) -> float:
-        """Duration that the emulated bus claims for an exchange [s]."""
+        """Duration of an exchange on the emulated bus [s]."""
         return self.boards[board].faults.exchange_time
 
     def exchanged_at(self, board: int) -> float:
-        """When the last exchange with a board was [s]: the time to which the boards have run."""
+        """Time of the last exchange with a board [s], equal to the simulated time."""
         return self._now or 0.0
 
     def problem(self, board: int) -> str:
-        """Emulated wires never break: the boards' faults are seen in the frames."""
+        """Return ''; emulated wires never break, and board faults appear in the frames."""
         return ''
 
     @property
     def is_carried(self) -> bool:
-        """Whether the arm's weight is carried by hand."""
+        """Whether the arm's weight is supported by hand."""
         return self._carried
 
     def carry(self) -> None:
-        """Stop the arm by hand and carry its weight until every motor is ready."""
+        """Stop the arm by hand and support its weight until every motor is ready."""
         self.plant.reset(self.plant.position)
         self._carried = True
         self.plant.support = 1.0
         for _, _, motor, _, _ in self._drives:
             motor.encoder.velocity = 0.0
         for board in self.boards:
-            board.prepare()  # the frame made before tells of a moving arm
+            board.prepare()  # the previously prepared frame describes a moving arm
 
     def put_back(self) -> None:
-        """Take the arm back to where it started, and carry it: what to do before enabling again."""
+        """Move the arm to its initial position and support it; required before enabling."""
         self._put(self._start)
 
     def put_at_rest(self) -> None:
-        """Take the arm to its home configuration, and carry it: what to do before homing."""
+        """Move the arm to its home configuration and support it; required before homing."""
         self._put(self._rest)
 
     def _put(self, target: Array) -> None:
@@ -285,7 +286,7 @@ class EmulatedTransport:
         self.carry()
 
     def advance(self, now: float) -> None:
-        """Run boards and arm up to `now` [s], or 10 ms at most."""
+        """Simulate boards and arm up to `now` [s], at most 10 ms."""
         if self._now is None or now < self._now - _CATCH_UP:
             self._now = now
         late = now - self._now - _CATCH_UP

@@ -1,4 +1,4 @@
-"""Builds emulated boards on a simulated arm from the arm's description."""
+"""Factory of emulated boards on a simulated arm."""
 
 from collections.abc import Sequence
 
@@ -22,21 +22,21 @@ from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 def mount_on_base(
     transport: EmulatedTransport, robot: Robot, profile: BaseProfile
 ) -> MovingBasePlant:
-    """Put the arm of emulated boards, as it is, on a base that follows a profile.
+    """Mount the emulated arm, in its present state, on a base that follows a motion profile.
 
     Parameters
     ----------
     transport
-        Made by `make_emulated_transport`, before its first exchange.
+        Transport from `make_emulated_transport`, before its first exchange.
     robot
-        The arm as drawn.
+        Nominal robot model.
     profile
-        Motion of the base, which begins with the plant's `start`.
+        Motion of the base; its time starts with the plant's `start`.
 
     Returns
     -------
     MovingBasePlant
-        The transport's plant from now on, with the parameters of the one before.
+        New plant of the transport, with the parameters of the previous plant.
     """
     before = _without_play(transport)
     plant = MovingBasePlant(robot, before.parameters, before.position, profile)
@@ -52,19 +52,19 @@ def mount_on_drone(
     rotor_timeout: float,
     gust: RandomDrift | BandLimitedNoise | None = None,
 ) -> FlyingPlant:
-    """Put the arm of emulated boards, as it is, under a drone.
+    """Mount the emulated arm, in its present state, under a drone.
 
     Parameters
     ----------
     transport, robot
-        As of `mount_on_base`.
+        See `mount_on_base`.
     drone, rotor_timeout, gust
-        As of `FlyingPlant`.
+        See `FlyingPlant`.
 
     Returns
     -------
     FlyingPlant
-        The transport's plant from now on, with the arm's parameters of the one before.
+        New plant of the transport, with the arm parameters of the previous plant.
     """
     before = _without_play(transport)
     plant = FlyingPlant(robot, before.parameters, before.position, drone, rotor_timeout, gust)
@@ -74,14 +74,16 @@ def mount_on_drone(
 
 
 def _without_play(transport: EmulatedTransport) -> ArmPlant:
-    """Return the transport's plant, which must have no play: no base but a still one knows any."""
+    """Return the transport's plant; raises an error for backlash, which needs a fixed base."""
     plant = transport.plant
     if plant.parameters.backlash is not None:
-        raise ValueError('backlash is emulated on a fixed base only: remove it')
+        raise ValueError(
+            'backlash is emulated only for an arm on a fixed base: remove the backlash'
+        )
     return plant
 
 
-# Stands in for the motor of a channel to which no joint is connected.
+# Placeholder motor of a channel without a joint.
 _NO_MOTOR = MotorConfig('none', 12, 300.0, 1.0, 1e-5, 1.0)
 
 
@@ -103,30 +105,30 @@ def make_emulated_transport(
     Parameters
     ----------
     config, robot
-        The arm as drawn.
+        Nominal configuration and robot model.
     seed
-        Of the arm's deviations from the drawing, and of noise; None for an arm as drawn.
+        Seed of noise and of the arm's deviations from its model; None for a nominal arm.
     position
-        Initial joint angles (n,) [rad]; the configuration's home configuration if not given.
+        Initial joint angles (n,) [rad]; by default the home configuration.
     spread
         Bounds of the deviations.
     alignment
         Durations of the boards' alignment.
     encoder_zeros
-        True motor angles (n,) [rad] at which the encoders count zero, in joint order. If not
-        given, incremental encoders count from where the arm is when it is switched on, as real
-        ones do, and absolute ones from the zero that the configuration's offsets assume.
+        True motor angles (n,) [rad] at which the encoders count zero, in joint order. By default
+        incremental encoders count from the arm's position at power-on, and absolute encoders from
+        the zero given by the configured offsets.
     pulse_offset
-        True motor angles (n,) [rad] of the index pulses, modulo one turn. Zero, if not given.
+        True motor angles (n,) [rad] of the index pulses, modulo one turn; zero by default.
     parameters
-        True parameters of the arm, in place of `seed` and `spread`.
+        True parameters of the arm, replacing `seed` and `spread`.
     profile
-        Frames of the boards; the configuration's if not given.
+        Frame layout of the boards; by default the configured one.
 
     Raises
     ------
     ValueError
-        If configuration and URDF do not fit each other, or the profile cannot be read.
+        If configuration and URDF do not match, or the profile cannot be read.
     """
     if parameters is None:
         parameters = PlantParameters.nominal(config, robot)

@@ -1,4 +1,4 @@
-"""Faults of the emulated boards by name, for a parameter, a service or a test."""
+"""Faults of emulated boards by name, for parameters, services and tests."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from dataclasses import dataclass
 from math import inf, isfinite, pi
 from typing import TYPE_CHECKING, NamedTuple
 
-if TYPE_CHECKING:  # who only lists the faults loads no boards and no physics engine
+if TYPE_CHECKING:  # listing the faults loads neither boards nor physics engine
     from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
     from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 
 class Fault(NamedTuple):
-    """Fault of an emulated board.
+    """Injectable fault of an emulated board.
 
     Attributes
     ----------
     meaning
-        In words, with the unit of its strength.
+        Description, with the unit of the strength.
     apply
-        Makes it go wrong: board, motor, strength.
+        Function that applies the fault to a board and motor with a strength.
     default, least, most
-        Strength if none is given, and its bounds; None for a fault without one.
+        Default strength and its bounds; None for a fault without strength.
     """
 
     meaning: str
@@ -33,7 +33,7 @@ class Fault(NamedTuple):
 
 
 class FaultInjectionError(ValueError):
-    """A fault that does not exist, or a board or motor that the arm does not have."""
+    """Unknown fault, or a board or motor that the arm does not have."""
 
 
 def inject(
@@ -43,23 +43,21 @@ def inject(
     motor: int = 0,
     value: float | None = None,
 ) -> None:
-    """Make something go wrong with an emulated board.
+    """Apply a fault to an emulated board.
 
     Parameters
     ----------
-    transport
-        The emulated boards.
     fault
-        A key of `FAULTS`.
+        Key of `FAULTS`.
     board, motor
-        Which board, and which of its motors (0 or 1) for the faults of an encoder.
+        Board number, and motor number (0 or 1) for encoder faults.
     value
-        Strength of the fault, in the unit that `FAULTS` gives; its default if None.
+        Strength of the fault in the unit given by `FAULTS`; None for the default.
 
     Raises
     ------
     FaultInjectionError
-        The text lists what there is.
+        If the fault, board, motor or strength is invalid; the text lists valid values.
     """
     check(fault, len(transport.boards), board, motor, value)
     strength = FAULTS[fault].default if value is None else value
@@ -69,21 +67,21 @@ def inject(
 def check(
     fault: str, boards: int, board: int = 0, motor: int = 0, value: float | None = None
 ) -> None:
-    """Raise FaultInjectionError unless there can be such a fault, there and so strong."""
+    """Raise FaultInjectionError if fault, board, motor or strength is invalid."""
     if fault not in FAULTS:
         raise FaultInjectionError(f'unknown fault {fault!r}: choose one of {", ".join(FAULTS)}')
     if not 0 <= board < boards or motor not in (0, 1):
         raise FaultInjectionError(
-            f'no board {board} with motor {motor}: the arm has boards 0 to {boards - 1} with '
+            f'unknown board {board} or motor {motor}: the arm has boards 0 to {boards - 1} with '
             'motors 0 and 1'
         )
     if value is None:
         return
     _, _, default, least, most = FAULTS[fault]
     if default is None:
-        raise FaultInjectionError(f'{fault} has no VALUE, got {value:g}')
+        raise FaultInjectionError(f'{fault} takes no VALUE, but {value:g} was given: remove it')
     if not least <= value <= most:
-        raise FaultInjectionError(f'{fault}: {value:g} is not from {least:g} to {most:g}')
+        raise FaultInjectionError(f'value {value:g} of {fault} must lie in {least:g} .. {most:g}')
 
 
 def _bit_errors(board: EmulatedBoard, _motor: int, value: float) -> None:
@@ -181,25 +179,27 @@ def _high_friction(board: EmulatedBoard, motor: int, value: float) -> None:
 
 _SHARE_OF_FRAMES = (0.05, 0.0, 1.0)
 
-# The last one is the cure.
+# The last entry clears all other faults.
 FAULTS: dict[str, Fault] = {
     'bit_errors': Fault(
-        'share of frames, each way, with flipped bits', _bit_errors, *_SHARE_OF_FRAMES
+        'fraction of frames with flipped bits, in each direction', _bit_errors, *_SHARE_OF_FRAMES
     ),
     'lost_frames': Fault(
-        'share of exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
+        'fraction of exchanges that the board misses', _lost_frames, *_SHARE_OF_FRAMES
     ),
     'lost_commands': Fault(
-        'share of commands that the board does not receive while it answers',
+        'fraction of commands that the board does not receive while it answers',
         _lost_commands,
         *_SHARE_OF_FRAMES,
     ),
     'dead_board': Fault('the board has no supply', _dead_board),
-    'stuck_encoder': Fault("a motor's count stands still", _stuck_encoder),
-    'encoder_jump': Fault("a motor's count jumps [rad, motor side]", _encoder_jump, pi),
+    'stuck_encoder': Fault("a motor's encoder count stops changing", _stuck_encoder),
+    'encoder_jump': Fault("a motor's encoder count jumps [rad, motor side]", _encoder_jump, pi),
     'over_temperature': Fault('the board reports a critical temperature', _over_temperature),
-    'warm_motor': Fault('temperature of a whole motor [degC]', _warm_motor, 90.0, -40.0, 250.0),
-    'supply_voltage': Fault("voltage of the board's supply [V]", _supply_voltage, 16.0, 1.0, 100.0),
+    'warm_motor': Fault(
+        'temperature of winding and housing of a motor [degC]', _warm_motor, 90.0, -40.0, 250.0
+    ),
+    'supply_voltage': Fault('supply voltage of the board [V]', _supply_voltage, 16.0, 1.0, 100.0),
     'no_sink': Fault(
         "the supply accepts no braking current; VALUE is the board's capacitance [F]",
         _no_sink,
@@ -207,30 +207,35 @@ FAULTS: dict[str, Fault] = {
     ),
     'driver_error': Fault('the gate driver reports a fault', _driver_error),
     'board_timeout': Fault('the board receives no frames', _board_timeout),
-    'mute_board': Fault('the board receives frames and sends none', _mute_board),
+    'mute_board': Fault('the board receives frames but sends none', _mute_board),
     'short_answers': Fault(
-        'number of received bytes per frame of the board', _short_answers, 20, 0, 34
+        'number of bytes per frame that the board receives', _short_answers, 20, 0, 34
     ),
     'slow_bus': Fault('duration of an exchange [s]', _slow_bus, 2e-3, 0.0, 1.0),
     'swapped_channels': Fault(
-        "the board's two motors, with their encoders, are swapped; again: swapped back",
+        "the board's two motors, with their encoders, are swapped; repeat the fault to "
+        'swap them back',
         _swapped_channels,
     ),
-    'wrong_sign': Fault('a motor turns its joint the other way; again: turned back', _wrong_sign),
+    'wrong_sign': Fault(
+        'a motor turns its joint in the wrong direction; repeat the fault to end it', _wrong_sign
+    ),
     'wrong_ratio': Fault(
         'motor turns per joint turn of the installed gear', _wrong_ratio, 27.0, 1.0, 1e4
     ),
     'weak_driver': Fault(
-        'share of the requested current that a motor gets', _weak_driver, 0.5, 0.0, 1.0
+        'fraction of the requested current that a motor receives', _weak_driver, 0.5, 0.0, 1.0
     ),
     'high_friction': Fault(
-        "factor of the dry friction of a motor's joint", _high_friction, 5.0, 0.0, 100.0
+        "factor on the dry friction of a motor's joint", _high_friction, 5.0, 0.0, 100.0
     ),
-    'power_cycle': Fault('no fault: supply off and on', _power_cycle),
+    'power_cycle': Fault(
+        'end all faults of the board and switch its supply off and on', _power_cycle
+    ),
 }
 
 
-if TYPE_CHECKING:  # as in fault_injection
+if TYPE_CHECKING:  # see fault_injection
     from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
 FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
@@ -238,16 +243,16 @@ FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
 
 @dataclass(frozen=True)
 class FaultRequest:
-    """A fault with its place and strength; see `fault_injection.inject`.
+    """Fault with its board, motor and strength; see `fault_injection.inject`.
 
     Attributes
     ----------
     name
-        A key of `fault_injection.FAULTS`.
+        Key of `fault_injection.FAULTS`.
     board, motor
-        Where.
+        Board and motor number.
     value
-        How much; the fault's default if None.
+        Strength; None for the fault's default.
     """
 
     name: str
@@ -257,21 +262,21 @@ class FaultRequest:
 
     @classmethod
     def parse(cls, text: str, boards: int) -> FaultRequest:
-        """Read NAME[:BOARD[:MOTOR[:VALUE]]] for an arm with some boards.
+        """Parse NAME[:BOARD[:MOTOR[:VALUE]]] for an arm with a number of boards.
 
-        Raises FaultInjectionError, which says what there is, if it makes no sense.
+        Raises FaultInjectionError, which lists valid values, for an invalid text.
         """
         name, *places = text.strip().split(':')
         try:
             board, motor = (int(place) for place in [*places, '0', '0'][:2])
             value = float(places[2]) if len(places) > 2 else None
         except ValueError:
-            raise FaultInjectionError(f'{text!r} is not of the form {FORM}') from None
+            raise FaultInjectionError(f'{text!r} must have the form {FORM}') from None
         if len(places) > 3 or not (value is None or isfinite(value)):
-            raise FaultInjectionError(f'{text!r} is not of the form {FORM}')
+            raise FaultInjectionError(f'{text!r} must have the form {FORM}')
         check(name, boards, board, motor, value)
         return cls(name, board, motor, value)
 
     def apply(self, transport: EmulatedTransport) -> None:
-        """Make it go wrong."""
+        """Apply the fault."""
         inject(transport, self.name, self.board, self.motor, self.value)

@@ -1,5 +1,5 @@
-"""The wire: what stands where in a frame of 34 bytes.
+"""Layout of the 34-byte SPI frames, with encoding and decoding.
 
-In comes a profile (a YAML file) and a command for a board; out goes a frame. In comes a frame; out
-goes what the board reports, or None where its check sum is wrong.
+A frame profile (a YAML file) defines the layout. Encoding converts a board command into a frame.
+Decoding converts a frame into a board state, or None if its checksum is wrong.
 """

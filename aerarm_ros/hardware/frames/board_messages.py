@@ -14,20 +14,20 @@ def _flags() -> list[bool]:
 
 @dataclass(slots=True)
 class BoardCommand:
-    """One command frame in SI units, motor side; lists hold motor 1, motor 2.
+    """Content of one command frame in SI units, motor side; lists hold motors 1 and 2.
 
-    The board computes ``iq = kp (position - theta) + kd (velocity - omega) + current``
-    (thesis (4.4)) and saturates it. A frame profile with an integral gain adds
-    ``integral_gain`` times the integral of the position error, as the thesis prints it.
+    The board computes ``iq = kp (position - theta) + kd (velocity - omega) + current`` (thesis
+    (4.4)) and saturates it. A frame profile with an integral gain adds ``integral_gain`` times the
+    integral of the position error, as in the thesis.
 
     Attributes
     ----------
     enable_system, enable_motor
-        A motor is driven only if both are set. Setting them aligns the motor, which moves it.
+        A motor is driven only if both are set. Setting both aligns the motor, which moves it.
     position_rollover_error
-        Let the board stop with an error when a position leaves the field's range.
+        Whether the board stops with an error when a position leaves the field's range.
     index_offset_compensation
-        Let a position jump to the encoder's index when the index is met: for homing only.
+        Whether the position jumps to the encoder's index at the index pulse; only for homing.
     timeout
         Time without a valid frame after which the board stops [s]; never 0.
     position, velocity, current
@@ -35,9 +35,9 @@ class BoardCommand:
     kp, kd, integral_gain
         Gains [A/rad], [A s/rad], [A/(rad s)].
     current_saturation
-        Largest current the law may ask for [A]; never 0.
+        Largest current that the law may request [A]; never 0.
     index
-        Number of the command modulo 65536, echoed by the board.
+        Number of the command modulo 65536; the board echoes it.
     """
 
     enable_system: bool = False
@@ -55,7 +55,7 @@ class BoardCommand:
     index: int = 0
 
 
-TIMESTAMP_PERIOD = 65.536  # [s] after which a board's clock begins anew
+TIMESTAMP_PERIOD = 65.536  # [s] after which a board's clock wraps
 
 
 def _measured_pair() -> list[float]:
@@ -64,24 +64,24 @@ def _measured_pair() -> list[float]:
 
 @dataclass(slots=True)
 class BoardState:
-    """One sensor frame in SI units, motor side; lists hold motor 1, motor 2.
+    """Content of one sensor frame in SI units, motor side; lists hold motors 1 and 2.
 
     Attributes
     ----------
     system_enabled, motor_enabled, motor_ready
-        A motor is ready once it is aligned.
+        Flags; a motor is ready once it is aligned.
     index_detected, index_toggle
-        The encoder's index was met since power-on; a bit that flips at each pass.
+        Whether an index pulse was detected since power-on; bit that flips at each pulse.
     error
-        Error code of the board, 0 for none; `FrameProfile.error_text` says what it means.
+        Error code of the board, 0 for none; see `FrameProfile.error_text`.
     timestamp
-        Clock of the board [s], wraps after 65.5 s.
+        Clock of the board [s]; it wraps after 65.5 s.
     position, velocity, current
         Measured motor angle [rad], filtered speed [rad/s] and quadrature current [A].
     coil_resistance, adc
-        Phase resistance [ohm] and raw analogue inputs, where the profile carries them.
+        Phase resistance [ohm] and raw analogue inputs, if the profile contains them.
     quadrature_voltage, bus_voltage
-        Voltages of a motor [V], where the profile carries them.
+        Quadrature voltage and supply voltage [V], if the profile contains them.
     index
         Number of the last command that the board accepted.
     """
@@ -108,21 +108,16 @@ _BIT_REVERSED = bytes(int(f'{byte:08b}'[::-1], 2) for byte in range(256))
 
 
 def crc32_mpeg2(data: bytes) -> int:
-    """Return the CRC-32/MPEG-2 of some bytes: polynomial 0x04C11DB7, start value all ones.
+    """Return the CRC-32/MPEG-2 of bytes: polynomial 0x04C11DB7, initial value all ones.
 
-    The CRC-32 of zlib divides by the same polynomial from the same start value, but takes
-    the bits of each byte from the other end and inverts the result. Reversing the bits
-    before and after it therefore gives this CRC at the speed of compiled code.
-
-    Parameters
-    ----------
-    data
-        Any number of bytes, first byte first.
+    The CRC-32 of zlib uses the same polynomial and initial value, but processes the bits of each
+    byte in reverse order and inverts the result. Reversing the bits before and after it therefore
+    gives this CRC at the speed of compiled code.
 
     Returns
     -------
     int
-        The check value, 0 <= crc < 2**32.
+        Check value, 0 <= crc < 2**32.
     """
     reflected = zlib.crc32(data.translate(_BIT_REVERSED)) ^ _MASK
     return int.from_bytes(reflected.to_bytes(4, 'little').translate(_BIT_REVERSED), 'big')

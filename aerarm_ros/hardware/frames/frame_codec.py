@@ -1,4 +1,4 @@
-"""Board records to frames and back."""
+"""Conversion between board records and SPI frames."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def unrolled_encoder(
 ) -> Callable[[Record], bytes | None]:
     """Return a function that packs a record whose values all fit their fields.
 
-    It returns None where one does not, where one is no number, or is 0 and may not be: then it is
-    to be found out which one.
+    The function returns None if a value does not fit, is not a number, or is a forbidden 0; the
+    caller then finds the faulty value.
 
     Parameters
     ----------
     fields
-        The layout.
+        Fields of the frame layout.
     slots
-        Item of the struct that starts at each word.
+        Index of the struct item that starts at each word.
     packer
-        The payload's struct.
+        Struct of the payload.
     """
     lines, checks = ['def encode(record):'], []
     known: dict[str, object] = {'pack': packer.pack}
@@ -61,7 +61,7 @@ def unrolled_encoder(
 def unrolled_decoder(
     fields: Iterable[FrameField], slots: Mapping[int, int], packer: Struct
 ) -> Callable[[Record, bytes], None]:
-    """Return a function that writes a payload's values into a record; parameters as above."""
+    """Return a function that writes a payload's values into a record; see `unrolled_encoder`."""
     used = sorted({slots[field.word] for field in fields})
     names = [f'i{slot}' if slot in used else '_' for slot in sorted(set(slots.values()))]
     lines = ['def fill(record, payload):', f' {", ".join(names)}, = unpack(payload)']
@@ -80,20 +80,20 @@ def unrolled_decoder(
 
 
 def _lists(record: str, fields: Iterable[FrameField]) -> list[str]:
-    """Return lines that look the records' lists up, once each."""
+    """Return source lines that look up each list of the record once."""
     names = dict.fromkeys(field.name for field in fields if field.motor)
     return [f' {name} = {record}.{name}' for name in names]
 
 
 def _value(field: FrameField) -> str:
-    """Return where a field's value is in a record."""
+    """Return the source expression of a field's value in a record."""
     return f'{field.name}[{field.motor - 1}]' if field.motor else f'record.{field.name}'
 
 
 def _made(name: str, lines: list[str], known: Mapping[str, object]) -> Callable[..., Any]:
-    """Return the function of that name whose source the lines are; it knows some names."""
-    # Of a profile's text nothing is in the source but names of the records' attributes, which
-    # `load_profile` has compared with them, and whole numbers.
+    """Compile source lines and return the function `name`; `known` holds its globals."""
+    # The source contains only integers and attribute names of the records from a profile's text;
+    # `load_profile` has checked both.
     scope: dict[str, Any] = dict(known)
     exec('\n'.join(lines), scope)  # noqa: S102
     made: Callable[..., Any] = scope[name]
@@ -106,15 +106,15 @@ _CRC = Struct('>I')
 
 
 class FrameError(ValueError):
-    """Record with a value that a frame cannot carry; the message names it."""
+    """Record with a value that a frame cannot represent; the message names the value."""
 
 
 class FrameCodec:
-    """Encodes and decodes the frames of one profile, on the master's and on the board's side.
+    """Encode and decode the frames of one profile, on the host's and on the board's side.
 
-    Encoding saturates a value that its field cannot hold, unless that is dangerous: a
-    position out of range, a value that is not finite, a time-out or a current saturation of
-    zero or less raises FrameError. Decoding never raises, whatever is on the wire.
+    Encoding saturates a value that its field cannot represent, unless saturation is dangerous. A
+    position out of range, a non-finite value, and a time-out or current saturation of zero or less
+    raise FrameError. Decoding never raises an exception.
     """
 
     def __init__(self, profile: FrameProfile) -> None:
@@ -128,7 +128,7 @@ class FrameCodec:
     def decode(self, frame: bytes, into: BoardState | None = None) -> BoardState | None:
         """Return the state in a sensor frame, or None if its length or CRC is wrong.
 
-        With `into`, that record is filled and returned; it is left alone by a bad frame.
+        With `into`, that record is filled and returned; an invalid frame leaves it unchanged.
         """
         payload = self._sensor.payload(frame)
         if payload is None:
@@ -142,7 +142,7 @@ class FrameCodec:
         return self._sensor.encode(state)
 
     def decode_command(self, frame: bytes, into: BoardCommand | None = None) -> BoardCommand | None:
-        """Return the command in a frame as a board reads it, or None; `into` as in `decode`."""
+        """Return the command in a frame as the board decodes it, or None; `into` as in `decode`."""
         payload = self._command.payload(frame)
         if payload is None:
             return None
@@ -152,7 +152,7 @@ class FrameCodec:
 
 
 class _LayoutCodec:
-    """One direction of the exchange: straight-line functions for what fits its fields."""
+    """Codec of one transfer direction, with straight-line functions for values in range."""
 
     def __init__(self, layout: FrameLayout) -> None:
         self._swap_crc = layout.crc_words == 'low_first'
@@ -167,7 +167,7 @@ class _LayoutCodec:
         return payload + _CRC.pack(self._crc(payload))
 
     def _pack_limited(self, record: Record) -> bytes:
-        """Return the payload of a record with values that their fields cannot hold."""
+        """Return the payload of a record, with out-of-range values limited."""
         items = [0] * len(self._slots)
         for entry in self._fields:
             value = getattr(record, entry.name)
@@ -180,14 +180,16 @@ class _LayoutCodec:
                 try:
                     count = round(value * (1.0 / entry.si_per_count))
                 except (ValueError, OverflowError):
-                    raise FrameError(f'{entry.label} is {value}: a frame needs numbers') from None
+                    raise FrameError(
+                        f'{entry.label} is {value}, but a frame can only carry finite numbers'
+                    ) from None
                 if not lowest <= count <= highest or (count <= 0 and entry.nonzero):
                     count = _limited(count, value, entry)
             items[self._slots[entry.word]] |= count << entry.bit
         return self._struct.pack(*items)
 
     def payload(self, frame: bytes) -> bytes | None:
-        """Return the payload of a frame whose length and CRC are right."""
+        """Return the payload of a frame, None if its length or CRC is wrong."""
         if len(frame) != FRAME_BYTES:
             return None
         payload = bytes(frame[:_PAYLOAD_BYTES])
@@ -199,13 +201,13 @@ class _LayoutCodec:
         self._fill(record, payload)
 
     def _crc(self, payload: bytes) -> int:
-        """Return the check as it stands on the wire, a big-endian word."""
+        """Return the CRC in wire order, as a big-endian word."""
         crc = crc32_mpeg2(payload)
         return (crc & 0xFFFF) << 16 | crc >> 16 if self._swap_crc else crc
 
 
 def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
-    """Return the payload's struct, and the item of it that starts at each word."""
+    """Return the payload's struct, and the index of its item at each word."""
     whole = {entry.word: entry for entry in layout.fields if not entry.is_bits}
     codes: list[str] = []
     slots: dict[int, int] = {}
@@ -219,16 +221,16 @@ def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
 
 
 def _limited(count: int, value: float, entry: FrameField) -> int:
-    """Return the count held at the end of the field's range, or raise FrameError."""
+    """Return the count limited to the field's range, or raise FrameError."""
     lowest, highest = entry.count_range
     if entry.nonzero and count <= 0:
         raise FrameError(
-            f'{entry.label} is {value:g}, which the frame rounds to 0 and the board reads as no '
-            f'limit: set {entry.si_per_count:g} or more'
+            f'{entry.label} is {value:g}, which the frame rounds to 0 and the board reads as "no '
+            f'limit": set {entry.si_per_count:g} or more'
         )
     if entry.overflow == 'refuse':
         raise FrameError(
-            f'{entry.label} is {value:g}, beyond the +-{highest * entry.si_per_count:g} of the '
-            'frame, where it would wrap: check the reference and the zero of the encoder'
+            f'{entry.label} is {value:g}, outside the range +-{highest * entry.si_per_count:g} '
+            'of the frame: check the reference and the zero of the encoder'
         )
     return highest if count > highest else lowest

@@ -1,4 +1,4 @@
-"""The layout of a board's frames, read from YAML."""
+"""Layout of a board's frames, read from YAML."""
 
 import re
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState
 
 _KRPM = 1000.0 * 2.0 * pi / 60.0
 
-# SI value of one of each unit that a profile may name.
+# SI value of one unit, for each unit that a profile may use.
 UNITS: dict[str, float] = {
     '1': 1.0,
     'turn': 2.0 * pi,
@@ -41,19 +41,19 @@ OVERFLOW_POLICIES = ('saturate', 'refuse')
 
 
 class ProfileError(ValueError):
-    """Unusable frame profile; the message names the entry to check."""
+    """Invalid frame profile; the message names the entry to check."""
 
 
 @dataclass(frozen=True)
 class FrameField:
-    """Where one quantity travels in a frame, and in which scale.
+    """Position and scale of one quantity in a frame.
 
     Attributes
     ----------
     name
         Attribute of `BoardCommand` or `BoardState` that the field carries.
     motor
-        1 or 2 for a quantity of one motor, 0 for one of the whole board.
+        1 or 2 for a quantity of one motor, 0 for a quantity of the board.
     word
         First 16-bit word, counted from 0.
     type
@@ -61,11 +61,11 @@ class FrameField:
     lsb
         Value of one count [unit].
     unit
-        A key of `UNITS`; values leave and enter in SI.
+        Key of `UNITS`; values are converted to and from SI units.
     overflow
-        'saturate' holds a value that is too large at the end of the range, 'refuse' raises.
+        'saturate' limits an out-of-range value, 'refuse' raises an error.
     nonzero
-        True if the board takes 0 counts for something dangerous: encoding 0 is refused.
+        True if 0 counts are dangerous for the board; encoding 0 is then rejected.
     """
 
     name: str
@@ -80,67 +80,74 @@ class FrameField:
     nonzero: bool = False
 
     def __post_init__(self) -> None:
-        """Check the entry; raises ProfileError."""
+        """Validate the entry; raises ProfileError."""
         where = f'frame field {self.name!r}'
         if self.type not in TYPES:
-            raise ProfileError(f'{where}: type {self.type!r} is none of {", ".join(TYPES)}')
+            raise ProfileError(
+                f'type {self.type!r} of {where} is unknown: choose one of {", ".join(TYPES)}'
+            )
         if self.unit not in UNITS:
-            raise ProfileError(f'{where}: unit {self.unit!r} is none of {", ".join(UNITS)}')
+            raise ProfileError(
+                f'unit {self.unit!r} of {where} is unknown: choose one of {", ".join(UNITS)}'
+            )
         if self.motor not in (0, 1, 2):
-            raise ProfileError(f'{where}: motor is {self.motor}, must be 1, 2, or absent')
+            raise ProfileError(f'motor {self.motor} of {where} must be 1, 2, or absent')
         if self.overflow not in OVERFLOW_POLICIES:
             raise ProfileError(
-                f'{where}: overflow {self.overflow!r} is none of {", ".join(OVERFLOW_POLICIES)}'
+                f'overflow {self.overflow!r} of {where} is unknown: choose one of '
+                f'{", ".join(OVERFLOW_POLICIES)}'
             )
         if not self.lsb > 0.0:
-            raise ProfileError(f'{where}: lsb is {self.lsb}, must be above 0')
+            raise ProfileError(f'lsb {self.lsb} of {where} must be above 0')
         if self.word < 0:
-            raise ProfileError(f'{where}: word is {self.word}, must not be negative')
+            raise ProfileError(f'word {self.word} of {where} must not be negative')
         if self.bit and self.type != 'bits':
             raise ProfileError(
-                f'{where}: bit {self.bit} of {self.type}: only bits begin within words'
+                f"bit {self.bit} of {where} needs the type 'bits', not {self.type}: all "
+                'other types begin at a word'
             )
         if self.nonzero and self.is_count:
-            raise ProfileError(f'{where}: nonzero is for quantities that have a unit or an lsb')
+            raise ProfileError(f'nonzero of {where} needs a quantity with a unit or an lsb')
         if self.type == 'bits' and not (0 <= self.bit < self.bit + self.width <= 16):
             raise ProfileError(
-                f'{where}: bits {self.bit} to {self.bit + self.width - 1} leave the 16 of a word'
+                f'bits {self.bit} to {self.bit + self.width - 1} of {where} exceed the '
+                '16 bits of a word'
             )
 
     @property
     def is_bits(self) -> bool:
-        """True if the field is a part of a word."""
+        """Whether the field occupies only part of a word."""
         return self.type == 'bits'
 
     @property
     def words(self) -> int:
-        """Number of words the field touches."""
+        """Number of words that the field occupies."""
         return 1 if self.is_bits else _WHOLE_WORDS[self.type][0] // 16
 
     @property
     def count_range(self) -> tuple[int, int]:
-        """Smallest and largest count that the field can hold."""
+        """Smallest and largest count that the field can represent."""
         bits, signed = (self.width, False) if self.is_bits else _WHOLE_WORDS[self.type]
         return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
 
     @property
     def is_count(self) -> bool:
-        """True if the value is a plain unsigned integer, such as an index or a flag."""
+        """Whether the value is a plain unsigned integer, such as an index or a flag."""
         return self.unit == '1' and self.lsb == 1.0 and self.count_range[0] == 0
 
     @property
     def is_flag(self) -> bool:
-        """True if the field is a single bit."""
+        """Whether the field is a single bit."""
         return self.is_bits and self.width == 1
 
     @property
     def si_per_count(self) -> float:
-        """SI value of one count."""
+        """SI value of one count of the field."""
         return self.lsb * UNITS[self.unit]
 
     @property
     def label(self) -> str:
-        """The field's name with its motor, for error texts."""
+        """Name of the field with its motor, for error messages."""
         return f'{self.name} of motor {self.motor}' if self.motor else self.name
 
 
@@ -148,63 +155,62 @@ PAYLOAD_WORDS = 15
 FRAME_BYTES = 2 * PAYLOAD_WORDS + 4
 CRC_ORDERS = ('high_first', 'low_first')
 
-_MOST_EXTENDED = 8  # one by the other
+_MOST_EXTENDED = 8  # profiles in a chain of `extends`
 _POWER_OF_TWO = re.compile(r'2\^(-?\d{1,3})')
 _FIELD_KEYS = frozenset(item.name for item in fields(FrameField))
 
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """One direction of the exchange: its fields and the order of the CRC's two words."""
+    """Layout of one transfer direction: its fields and the order of the CRC's two words."""
 
     fields: tuple[FrameField, ...]
     crc_words: str
 
     def __post_init__(self) -> None:
-        """Check that the fields fit and are apart; raises ProfileError."""
+        """Check that the fields fit and do not overlap; raises ProfileError."""
         if self.crc_words not in CRC_ORDERS:
-            raise ProfileError(f'crc_words is {self.crc_words!r}, must be one of {CRC_ORDERS}')
+            raise ProfileError(f'crc_words is {self.crc_words!r}: choose one of {CRC_ORDERS}')
         owners: dict[int, FrameField] = {}
         for entry in self.fields:
             for bit in _bits(entry):
                 if bit >= 16 * PAYLOAD_WORDS:
                     raise ProfileError(
-                        f'{entry.label}: word {entry.word} leaves the {PAYLOAD_WORDS} payload words'
+                        f'word {entry.word} of {entry.label} is beyond the '
+                        f'{PAYLOAD_WORDS} payload words'
                     )
                 if bit in owners:
-                    raise ProfileError(f'{entry.label} and {owners[bit].label} share bits')
+                    raise ProfileError(f'{entry.label} and {owners[bit].label} use the same bits')
                 owners[bit] = entry
 
     def has(self, name: str) -> bool:
-        """Return whether the frame carries a quantity."""
+        """Return whether the frame contains a quantity."""
         return any(entry.name == name for entry in self.fields)
 
     def largest(self, name: str) -> float:
-        """Return the largest SI value of a quantity that the frame holds, 0 if it has none."""
+        """Return the largest SI value of a quantity in the frame, 0 if the frame lacks it."""
         sizes = [e.count_range[1] * e.si_per_count for e in self.fields if e.name == name]
         return min(sizes, default=0.0)
 
     def count_of(self, name: str) -> float:
-        """Return the SI value of one count of a quantity, 0 if the frame has none of it."""
+        """Return the SI value of one count of a quantity, 0 if the frame lacks it."""
         return max((e.si_per_count for e in self.fields if e.name == name), default=0.0)
 
 
 @dataclass(frozen=True)
 class FrameProfile:
-    """The frames of one kind of board.
+    """Frame layouts of one board type.
 
     Attributes
     ----------
-    name
-        Name of the profile.
     command, sensor
-        Layouts master to board and board to master.
+        Layouts from host to board and from board to host.
     errors
-        Name and advice of each error code.
+        Name and advice for each error code.
     errors_until_power_cycle
-        True if the board keeps an error until its supply is switched off and on.
+        Whether the board keeps an error until its supply is switched off and on.
     encoders
-        'incremental' or 'absolute', where the arm's configuration does not say it of a board.
+        'incremental' or 'absolute', for boards whose configuration does not specify it.
     """
 
     name: str
@@ -215,23 +221,23 @@ class FrameProfile:
     encoders: str = 'incremental'
 
     def __post_init__(self) -> None:
-        """Check the kind of encoders; raises ProfileError."""
+        """Validate the encoder type; raises ProfileError."""
         if self.encoders not in ENCODERS:
-            raise ProfileError(f'encoders is {self.encoders!r}, must be one of {ENCODERS}')
+            raise ProfileError(f'encoders is {self.encoders!r}: choose one of {ENCODERS}')
 
     def error_text(self, code: int) -> str:
-        """Return what an error code of the board means and what to check."""
-        name, advice = self.errors.get(code, ('unknown', "see the firmware's list of errors"))
+        """Return the meaning of a board's error code and what to check."""
+        name, advice = self.errors.get(code, ('unknown', 'see the list of errors of the firmware'))
         text = f'error {code} ({name}): {advice}'
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
 
     def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
-        """Return the profile with another scale for a quantity, in either direction.
+        """Return the profile with another scale for a quantity, in both directions.
 
-        Raises ProfileError if the profile does not carry the quantity.
+        Raises ProfileError if the profile does not contain the quantity.
         """
         if not (self.command.has(name) or self.sensor.has(name)):
-            raise ProfileError(f'profile {self.name} carries no {name!r}: check the name')
+            raise ProfileError(f'profile {self.name} has no field {name!r}: check the name')
 
         def rescaled(layout: FrameLayout) -> FrameLayout:
             return replace(
@@ -246,12 +252,12 @@ class FrameProfile:
 
 
 def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
-    """Read a profile: one of `config/profiles/` by name, or any file by path.
+    """Read a profile, either a name in `config/profiles/` or a file path.
 
     Raises
     ------
     ProfileError
-        If the file is missing or a field of it cannot be used; the text says which.
+        If the file is missing or a field is invalid; the text names the field.
     """
     document = _read(name_or_path)
     try:
@@ -270,23 +276,28 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
         raise ProfileError(f'frame profile {name_or_path}: {error}') from None
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ProfileError(
-            f'frame profile {name_or_path}: {error!r}: compare with config/profiles/uomodri_v3.yaml'
+            f'frame profile {name_or_path} is invalid ({error!r}): compare with '
+            'config/profiles/uomodri_v3.yaml'
         ) from None
 
 
 def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
-    """Return a profile's document with what it extends filled in."""
+    """Return a profile's document after resolving the profiles that it extends."""
     if depth > _MOST_EXTENDED:
-        raise ProfileError(f'frame profile {name_or_path} extends itself, or too many others')
+        raise ProfileError(
+            f"frame profile {name_or_path} extends itself, or the chain of 'extends' is too long"
+        )
     path = Path(name_or_path)
     try:
         if path.suffix not in ('.yaml', '.yml'):
             path = resource('config', 'profiles', f'{name_or_path}.yaml')
         document = read_plain(path)
     except (OSError, ConfigError) as error:
-        raise ProfileError(f'cannot read frame profile {name_or_path}: {error}') from None
+        raise ProfileError(
+            f'frame profile {name_or_path} cannot be read ({error}): check the name or path'
+        ) from None
     if not isinstance(document, dict):
-        raise ProfileError(f'frame profile {path} is no map of name, command, sensor')
+        raise ProfileError(f'frame profile {path} must be a mapping with name, command and sensor')
     base_name = document.pop('extends', None)
     if base_name is None:
         return document
@@ -296,11 +307,13 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
     try:
         return _extended(base, document)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise ProfileError(f'frame profile {path}: {error!r}: check its fields') from None
+        raise ProfileError(
+            f'frame profile {path} is invalid ({error!r}): check its fields'
+        ) from None
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
-    """Return `base` overridden by `document`; its fields replace those on the same bits."""
+    """Return `base` overridden by `document`; its fields replace fields on the same bits."""
     merged = {**base, **document}
     merged['errors'] = {**base.get('errors', {}), **document.get('errors', {})}
     for direction in ('command', 'sensor'):
@@ -321,20 +334,22 @@ def _layout(document: Mapping[str, Any], record: type) -> FrameLayout:
     entries = tuple(_field(entry) for entry in document['fields'])
     for entry in entries:
         if entry.name not in known:
-            raise ProfileError(f'{record.__name__} has no {entry.name!r}: check the name')
+            raise ProfileError(f'{record.__name__} has no field {entry.name!r}: check the name')
         value = known[entry.name]
         if isinstance(value, list) != bool(entry.motor):
             whose = 'each motor, 1 or 2' if isinstance(value, list) else 'the whole board'
-            raise ProfileError(f'{entry.name} is of {whose}: check motor')
+            raise ProfileError(f"{entry.name} belongs to {whose}: check its key 'motor'")
         if entry.is_count and isinstance(value[0] if entry.motor else value, float):
-            raise ProfileError(f'{entry.name} is a quantity, no count: give its unit and lsb')
+            raise ProfileError(f'{entry.name} is a physical quantity: set its unit and lsb')
     return FrameLayout(entries, document['crc_words'])
 
 
 def _field(entry: Mapping[str, Any]) -> FrameField:
     unknown = set(entry) - _FIELD_KEYS
     if unknown:
-        raise ProfileError(f'field {entry.get("name")!r} has unknown keys {sorted(unknown)}')
+        raise ProfileError(
+            f'field {entry.get("name")!r} has the unknown keys {sorted(unknown)}: remove them'
+        )
     values = dict(entry)
     power = _POWER_OF_TWO.fullmatch(str(values.get('lsb', '')))
     if power:
@@ -345,7 +360,7 @@ def _field(entry: Mapping[str, Any]) -> FrameField:
 
 
 def _bits(entry: FrameField) -> range:
-    """Return the numbers of the bits that a field fills, word by word."""
+    """Return the numbers of the bits that a field occupies, counted over all words."""
     first = 16 * entry.word
     if entry.is_bits:
         return range(first + entry.bit, first + entry.bit + entry.width)

@@ -1,5 +1,5 @@
-"""What stands between a command and the motors.
+"""Safety gate between joint commands and motors.
 
-In comes what somebody offers, before anything about it is believed; out goes a command within the
-limits of position, velocity, effort and its rate, or the reason why the arm is stopped.
+The gate validates each received command. It returns a command within the limits of position,
+velocity, effort and effort rate, or the reason why the arm is stopped.
 """

@@ -1,4 +1,4 @@
-"""Tunable numbers of the bridge."""
+"""Tunable times and tolerances of the bridge."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -15,57 +15,58 @@ class BridgeSettings:
     period
         Time between two cycles [s].
     command_timeout
-        Age of the last accepted command, since its receipt, at which the arm is damped [s].
+        Time without an accepted command after which the arm is damped [s].
     stamp_age_max
-        Largest age of the state that a command answers [s].
+        Largest age of the state to which a command responds [s].
     board_timeout
         Time without a valid frame after which a board switches its motors off [s].
     bad_frames_max
-        Consecutive bad frames of a board that are a fault.
+        Number of consecutive bad frames of a board that is a fault.
     lost_commands_max
-        Consecutive commands that do not reach a board, while its answers arrive, that are a fault.
+        Number of consecutive commands lost on the way to an answering board that is a fault.
     lost_commands_warning
-        Share of such commands, over the last second, that is a warning.
+        Fraction of such lost commands, over the last second, that causes a warning.
     state_age_max
-        Age of a board's last changed state, in one good frame after the other, that is a fault [s].
+        Time without a change of a board's state, in consecutive valid frames, that is a fault [s].
     exchange_time_max, slow_exchanges_max
-        Duration of an exchange that counts as slow [s]; consecutive ones that are a fault.
+        Duration above which an exchange is slow [s]; number of consecutive ones that is a fault.
     connect_frames
-        Consecutive good frames after which a board counts as connected.
+        Number of consecutive valid frames after which a board counts as connected.
     alignment_timeout
         Longest time a board may take to align its motors [s].
     soft_zone
         Distance over which the speed towards a position limit falls from the velocity limit to
-        zero, where braking does not need more [rad].
+        zero, unless braking needs a longer distance [rad].
     position_tolerance
         Distance beyond a position limit at which the arm is stopped [rad].
     velocity_factor, effort_factor
-        Multiples of the velocity and effort limits at which the arm is stopped.
+        Factors of the velocity and effort limits at which the arm is stopped.
     position_error_max
-        Distance of a position reference from the arm at which the arm is stopped [rad].
+        Distance between position reference and arm at which the arm is stopped [rad].
     velocity_lag
-        Time constant of the boards' low-pass of the motors' speeds [s].
+        Time constant of the boards' low-pass filter of the motor speeds [s].
     current_lag
         Time constant of the boards' current loop, for the mean torque of a cycle [s].
     stall_time
-        Standstill under a torque that must move the joint that is a fault [s].
+        Duration of a standstill under a torque that must move the joint, after which it is a fault
+        [s].
     ambient_temperature
-        Temperature of the air about the motors [degC].
+        Temperature of the air around the motors [degC].
     start_temperature
         Assumed temperature of the motors when the bridge starts [degC].
     BOUNDS
-        Smallest and largest allowed value of each, by name.
+        Smallest and largest allowed value of each setting, by name.
     """
 
-    # As wide as another light arm, a busy host or a slow bus may need; none so wide that the
-    # stop which it belongs to would never come.
+    # Wide enough for another light arm, a busy host or a slow bus; narrow enough that the
+    # corresponding stop always occurs.
     BOUNDS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
         {
-            # The barriers at the limits learn nothing from states that are further apart.
+            # The barriers' load observer needs states at least this often.
             'period': (0.0005, 0.004),
             'command_timeout': (0.002, 1.0),
             'stamp_age_max': (0.002, 1.0),
-            'board_timeout': (0.001, 0.255),  # its byte in the frame; 0 would mean never
+            'board_timeout': (0.001, 0.255),  # one byte in the frame; 0 would mean no time-out
             'bad_frames_max': (1, 1000),
             'lost_commands_max': (1, 1000),
             'lost_commands_warning': (0.001, 1.0),
@@ -76,7 +77,7 @@ class BridgeSettings:
             'alignment_timeout': (0.1, 60.0),
             'soft_zone': (0.001, 1.0),
             'position_tolerance': (0.001, 0.5),
-            'velocity_factor': (1.0, 5.0),  # limits come before stops
+            'velocity_factor': (1.0, 5.0),  # a stop must not act below the limit
             'effort_factor': (1.0, 5.0),
             'position_error_max': (0.01, 2.0),
             'velocity_lag': (1e-5, 0.02),
@@ -111,7 +112,7 @@ class BridgeSettings:
     start_temperature: float = 60.0
 
     def __post_init__(self) -> None:
-        """Check the numbers; raises ValueError."""
+        """Validate the values; raises ValueError."""
         for item in fields(self):
             low, high = self.BOUNDS[item.name]
             value = getattr(self, item.name)

@@ -1,4 +1,4 @@
-"""Accept or reject joint commands."""
+"""Acceptance and rejection of joint commands."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -15,13 +15,13 @@ Mask = NDArray[np.bool_]
 
 
 class CommandBuffer:
-    """References of n joints, one by one; NaN where a quantity is unused.
+    """References of n joints; NaN where a quantity is unused.
 
-    A controller's `JointCommand` says for all joints at once what is unused. Here each joint
-    has its own mode, and the arrays stay: what is let in, limited and followed is written into
-    them in every cycle. What is given for a joint chooses its mode: effort alone is torque
-    control, velocity alone the boards' PI velocity loop (thesis (4.5)), position with velocity
-    and effort the boards' full law (4.4) with feed-forward.
+    In a controller's `JointCommand` each quantity is used or unused for all joints. In this buffer
+    each joint has its own mode, and the arrays are reused: each cycle overwrites them with accepted
+    and limited references. The quantities given for a joint determine its mode. Effort alone means
+    torque control. Velocity alone means the boards' PI velocity loop (thesis (4.5)). Position with
+    velocity and effort means the boards' full law (4.4) with feed-forward.
 
     Attributes
     ----------
@@ -38,13 +38,13 @@ class CommandBuffer:
 
     @classmethod
     def standstill(cls, n: int) -> 'CommandBuffer':
-        """Return zero velocity for every joint: stay where you are."""
+        """Return a command of zero velocity for every joint."""
         command = cls(n)
         command.dq[:] = 0.0
         return command
 
 
-# Whoever sent a command; None for somebody who cannot be told from another.
+# Publisher of a command; None if publishers cannot be distinguished.
 Source = bytes | str | None
 Values = Sequence[float] | NDArray[np.float64] | None
 
@@ -55,17 +55,17 @@ class OfferedCommand(NamedTuple):
     Attributes
     ----------
     names
-        The joints of the values below, in any order.
+        Names of the joints of the values below, in any order.
     position, velocity, effort
-        One value for each name [rad], [rad/s], [Nm], NaN where unused; None or empty if
-        unused for all. What is given chooses a joint's mode, see `CommandBuffer`.
+        One value per name [rad], [rad/s], [Nm], NaN where unused; None or empty if unused for all
+        joints. The given quantities determine a joint's mode, see `CommandBuffer`.
     age_of_stamp
-        Age of the state that the command answers [s].
+        Age of the state to which the command responds [s].
     source
-        Who sent it: a second publisher is rejected while the first one's command lasts;
-        so is None, somebody who cannot be told from another.
+        Publisher. A second publisher is rejected while the first one's command is valid; the same
+        applies to None, a publisher that cannot be distinguished.
     allowed
-        Whether that publisher may command at all.
+        Whether that publisher may send commands.
     """
 
     names: Sequence[str]
@@ -82,24 +82,24 @@ _STOP = 'stop all but one'
 
 
 class CommandPublishers:
-    """Maps each message to its publisher, and decides whether that publisher may command.
+    """Map each message to its publisher, and decide whether the publisher may send commands.
 
-    The middleware's message info holds the publisher's global identifier (GID), and the list of
-    the topic's endpoints names the node of each GID. `look` takes that list now and then. Until the
-    first look that holds a GID, its node is unknown and not on any list.
+    The middleware's message info contains the publisher's global identifier (GID); the list of the
+    topic's endpoints maps each GID to a node. `look` takes that list at intervals. Until it
+    contains a GID, that publisher's node is unknown and not allowed by name.
 
-    Where the message info has no GID, the sender of a command is unknown. Then commands are
-    accepted while the topic has one publisher, and all are rejected while it has several.
+    Without a GID in the message info the sender of a command is unknown. Then commands are accepted
+    while the topic has one publisher, and all are rejected while it has several.
 
     Parameters
     ----------
     allowed
-        Nodes that may command, as names or as names with their name space; any if empty.
+        Nodes that may send commands, as names with or without name space; empty for any node.
 
     Attributes
     ----------
     names
-        Publishers at the last look, full names, sorted.
+        Full names of the publishers at the last look, sorted.
     """
 
     def __init__(self, allowed: Collection[str] = ()) -> None:
@@ -109,12 +109,12 @@ class CommandPublishers:
         self._is_anonymous = False
 
     def look(self, nodes: Mapping[bytes, str]) -> None:
-        """Take the full names of the nodes that publish now, by the GIDs of their publishers."""
+        """Set the full node names of the present publishers, by GID."""
         self._nodes = nodes
         self.names = tuple(sorted(nodes.values()))
 
     def knows(self, gid: bytes | None) -> bool:
-        """Whether the last look has found the publisher; True where no message names one."""
+        """Whether the last look contained the publisher; True if messages carry no GID."""
         return gid is None or gid in self._nodes
 
     def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
@@ -123,16 +123,16 @@ class CommandPublishers:
         Parameters
         ----------
         gid
-            The publisher, as the message info says; None if it does not.
+            GID of the publisher in the message info, None if missing.
         matched
-            How many publishers the subscription is matched with; only used without a GID.
+            Number of publishers matched with the subscription; only used without a GID.
 
         Returns
         -------
         source
-            The publisher; None if it cannot be distinguished from another one.
+            Publisher; None if it cannot be distinguished from another one.
         allowed : bool
-            Whether its node may command.
+            Whether the publisher's node may send commands.
         """
         self._is_anonymous = gid is None
         if gid is not None:
@@ -142,7 +142,7 @@ class CommandPublishers:
         return _ONLY if is_alone else None, is_allowed and all(map(self.is_allowed, self.names))
 
     def is_allowed(self, name: str) -> bool:
-        """Whether the list of allowed names holds a publisher's full name."""
+        """Whether the list of allowed names contains a publisher's full name."""
         names = {name, name.removeprefix('/'), name.rpartition('/')[2]} - {''}
         return not self._allowed or not self._allowed.isdisjoint(names)
 
@@ -152,34 +152,39 @@ class CommandPublishers:
         others = [name for name in self.names if not self.is_allowed(name)]
         if others:
             return (
-                f'{", ".join(others)} publishes joint_command without being on the list '
-                'allowed_publishers: stop it, or add it to the list'
+                f'{", ".join(others)} publishes joint_command but is not in allowed_publishers: '
+                'stop the node, or add it to the list'
             )
         if len(self.names) < 2:
             return ''
         present = f'joint_command has {len(self.names)} publishers ({", ".join(self.names)})'
         if self._is_anonymous:
-            return f'{present}, and this ROS does not name the sender of a command: {_STOP}'
+            return (
+                f'{present}, and this ROS version does not report the sender of a message: {_STOP}'
+            )
         return f'{present}, the bridge follows the first sender: {_STOP}'
 
 
-# Why a command is not let in, and what to check.
+# Reasons for rejecting a command, and what to check.
 REJECTIONS: dict[str, str] = {
-    'unreadable': 'it is not a JointState: check its publisher, and the ROS version',
+    'unreadable': 'not a JointState message: check its publisher, and the ROS version',
     'not_ready': 'the arm is not ready: enable it (home it if arm_mode is unhomed), or clear its '
     'fault',
-    'not_allowed': 'its publisher is not on the list of allowed ones: check allowed_publishers',
+    'not_allowed': 'the publisher is not in allowed_publishers: check this parameter of the bridge',
     'source': 'another publisher is commanding the arm: stop one of the two',
-    'names': "it does not name each of the arm's joints once: compare with joint_states, and "
-    'the tf_prefix of both nodes',
-    'length': 'its arrays do not have one value for each name',
-    'infinite': 'it holds an infinite value: check the controller',
-    'nan': 'it leaves a joint without any reference (NaN everywhere): check the controller',
-    'unsupported': 'the frame profile has no feed-forward current, so no effort can be commanded',
-    'stale': 'it responds to an old state: check the load of the controller and the clocks',
+    'names': 'the message does not name each joint of the arm once: compare with joint_states, '
+    'and the tf_prefix of both nodes',
+    'length': 'an array of the message does not have one value per joint name',
+    'infinite': 'a value is infinite: check the controller',
+    'nan': 'a joint has no reference at all (NaN everywhere): check the controller',
+    'unsupported': (
+        'the frame profile has no feed-forward current, so the bridge cannot apply an effort'
+    ),
+    'stale': (
+        'the command responds to an old state: check the CPU load of the controller, and the clocks'
+    ),
     'future': (
-        'its stamp lies in the future: check the clocks; an emulated arm has its own time, on '
-        '/clock'
+        'the stamp lies in the future: check the clocks; an emulated arm has its own time on /clock'
     ),
 }
 
@@ -188,14 +193,14 @@ _ORDERS_KEPT = 16
 
 
 class CommandIntake:
-    """Checks commands and keeps the last good one; what is rejected is counted by reason.
+    """Check commands and keep the last valid one; count rejected commands by reason.
 
     Parameters
     ----------
     joint_names
-        The n joints in the arm's order; a command may list them in any order.
+        Names of the n joints in the arm's order; a command may list them in any order.
     settings
-        `command_timeout` and `stamp_age_max` are used here.
+        Settings; this class uses `command_timeout` and `stamp_age_max`.
     effort_supported
         False if the boards' frames carry no feed-forward current.
 
@@ -206,9 +211,9 @@ class CommandIntake:
     accepted
         Number of accepted commands.
     rejections
-        Number of rejected commands by reason, a key of `REJECTIONS`.
+        Number of rejected commands by reason; the reasons are keys of `REJECTIONS`.
     last_rejection, last_rejection_time
-        Reason and receipt [s] of the last rejected command; '' and -inf if there is none.
+        Reason and receipt time [s] of the last rejected command; '' and -inf without any.
     """
 
     def __init__(
@@ -230,37 +235,38 @@ class CommandIntake:
         self._candidate = CommandBuffer(len(joint_names))
         self._received = -inf
         self._source: Source = None
-        self._last = -inf  # when the last command of who concluded was received at most [s]
+        # [s] latest receipt time of the last command of a publisher that concluded
+        self._last = -inf
 
     def age(self, now: float) -> float:
-        """Time since the last accepted command was received [s]; inf without one."""
+        """Return the time since the last accepted command was received [s]; inf without one."""
         return now - self._received
 
     def is_fresh(self, now: float) -> bool:
-        """Whether the last accepted command may still be followed."""
-        # An age below 0 is a clock that went back: how old the command is, nobody knows.
+        """Return whether the last accepted command is still valid."""
+        # A negative age means that the clock went back, so the command's age is unknown.
         return 0.0 <= self.age(now) <= self._settings.command_timeout
 
     def forget(self) -> None:
-        """Drop the last command and its publisher's claim."""
+        """Discard the last command and its publisher's claim."""
         self._received = -inf
         self._source = None
 
     def conclude(self, now: float) -> None:
-        """Note at `now` [s] that who commands the arm ends on purpose.
+        """Record that at `now` [s] the commanding publisher intentionally ends its commands.
 
-        What is under way by then is still the last of its commands. What comes later is another's,
-        and whether that ends on purpose nobody knows yet.
+        Commands already sent at this time still belong to that publisher. Later commands belong to
+        another one.
         """
         self._last = now + self._settings.stamp_age_max
 
     @property
     def is_concluded(self) -> bool:
-        """Whether the last command was the last on purpose; see `conclude`."""
+        """Return whether the last command was intentionally the last; see `conclude`."""
         return self._received <= self._last
 
     def offer(self, offered: OfferedCommand, now: float, *, ready: bool = True) -> bool:
-        """Take a command received at `now` [s] if it is in order and the arm is `ready`."""
+        """Accept a command received at `now` [s] if it is valid and the arm is `ready`."""
         reason = '' if ready else 'not_ready'
         reason = reason or ('' if offered.allowed else 'not_allowed')
         reason = reason or self._origin_fault(offered.age_of_stamp, now, offered.source)
@@ -275,14 +281,14 @@ class CommandIntake:
         return True
 
     def reject(self, reason: str, now: float) -> None:
-        """Count a command rejected at `now` [s]; a key of `REJECTIONS`."""
+        """Count a command rejected at `now` [s] for a reason, a key of `REJECTIONS`."""
         self.rejections[reason] += 1
         self.last_rejection = reason
         self.last_rejection_time = now
 
     def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
-        """Return why a command's age or publisher is not accepted, '' if it is."""
-        # A publisher keeps its claim for as long as its last command is followed.
+        """Return why a command's age or publisher is rejected, or ''."""
+        # A publisher keeps its claim while its last command is valid.
         if source is None or (source != self._source and self.is_fresh(now)):
             return 'source'
         if not age_of_stamp <= self._settings.stamp_age_max:
@@ -290,7 +296,7 @@ class CommandIntake:
         return 'future' if age_of_stamp < -_CLOCK_TOLERANCE else ''
 
     def _content_fault(self, offered: OfferedCommand) -> str:
-        """Write the values into the candidate; return why they are not accepted, or ''."""
+        """Write the values into the candidate; return why they are rejected, or ''."""
         names = offered.names
         key = names if type(names) is tuple else tuple(names)
         if key not in self._orders and not self._learn_order(key):
@@ -314,7 +320,7 @@ class CommandIntake:
         return self._value_fault(candidate)
 
     def _value_fault(self, candidate: CommandBuffer) -> str:
-        # Lists of numbers: for so few that is faster than arrays. NaN is not itself.
+        # Lists, because they are faster than arrays for so few values. NaN differs from itself.
         columns = (candidate.q.tolist(), candidate.dq.tolist(), candidate.tau.tolist())
         for position, velocity, effort in zip(*columns, strict=True):
             if position != position and velocity != velocity and effort != effort:
@@ -327,7 +333,7 @@ class CommandIntake:
         return ''
 
     def _learn_order(self, names: tuple[str, ...]) -> bool:
-        """Remember where each of the arm's joints stands in `names`; False if one is missing."""
+        """Store the index of each arm joint in `names`; return False if a joint is missing."""
         if len(names) != len(self._names) or set(names) != set(self._names):
             return False
         if len(self._orders) >= _ORDERS_KEPT:

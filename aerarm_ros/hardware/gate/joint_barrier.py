@@ -1,4 +1,4 @@
-"""Where one joint may still go: the speed from which it can be braked, and the torque for it."""
+"""Barrier of one joint: the speed from which it can brake before a limit, and the torque for it."""
 
 from math import exp, nan, sqrt
 
@@ -13,52 +13,50 @@ from aerarm_ros.model.inertia import point_mass
 from aerarm_ros.motion.signals import Array
 
 _POSTURES = 500
-# Of the torque beyond the largest load, this share is relied on for braking: the arm that was
-# built is not the one that was drawn, and other joints' motion pulls at it. Joint 1 at full speed
-# throws the arm outward with 4 Nm where joint 2 has passed 45 degrees.
+# Fraction of the torque beyond the largest load that is available for braking, because the real arm
+# differs from its model and other joints' motion adds load. Joint 1 at full speed loads joint 2
+# outward with 4 Nm beyond 45 degrees.
 _RELIABLE_SHARE = 0.5
 
-# A damped arm falls at this share of the velocity limits at most, and is slowed to it within a time
-# [s] that is short beside the fall from upright to a limit.
+# Largest speed of a falling damped arm relative to the velocity limits, and the time [s] to reach
+# it, which is short compared to the fall from upright to a limit.
 _FALLING_SHARE = 0.4
 _DAMPING_TIME = 0.2
 
 
 class JointLoads:
-    """Loads and inertias of n joints, with half the rated payload: the error is then the smallest.
+    """Loads and inertias of n joints, with half the rated payload to minimize the error.
 
     Parameters
     ----------
     config
-        Drives, limits and the rated payload.
-    robot
-        The arm as drawn.
+        Configuration with drives, limits and the rated payload.
 
     Attributes
     ----------
     load_max
-        (n,) largest torque of gravity with the rated payload, however the base turns [Nm].
+        (n,) largest gravity torque with the rated payload over all base orientations [Nm].
     inertia_max
         (n,) largest inertia with the rated payload [kg m^2].
     deceleration
-        (n,) that can be relied on with any payload up to the rated one [rad/s^2]: the
-        configuration's acceleration limit, or what the drive's torque leaves beyond the load.
+        (n,) available with any payload up to the rated one [rad/s^2]: the configured acceleration
+        limit, or less if the drive's torque beyond the load does not suffice.
 
     damping_min
-        (n,) damping with which a stretched-out arm that is let go, the rated payload in its hand,
-        falls at 0.4 of the velocity limit at most and comes to its speed in 0.2 s [Nms/rad].
+        (n,) damping [Nms/rad] with which a released, stretched-out arm with the rated payload falls
+        at 0.4 of the velocity limit at most and reaches that speed in 0.2 s.
 
     Raises
     ------
     ValueError
-        If configuration and robot are not of one arm, or a drive cannot hold the arm.
+        If configuration and robot belong to different arms, or a drive cannot hold the arm.
     """
 
     def __init__(self, config: ArmConfig, robot: Robot) -> None:
         if config.joint_names != robot.joint_names:
             raise ValueError(
-                f'the configuration has joints {config.joint_names}, the URDF {robot.joint_names}: '
-                'give both for the same arm'
+                f'the configuration has joints {config.joint_names}, but the URDF has '
+                f'{robot.joint_names}: pass files of the same arm'
             )
         inertia = config.column('reflected_inertia')
         mass, *centre = config.rated_payload
@@ -75,16 +73,16 @@ class JointLoads:
         for joint, load in zip(config.joints, self.load_max.tolist(), strict=True):
             if joint.effort_max <= load:
                 raise ValueError(
-                    f'joint {joint.name}: effort_max = {joint.effort_max:g} Nm does not hold the '
-                    f'arm stretched out with its rated payload, {load:.2f} Nm: check effort_max, '
-                    'rated_payload and the URDF'
+                    f'joint {joint.name}: effort_max = {joint.effort_max:g} Nm cannot carry the '
+                    f'outstretched arm with its rated payload, which needs {load:.2f} Nm; check '
+                    'effort_max, rated_payload and the URDF'
                 )
         spare = _RELIABLE_SHARE * (effort_max - self.load_max) / self.inertia_max
         self.deceleration: Array = np.minimum(config.column('acceleration_max'), spare)
 
     @property
     def damping_min(self) -> Array:
-        """Least damping of each joint (n,) [Nms/rad]; see the class."""
+        """Least damping of each joint (n,) [Nms/rad]; see the attributes of the class."""
         falling = self.load_max / (_FALLING_SHARE * self._velocity_max)
         least: Array = np.maximum(falling, self.inertia_max / _DAMPING_TIME)
         return least
@@ -92,13 +90,13 @@ class JointLoads:
     def at(self, q: Array, dq: Array, effort: Array) -> tuple[list[float], list[float]]:
         """Return loads [Nm] and inertias [kg m^2], one per joint.
 
-        The load is what the arm's weight, its speed and the acceleration of the other joints
-        take of the torque.
+        The load is the torque of the arm's weight, of velocity terms, and of other joints'
+        accelerations.
 
         Parameters
         ----------
         q, dq, effort
-            (n,) positions [rad], velocities [rad/s] and the torques that act [Nm].
+            (n,) positions [rad], velocities [rad/s] and acting torques [Nm].
         """
         acceleration = self._dynamics.forward(q, dq, effort)
         inertias = self._dynamics.inertia_matrix(q).diagonal()
@@ -114,91 +112,93 @@ def _largest_inertia(robot: Robot, rotor_inertia: Array) -> Array:
     return largest
 
 
-# The speed that the barrier keeps lies this much over the limit, which commands may reach.
+# The barrier's speed relative to the speed limit, which commands may reach.
 _SPEED_SHARE = 1.05
-# Torque per speed beyond the barrier: full torque from this share of the speed limit on, ...
+# Torque per speed beyond the barrier: full torque from this fraction of the speed limit, ...
 _FULL_TORQUE_SHARE = 0.1
-# ... but no faster [1/s] than a torque that acts up to 2 ms later, and quantised speeds, allow.
+# ... limited to this rate [1/s] by a torque delay of up to 2 ms and by quantized speeds.
 _FASTEST = 250.0
-# The approach to a limit is this much slower than what holds the joint to it.
+# Rate of approach to a limit relative to the rate that holds the joint at it.
 _APPROACH_SHARE = 0.25
-# What the arm carries beyond what is known of it is found from how it moves: with this time
-# constant [s], up to this share of the largest torque, ...
+# The unknown load is estimated from the joint's motion with this time constant [s], up to this
+# fraction of the largest torque, ...
 _DISTURBANCE_TIME = 5e-3
 _DISTURBANCE_SHARE = 0.15
-# ... and of what is beyond that a part at a time, while the joint is faster than this share of its
-# limit, to which it would add. A base turned over, which nobody tells the bridge, takes twice the
-# arm's weight from a joint. At a slow joint counts of the encoder look like that: it fades [s].
+# ... and in part beyond it, while the joint is faster than this fraction of its limit and the load
+# accelerates it. A base turned upside down, unknown to the bridge, changes a joint's load by twice
+# the arm's weight. For a slow joint encoder quantization looks similar, so the estimate fades [s].
 _TURNED_PART = 0.2
-_TURNED_SHARE = 2.0  # of the largest torque, which holds the weight
+_TURNED_SHARE = 2.0  # relative to the largest torque, which holds the weight
 _TURNED_SPEED_SHARE = 0.5
 _TURNED_FADING = 0.03
-# Between two measurements further apart [s] the torque was another one than is known.
+# Between measurements farther apart than this [s] the acting torque is unknown.
 _APART = 5e-3
-_SPEED_NOISE = 0.15  # [rad/s] of a speed made of counts, without its low-pass
-# A joint that gives way to another one is slowed from its speed limit to a share of it, where what
-# its motion pulls at others is a tenth, in a time [s], and may be fast again after another [s].
+_SPEED_NOISE = 0.15  # [rad/s] noise of a speed computed from counts, without its low-pass filter
+# A joint that yields to another joint is slowed to this fraction of its speed limit, where its
+# motion loads other joints by a tenth. Times [s] of slowing down and of recovery:
 _GIVE_WAY_SHARE = 0.3
 _GIVE_WAY_TIME = 0.3
 _RECOVERY_TIME = 1.0
-# A host that is held up leaves its last torque acting, until the board's time-out. What would bring
-# the joint beyond this share of its speed limit by then is given with a damping, in the board, that
-# ends it there; with no more [1/s] than the low-pass of the speed that it damps by allows.
+# A delayed host leaves its last torque acting until the board's time-out. A torque that would
+# accelerate the joint beyond this fraction of its speed limit is sent with board damping that
+# prevents it. The speed filter limits that damping [1/s].
 _GAP_SHARE = 1.1
-# Other joints, which a later command may brake with their whole torque while this one goes on, pull
-# at it by up to this share of its torque; then it ends a twentieth of the limit faster.
+# A later command may brake other joints with full torque, which loads this joint by up to this
+# fraction of its torque; the joint then ends faster by a twentieth of the limit.
 _GAP_PULL_SHARE = 0.05
 _GAP_FASTEST = 700.0
-_GAP_ROOM_SHARE = 0.05  # of the speed limit, for a joint that is as fast already
-# A joint beyond its limit is led back at no more than this share of the speed limit.
+_GAP_ROOM_SHARE = 0.05  # of the speed limit, for a joint that already has that speed
+# A joint beyond its limit returns with at most this fraction of the speed limit.
 _RETURN_SHARE = 0.05
-# An arm whose weight is more than a warm motor's reduced torque sinks at this share of it at most.
+# Largest sinking speed, relative to the limit, if the weight exceeds the reduced torque.
 _SINKING_SHARE = 0.1
 
 
 class JointBarrier:
-    """Torques that keep a joint within its limits of position and speed, for one cycle.
+    """Torque bounds that keep a joint within its position and speed limits for one cycle.
 
-    The barrier is a speed that falls with the distance left to a limit, to what `deceleration`
-    can brake. Of the commands, those that the joint can be braked after pass; the torque of the
-    others is cut to `highest` (or raised to `lowest`), which near the barrier is the torque that
-    brakes along it, and beyond it leads back. Both are for a state predicted to when the torque
-    will act: the boards low-pass the speed, and it is a cycle old.
+    The barrier is a speed that falls with the distance to a limit, such that `deceleration` can
+    brake the joint. A command passes if the joint can still brake afterwards. The torque of any
+    other command is reduced to `highest` (or raised to `lowest`). Near the barrier this torque
+    brakes along the barrier; beyond the barrier it returns the joint. Both bounds are computed for
+    the state predicted at the time when the torque acts, because the measured speed is filtered and
+    one cycle old.
 
-    Plain numbers, not arrays: for four joints that is faster.
+    Plain floats are used, because they are faster than arrays for four joints.
 
     Parameters
     ----------
     joint
-        Limits.
+        Limits of the joint.
     settings
-        `period`, `soft_zone`, `velocity_lag` and `board_timeout` are used here.
+        Settings; this class uses `period`, `soft_zone`, `velocity_lag` and `board_timeout`.
     deceleration
-        That the joint can be relied on for, with any load [rad/s^2].
+        Deceleration available with any load [rad/s^2].
     inertia_max
         Largest inertia [kg m^2].
 
     Attributes
     ----------
     far
-        Distance from a limit [rad] from which on it slows nothing.
+        Distance from a limit [rad] beyond which the limit does not slow the joint.
     q, dq, filtered
-        Predicted position [rad], speed, and what the board will make of it [rad/s].
+        Predicted position [rad], speed, and speed as filtered by the board [rad/s].
     inertia
-        What the joint moves [kg m^2].
+        Inertia that the joint moves [kg m^2].
     load
-        What the arm's weight and motion take of the torque, the unknown part included [Nm].
+        Load torque of the arm's weight and motion, including the estimated unknown part [Nm].
     is_overwhelmed
-        Whether the drive's whole torque does not brake it as the barrier asks: what other joints'
-        motion pulls at it is too much.
+        Whether the full drive torque cannot brake the joint as the barrier requires, because other
+        joints' motion loads it too much.
     noise
-        Torque that the last count of an encoder may make of the bounds [Nm].
+        Error of the bounds caused by encoder quantization [Nm].
     lowest, highest
-        Torque bounds for the coming cycle [Nm], unlimited in size: where they are beyond what
-        the drive gives, the board saturates.
+        Torque bounds for the coming cycle [Nm], not limited to the drive torque; the board
+        saturates.
     lets_down
-        Whether the joint's position limits no longer hold, because its motor is too warm to hold it
-        there. It goes on beyond them slowly, until its stop or its weight ends that.
+        Whether the position limits are released because the motor is too warm to hold the joint
+        there. The joint moves slowly beyond them, until its mechanical stop or its weight ends the
+        motion.
     """
 
     __slots__ = (
@@ -281,23 +281,23 @@ class JointBarrier:
         self.restart()
 
     def restart(self) -> None:
-        """Reset the motion estimate; the measured speed is used."""
-        self._is_known = False  # how fast it was, and what pulled at it
+        """Reset the joint's motion estimate; the measured speed is used."""
+        self._is_known = False  # previous speed and load
         self._fastest = self._unhindered
         self._disturbance = self._turned = 0.0
 
     @property
     def is_slowed(self) -> bool:
-        """Whether the joint may not use its whole speed, for another one's or its motor's sake."""
+        """Whether the joint's speed is reduced, because of another joint or its warm motor."""
         return self._fastest < self._unhindered or self._allowed < self._unhindered
 
     def give_way(self, interval: float) -> None:
-        """Lower the speed of the joint, whose motion is too much for another, for a time [s]."""
+        """Lower the joint's speed limit over a time [s], as its motion overloads another joint."""
         least = _GIVE_WAY_SHARE * self._unhindered
         self._fastest = max(self._fastest - self._unhindered * interval / _GIVE_WAY_TIME, least)
 
     def recover(self, interval: float) -> None:
-        """Let the joint become as fast as it may be, over a time [s]."""
+        """Restore the joint's speed limit over a time [s]."""
         if self._fastest > self._allowed:
             less = self._fastest - self._unhindered * interval / _GIVE_WAY_TIME
             self._fastest = max(less, self._allowed)
@@ -306,7 +306,7 @@ class JointBarrier:
         self._fastest = min(more, self._allowed)
 
     def hold_back(self, sinks: bool) -> None:
-        """Allow the joint a small share of its speed while its load is more than its torque."""
+        """Limit the joint to a small fraction of its speed while its load exceeds its torque."""
         self._allowed = (_SINKING_SHARE if sinks else 1.0) * self._unhindered
 
     def speed(self, distance: float) -> float:
@@ -332,26 +332,26 @@ class JointBarrier:
         kept: float = nan,
         was_kept: bool = False,
     ) -> None:
-        """Find the bounds for the coming cycle.
+        """Compute the torque bounds for the coming cycle.
 
         Parameters
         ----------
         q, dq
-            The last measurement [rad], [rad/s]; the speed as the board reports it, low-passed.
+            Last measured position [rad] and filtered speed [rad/s].
         effort
-            Torque that has acted since then [Nm].
+            Torque that has acted since the measurement [Nm].
         load, inertia
-            What of it the arm's weight and motion take [Nm], and what the joint moves [kg m^2].
+            Load torque of the arm's weight and motion [Nm], and moved inertia [kg m^2].
         age
-            Time since then [s].
+            Time since the measurement [s].
         interval
-            From the measurement before to this one [s]; 0 if there was none since the last call,
-            inf if there was none before.
+            Time between the last two measurements [s]; 0 if none has arrived since the last call,
+            inf if there was no earlier one.
         kept
-            Torque that has acted instead of `effort` if the last command did not reach the board,
-            which then goes on with an older one [Nm]; NaN while the board loses no commands.
+            Torque that has acted in place of `effort` if the last command did not reach the board
+            [Nm]. The board then keeps an older command. NaN while the board loses no command.
         was_kept
-            Whether such a torque acted between the two last measurements.
+            Whether such a torque acted between the last two measurements.
         """
         if interval > 0.0 or not self._is_known:
             if was_kept:
@@ -377,8 +377,8 @@ class JointBarrier:
         self.is_overwhelmed = self.lowest > most or self.highest < -most
 
     def _lead(self, acceleration: float, q: float, dq: float, age: float, gain: float) -> None:
-        """Predict the joint from its last measurement, and find the bounds that follow."""
-        # After a pause nobody knows what torque the last reference made of the motion.
+        """Predict the joint state from the last measurement, and compute the torque bounds."""
+        # After a pause the torque that resulted from the last reference is unknown.
         led = (_APART if age > _APART else age) * acceleration
         mean = self._speed + 0.5 * led
         self.q = q + age * mean
@@ -393,18 +393,19 @@ class JointBarrier:
     ) -> float:
         """Return the damping [Nms/rad] that a torque needs if no later command reaches the board.
 
-        It is 0 where the joint would not become too fast without: in `board_timeout` under the
-        torque as it is, by the damping that ends it, or by the energy of the spring that makes it.
-        It counts with the modelled load and with what was learned of a slight disturbance, each of
-        which may be wrong; what was learned of a base turned over may be as large as the torque.
+        The result is 0 if the joint stays slow enough without damping until `board_timeout`. Three
+        cases qualify: the torque is small, the board's own damping ends the motion, or the spring
+        energy is small. The larger result of two loads counts: the modelled load, and the modelled
+        load plus the estimated small disturbance. The estimate for a base turned upside down is
+        excluded, because it may be as large as the torque.
 
         Parameters
         ----------
         torque
-            What the command makes now [Nm].
+            Torque of the present command [Nm].
         law, stiffness, damping
-            What the board's law would make if the drive were strong enough [Nm], and how it falls
-            as the joint moves [Nm/rad], [Nms/rad].
+            Torque of the board's law without saturation [Nm], and its decrease with position
+            [Nm/rad] and speed [Nms/rad].
         """
         load = self._modelled_load
         modelled = self._gap_damping(torque - load, law - load, stiffness, damping)
@@ -412,13 +413,13 @@ class JointBarrier:
         return max(modelled, self._gap_damping(torque - load, law - load, stiffness, damping))
 
     def _gap_damping(self, excess: float, wanted: float, stiffness: float, damping: float) -> float:
-        """Return `gap_damping` [Nms/rad] for torques [Nm] over one load."""
+        """Return `gap_damping` [Nms/rad] for torques [Nm] relative to one load."""
         speed = self.dq
         if excess < 0.0:
             speed, excess, wanted = -speed, -excess, -wanted
         margin = self._disturbance_max
         if damping > 0.0 and abs(speed) > _TURNED_SPEED_SHARE * self._unhindered:
-            # A feeble law lets the braking of other joints throw a fast one.
+            # With weak damping, the braking of other joints would accelerate a fast joint.
             if speed > 0.0:
                 excess, wanted = excess + margin, wanted + margin
             elif excess < margin:
@@ -427,7 +428,7 @@ class JointBarrier:
         pull, slack = self._gap_pull, self._gap_room_min
         if (excess + pull) * self._gap_time <= room * inertia:
             return 0.0
-        # Alone it ends at the speed meant, with a pull a little above it.
+        # Without external load the joint reaches the intended speed, with one slightly more.
         needed = 0.0
         for speed_max, pulled in ((self._gap_speed, 0.0), (self._gap_speed + slack, pull)):
             room, force, law = speed_max - speed, excess + pulled, wanted + pulled
@@ -448,7 +449,7 @@ class JointBarrier:
         return self.filtered + followed * (self.dq - self.filtered) + led
 
     def _take(self, dq: float, inertia: float, interval: float) -> None:
-        """Take another measured speed [rad/s], an interval [s] after the last."""
+        """Process a measured speed [rad/s], an interval [s] after the previous one."""
         if self._is_known and interval <= _APART and self._acceleration == self._acceleration:
             speed = self._without_lag(dq, interval)
             self._observe(speed, inertia, interval)
@@ -458,7 +459,7 @@ class JointBarrier:
         self._is_known = True
 
     def _observe(self, speed: float, inertia: float, interval: float) -> None:
-        """Learn from a speed [rad/s] what the torque of the last interval [s] did not do."""
+        """Estimate the load from a speed [rad/s] and the torque of the last interval [s]."""
         missing = inertia * (self._acceleration - (speed - self._speed) / interval)
         learned = self._disturbance + interval / (_DISTURBANCE_TIME + interval) * missing
         largest = self._disturbance_max
@@ -473,21 +474,21 @@ class JointBarrier:
             self._turned *= _TURNED_FADING / (_TURNED_FADING + interval)
 
     def _without_lag(self, dq: float, interval: float) -> float:
-        """Return the speed now [rad/s] of the board's low-passed one, an interval [s] later."""
+        """Return the present speed [rad/s] from the board's filtered one, after an interval [s]."""
         kept = self._share_kept(interval)
         mean = (dq - kept * self._last_speed) / (1.0 - kept)
-        # The mean is weighted towards now; the torque of that cycle leads it there.
+        # The filtered mean weights recent values; the torque of that cycle predicts the rest.
         age = self._lag - interval * kept / (1.0 - kept)
         return mean + age * self._acceleration
 
     def _share_kept(self, time: float) -> float:
-        """Return the share of a speed that the board's low-pass keeps over a time [s]."""
-        if not abs(time - self._kept_time) < 1e-7:  # most cycles are alike
+        """Return the fraction of a speed that the board's low-pass filter keeps over a time [s]."""
+        if not abs(time - self._kept_time) < 1e-7:  # most cycles have equal length
             self._kept, self._kept_time = exp(-time / self._lag), time
         return self._kept
 
     def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
-        """Return the largest torque over the load towards a limit [Nm]."""
+        """Return the largest torque towards a limit in excess of the load [Nm]."""
         allowed = self.speed(distance)
         if allowed >= self._fastest or speed <= 0.0 or self.lets_down:
             braking = 0.0

@@ -1,4 +1,4 @@
-"""The last word on what the motors are asked to do."""
+"""Limits on commands, and latched stops."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,41 +14,43 @@ from aerarm_ros.hardware.gate.command_intake import CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier, JointLoads
 from aerarm_ros.motion.signals import Array
 
-# What a limit did to a command, for the list of faults.
+# Effect of a limit on a command, for the list of faults.
 LIMITED: dict[str, str] = {
     'position': 'a position reference beyond its limit was clipped to the limit',
     'velocity': 'a reference faster than the velocity limit was slowed to the limit',
-    'soft_zone': 'motion towards a position limit was slowed near it, or because of another joint',
-    'braking': 'a joint was braked before a limit of position or speed',
+    'soft_zone': (
+        'motion towards a position limit was slowed near the limit, or because of another joint'
+    ),
+    'braking': 'a joint was braked before a position or velocity limit',
     'effort': 'an effort above its limit was clipped to the limit',
-    'effort_rate': 'an effort that changed too fast was slowed',
+    'effort_rate': 'an effort that changed too fast was limited in its rate',
 }
 
 
-# A reference has at most this share of the speed from which the joint can be braked, and may
-# always have this share of the speed limit, or it would never reach the position limit.
+# Largest reference speed relative to the speed from which the joint can brake. The second fraction
+# of the speed limit is always allowed, so that the reference reaches the position limit.
 _REFERENCE_SHARE = 0.96
 _CREEP_SHARE = 0.005
 
 
 class JointLimiter:
-    """Limits the references of one joint, and stops the arm if they exceed a tolerance.
+    """Limit the references of one joint, and stop the arm if they exceed a tolerance.
 
-    References towards a position limit are slowed to what the joint can still be braked from,
-    with a little to spare. What a joint then does is the `barrier`'s.
+    References towards a position limit are slowed to just below the speed from which the joint can
+    still brake. The `barrier` limits the actual motion of the joint.
 
-    Plain numbers, not arrays: for four joints that is faster, and NaN means unused.
+    Plain floats are used, because they are faster than arrays for four joints; NaN means unused.
 
     Attributes
     ----------
     position, velocity, effort
-        The limited references [rad], [rad/s], [Nm]; NaN where unused.
+        Limited references [rad], [rad/s], [Nm]; NaN where unused.
     effort_limit
-        Largest effort [Nm]: that of the configuration, or less while the motor is warm.
+        Largest effort [Nm]: the configured limit, or less while the motor is warm.
     barrier
-        Says from which speed the joint can be braked.
+        Barrier with the speed from which the joint can brake.
     limited
-        Names of the limits that acted in the last call, keys of `LIMITED`.
+        Names of the limits applied in the last call, keys of `LIMITED`.
     """
 
     __slots__ = (
@@ -82,44 +84,47 @@ class JointLimiter:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the last references: the next ones start from where the joint is."""
+        """Discard the last references; the next ones start from the joint's position."""
         self._last_position = nan
         self._last_effort = 0.0
 
     def is_inside(self, q: float) -> bool:
-        """Whether the joint is within its range, tolerance included."""
+        """Return whether the joint is within its range, tolerance included."""
         tolerance = self._settings.position_tolerance
         return self._position_min - tolerance <= q <= self._position_max + tolerance
 
     def state_violation(self, q: float, dq: float) -> str:
-        """Return why the joint's position [rad] or velocity [rad/s] demands a stop, or ''."""
+        """Return why the joint's position [rad] or velocity [rad/s] requires a stop, or ''."""
         if not self.is_inside(q):
             return (
-                f'{self._name} is at {q:.3f} rad, beyond its limits {self._position_min:.3f} to '
-                f'{self._position_max:.3f}: disable, bring it back by hand, clear the fault'
+                f'{self._name} is at {q:.3f} rad, outside its limits {self._position_min:.3f} to '
+                f'{self._position_max:.3f}: disable the arm, move it back by hand, then clear '
+                'the fault'
             )
         if not abs(dq) <= self._settings.velocity_factor * self._velocity_max:
             return (
-                f'{self._name} runs at {dq:.2f} rad/s, its limit is {self._velocity_max:.2f}: '
-                'check the controller and the encoder'
+                f'{self._name} runs at {dq:.2f} rad/s, above its limit of '
+                f'{self._velocity_max:.2f}: check the controller and the encoder'
             )
         return ''
 
     def command_violation(self, position: float, velocity: float, effort: float, q: float) -> str:
-        """Return why a command demands a stop, or ''; comparisons with NaN are all false."""
+        """Return why a command requires a stop, or ''; comparisons with NaN are all false."""
         settings, what = self._settings, ''
         if position == position and not self.is_inside(position):
-            what = f'a position of {position:.3f} rad, beyond its limits'
+            what = f'a position of {position:.3f} rad, outside its limits'
         elif abs(position - q) > settings.position_error_max:
             what = f'a position of {position:.3f} rad while it is at {q:.3f}, too far for one step'
         elif abs(velocity) > settings.velocity_factor * self._velocity_max:
-            what = f'a velocity of {velocity:.2f} rad/s, its limit is {self._velocity_max:.2f}'
+            what = (
+                f'a velocity of {velocity:.2f} rad/s, above its limit of {self._velocity_max:.2f}'
+            )
         elif abs(effort) > settings.effort_factor * self._effort_max:
-            what = f'an effort of {effort:.2f} Nm, its limit is {self._effort_max:.2f}'
+            what = f'an effort of {effort:.2f} Nm, above its limit of {self._effort_max:.2f}'
         return what and f'{self._name} was commanded {what}: check the controller'
 
     def limit(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Limit references for a joint at q [rad], dt [s] after the last call."""
+        """Limit the references of a joint at q [rad], dt [s] after the last call."""
         self.limited.clear()
         self.position = position if position != position else self._position(position, q, dt)
         self._last_position = self.position
@@ -131,7 +136,7 @@ class JointLimiter:
         self.effort = self._effort(effort, dt)
 
     def _speeds(self, q: float) -> tuple[float, float]:
-        """Return the most negative and the most positive speed of a reference at q [rad]."""
+        """Return the largest negative and positive speed of a reference at q [rad]."""
         most, far = self._velocity_max, self.barrier.far
         if not self.barrier.is_slowed and (
             self._position_min + far <= q <= self._position_max - far
@@ -144,7 +149,7 @@ class JointLimiter:
 
     def _position(self, position: float, q: float, dt: float) -> float:
         position = self._held(position, self._position_min, self._position_max, 'position')
-        # A reference that steps is led there at the largest speed allowed.
+        # A reference step is followed at the largest allowed speed.
         start = q if self._last_position != self._last_position else self._last_position
         step = self._velocity_max * dt
         position = self._held(position, start - step, start + step, 'velocity')
@@ -162,49 +167,49 @@ class JointLimiter:
         return self._last_effort
 
     def _held(self, value: float, lowest: float, highest: float, name: str) -> float:
-        """Return the value held within bounds, and note if that changed it."""
+        """Return the value limited to bounds, and record the limit's name if it acted."""
         if lowest <= value <= highest:
             return value
         self.limited.append(name)
         return min(max(value, lowest), highest)
 
 
-# Share of the speed limits that counts and a hand which holds the arm stay below; an arm that is
-# let go passes it in 0.04 s, and above it the field of an alignment loses the rotor.
+# Fraction of the speed limits that encoder noise and a holding hand stay below. A released arm
+# exceeds it within 0.04 s, and above it the alignment field loses the rotor.
 _AT_REST = 0.05
-# [s] between two measurements; longer ones say nothing of how long a joint was overwhelmed.
+# [s] between two measurements; longer ones do not count as time of overload.
 _INTERVAL_MAX = 5e-3
 
 
 class SafetyGate:
-    """Limits commands, and stops the arm for good when limits are not enough.
+    """Limit commands, and latch a stop when limits do not suffice.
 
-    A command somewhat over a limit is limited and counted. What is far over a limit, and a
-    joint that itself leaves its range or speed, is a violation: `stop` then holds the
-    reason, and the bridge damps the arm until `release`.
+    A command slightly over a limit is limited and counted. A command far over a limit is a
+    violation, and so is a joint that leaves its position or speed range. After a violation `stop`
+    contains the reason, and the bridge damps the arm until `release`.
 
     Parameters
     ----------
     config
-        The joints' limits.
+        Configuration with the joints' limits.
     settings
         Tolerances and the soft zone.
     loads
-        What the joints carry and move.
+        Loads and inertias of the joints.
 
     Attributes
     ----------
     stop
-        Reason of the latched stop, '' if there is none.
+        Reason of the latched stop, or ''.
     limited
-        Number of times each limit acted on a joint, by its name in `joint_limiter.LIMITED`.
+        Number of times that each limit acted on a joint, by its name in `LIMITED`.
     last_limited, last_limited_time
-        The last limit that acted, and when [s].
+        Last limit that acted, and its time [s].
     barriers
-        One `JointBarrier` a joint, as of the last call of `watch`.
+        One `JointBarrier` per joint, as of the last call of `watch`.
     loads, inertias
-        What the joints carry by the model [Nm], and what they move [kg m^2], as of then; empty
-        before.
+        Modelled loads [Nm] and inertias [kg m^2] at the last call of `watch`; empty before the
+        first.
     """
 
     def __init__(self, config: ArmConfig, settings: BridgeSettings, loads: JointLoads) -> None:
@@ -231,29 +236,29 @@ class SafetyGate:
         self.inertias: list[float] = []
 
     def trip(self, reason: str) -> None:
-        """Latch a stop; the first reason stays."""
+        """Latch a stop of the arm; the first reason stays."""
         if not self.stop:
             self.stop = reason
 
     def release(self) -> None:
-        """End the latched stop."""
+        """End the latched stop of the arm."""
         self.stop = ''
         self.restart()
 
     def restart(self) -> None:
-        """Forget the last command: the next one starts from where the arm is."""
+        """Discard the last command; the next one starts from the arm's present position."""
         for joint in self._joints:
             joint.restart()
-        # The barriers go on: they watch the arm, not the commands.
+        # The barriers keep their state: they monitor the arm and not the commands.
 
     def is_inside(self, q: Array) -> bool:
-        """Whether the joints (n,) [rad] are within their limits, tolerance included."""
+        """Return whether the joints (n,) [rad] are within their limits, tolerance included."""
         return all(
             joint.is_inside(value) for joint, value in zip(self._joints, q.tolist(), strict=True)
         )
 
     def state_violation(self, q: Array, dq: Array) -> str:
-        """Return which joint left its range [rad] or runs too fast [rad/s], or ''; (n,) each."""
+        """Return which joint left its range [rad] or is too fast [rad/s], or ''; (n,) each."""
         rows = zip(self._joints, q.tolist(), dq.tolist(), strict=True)
         violations = (joint.state_violation(angle, speed) for joint, angle, speed in rows)
         return next(filter(None, violations), '')
@@ -261,12 +266,15 @@ class SafetyGate:
     def alignment_refusal(self, q: Array, dq: Array) -> str:
         """Return why motors may not align at q [rad] and dq [rad/s], (n,) each, or ''."""
         if not self.is_inside(q):
-            return f'joints at {np.round(q, 3)} rad are beyond their limits'
+            return (
+                f'joints at {np.round(q, 3)} rad are outside their limits: move the arm back '
+                'by hand'
+            )
         moving = self._faster_than(_AT_REST, dq)
         return moving and f'{moving}: hold the arm, wait until it rests, then enable it'
 
     def watch_alignment(self, dq: Array) -> None:
-        """Trip the stop if the arm falls, (n,) speeds [rad/s], while its motors align."""
+        """Trip the stop if the arm falls during alignment, by its (n,) speeds [rad/s]."""
         falling = self._faster_than(1.0, dq)
         if falling:
             self.trip(f'{falling} while the motors align: support the arm, and enable again')
@@ -281,10 +289,10 @@ class SafetyGate:
         kept: Sequence[float],
         unconfirmed: Sequence[int],
     ) -> None:
-        """Update `barriers`; once a cycle while the motors are driven.
+        """Update `barriers`; call once per cycle while the motors are driven.
 
-        Arguments as those of `JointBarrier.update`, n each; `unconfirmed` as of
-        `ArmMeasurements`: above 1 the torque that was kept acted between the last measurements.
+        Arguments as in `JointBarrier.update`, n each; `unconfirmed` as in `ArmMeasurements`. If it
+        exceeds 1, the torque `kept` acted between the last measurements.
         """
         self.loads, self.inertias = self._loads.at(q, dq, effort)
         overwhelmed, slowed = 0, False
@@ -308,12 +316,12 @@ class SafetyGate:
             self._slow(overwhelmed, float(interval.max()))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
-        """Slow all joints while drives fail to brake a joint, for a time [s].
+        """Slow all joints for a time [s] while a drive cannot brake its joint.
 
-        Joint 1 at full speed throws a loaded arm outward with more torque than joint 2 has.
+        Joint 1 at full speed loads joint 2 of a loaded arm outward with more torque than it has.
         """
         if not interval <= _INTERVAL_MAX:
-            return  # no new measurement, or a pause, of which nobody knows what it did
+            return  # no new measurement, or an unknown motion during a pause
         for barrier in self.barriers:
             if overwhelmed > barrier.is_overwhelmed:
                 barrier.give_way(interval)
@@ -321,16 +329,16 @@ class SafetyGate:
                 barrier.recover(interval)
 
     def limit_effort(self, joint: int, effort: float) -> None:
-        """Set the largest effort [Nm] that a command may ask of a joint, by its number."""
+        """Set the largest effort [Nm] that a command may request from a joint, by its number."""
         self._joints[joint].effort_limit = effort
 
     def look_away(self) -> None:
-        """Forget how the arm moved: its motors are off."""
+        """Reset the motion estimates, because the motors are off."""
         for barrier in self.barriers:
             barrier.restart()
 
     def note_braking(self, now: float) -> None:
-        """Count that a joint was braked at a barrier, at `now` [s]."""
+        """Count a braking at a barrier, at `now` [s]."""
         self._note('braking', now)
 
     def follow(
@@ -342,10 +350,10 @@ class SafetyGate:
         motors: Sequence[MotorReference],
         trusted: Sequence[bool],
     ) -> bool:
-        """Take a command through limits, motor references and barriers, joint by joint.
+        """Apply limits, motor references and barriers to a command, joint by joint.
 
-        A violation, of whichever joint, trips the stop. No motor follows the command then: look
-        at `stop`, and damp the arm.
+        A violation by any joint trips the stop. The motors then do not follow the command; the
+        caller must check `stop` and damp the arm.
 
         Parameters
         ----------
@@ -356,11 +364,11 @@ class SafetyGate:
         dt
             Time since the last call [s].
         now
-            Time for the record [s].
+            Time of recorded limits [s].
         motors
-            What follows, n.
+            n motor references to set.
         trusted
-            n, False for joints whose encoder is not trusted: they have no barrier.
+            n flags, False for joints whose encoder is doubted; these joints have no barrier.
 
         Returns
         -------
@@ -386,7 +394,7 @@ class SafetyGate:
         return is_braked
 
     def _faster_than(self, share: float, dq: Array) -> str:
-        """Return which joints move at more than a share of their limits, or ''."""
+        """Return which joints are faster than a fraction of their limits, or ''."""
         moving = [
             f'{joint.name} moves at {abs(speed):.2f} rad/s'
             for joint, speed in zip(self._config.joints, dq.tolist(), strict=True)

@@ -1,5 +1,6 @@
-"""The way to the boards: a frame there, a frame back.
+"""Transports that exchange frames with the boards.
 
-In come the bytes of a frame for one board; out go those of its answer. `Transport` is what a way
-must be able to do, `SpidevTransport` the SPI buses of Linux; the emulated one lies in `emulation`.
+A transport sends the bytes of a frame to one board and returns the bytes of its answer. `Transport`
+is the interface, and `SpidevTransport` uses the SPI buses of Linux. The emulated transport is in
+the package `emulation`.
 """

@@ -1,4 +1,4 @@
-"""The boards on the host's SPI buses, through Linux's spidev."""
+"""Transport over the host's SPI buses through Linux's spidev."""
 
 import errno
 import importlib.util
@@ -12,38 +12,38 @@ from aerarm_ros.hardware.frames.board_messages import BoardCommand
 from aerarm_ros.hardware.frames.frame_codec import FrameCodec
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 
-# What the driver says of a device that was removed, or of a file that is not open.
+# Errors of the driver for a removed device or a file that is not open.
 _GONE = frozenset({errno.ESHUTDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
-# Other errors in a row after which it is opened anew all the same.
+# Consecutive other errors after which the device is reopened as well.
 _ERRORS_MAX = 200
-_WAIT_MIN, _WAIT_MAX = 0.2, 5.0  # [s] between two attempts to open it; doubled each time
+_WAIT_MIN, _WAIT_MAX = 0.2, 5.0  # [s] between two attempts to open; doubled each time
 
 
 class TransportError(OSError):
-    """Bus that cannot be opened; the message states what to check."""
+    """SPI bus that cannot be opened; the message states what to check."""
 
 
 class SpidevDevice:
-    """A `/dev/spidev*` that is opened again when it was taken away and has come back.
+    """A `/dev/spidev*` device that is reopened after it was removed and has returned.
 
-    A device that is removed, as by an adapter unplugged or a driver loaded anew, leaves a file
-    behind on which every transfer fails, also once a device of the same name is there again. So
-    the file is closed and opened anew, with waits that grow from 0.2 to 5 s. One error of a
-    transfer alone is passed over: the next frame comes in a millisecond.
+    A removed device, for example an unplugged adapter or a reloaded driver, leaves an open file on
+    which every transfer fails. This remains so when a device of the same name exists again.
+    Therefore the file is closed and reopened, with waits that grow from 0.2 to 5 s. A single
+    transfer error is ignored, because the next frame follows within a millisecond.
 
     Parameters
     ----------
     board
-        Device, clock and SPI mode.
+        Configuration with device, clock and SPI mode.
     clock
-        Returns the time [s, monotonic].
+        Function that returns the time [s, monotonic].
 
     Attributes
     ----------
     problem
-        Why the last transfer failed, '' if it didn't.
+        Reason why the last transfer failed, '' if it succeeded.
     duration, ended
-        Of the last transfer [s], and when it was over.
+        Duration of the last transfer [s], and its end time [s].
     """
 
     def __init__(self, board: BoardConfig, clock: Callable[[], float] = monotonic) -> None:
@@ -53,31 +53,32 @@ class SpidevDevice:
         self._clock = clock
         self._file: Any = None
         self._is_wanted = False
-        self._reason = 'the transport is not open'
+        self._reason = 'the SPI transport is not open'
         self._errors = 0
         self._wait = _WAIT_MIN
         self._next_attempt = 0.0
 
     def open(self) -> None:
-        """Open the file; raises TransportError with what to check."""
+        """Open the device; raises TransportError with what to check."""
         board = self._board
         try:
             self._file = self._opened()
         except OSError as error:
             raise TransportError(
-                f'cannot open {board.device} for {board.name}: {error.strerror or error}: switch '
-                'SPI on (dtparam=spi=on), check the device name, and add the user to group spi'
+                f'{board.device} of {board.name} cannot be opened ({error.strerror or error}): '
+                'switch SPI on (dtparam=spi=on), check the device name, and add the user to '
+                'group spi'
             ) from None
         self._is_wanted = True
 
     def close(self) -> None:
-        """Close the file for good; may be called again."""
+        """Close the device finally; further calls are allowed."""
         self._is_wanted = False
-        self._reason = 'the transport is not open'
+        self._reason = 'the SPI transport is not open'
         self._drop()
 
     def transfer(self, frame: bytes) -> bytes:
-        """Send a frame and return the one that came back, b'' if the transfer failed."""
+        """Send a frame and return the received one, b'' if the transfer failed."""
         started = self._clock()
         if self._file is None and self._is_wanted and started >= self._next_attempt:
             self._reopen(started)
@@ -91,7 +92,7 @@ class SpidevDevice:
         return answer
 
     def set_mode(self, mode: int) -> None:
-        """Change the SPI mode until the device is opened again; raises OSError."""
+        """Change the SPI mode until the device is reopened; raises OSError."""
         if self._file is None:
             raise OSError(errno.EBADF, self._account())
         self._file.mode = mode
@@ -116,11 +117,11 @@ class SpidevDevice:
         try:
             self._file = self._opened()
         except OSError:
-            return  # the reason for which it was lost says more
+            return  # the original reason is more informative
         self._errors = 0
 
     def _opened(self) -> Any:
-        import spidev  # needs a compiler to install, so only who has a bus installs it
+        import spidev  # needs a compiler, so it is installed only where a bus exists
 
         file = spidev.SpiDev()
         try:
@@ -139,35 +140,38 @@ class SpidevDevice:
             self._file = None
 
     def _account(self) -> str:
-        text = f'{self._board.device} reports: {self._reason}: check that the device still exists'
+        text = (
+            f'{self._board.device} reports an error ({self._reason}): check that the device '
+            'still exists'
+        )
         if self._file is None and self._is_wanted:
-            text += f'. The bridge tries to open it again every {self._wait:g} s'
+            text += f'. The bridge tries to open the device again every {self._wait:g} s'
         return text
 
 
 class SpidevTransport:
-    """A `Transport` over `/dev/spidev*`, one device a board, on one bus or on several.
+    """A `Transport` over `/dev/spidev*`, one device per board, on one or several buses.
 
-    The device file chooses bus and chip select. A frame is one transfer of 34 bytes, whose
-    duration the clock bounds (34 us at 8 MHz); boards are served one after the other. A
-    transfer that fails gives no bytes and is counted by the bridge as a bad frame: one error
-    does not end the cycle. A device that vanishes is opened again when it is back.
+    The device file selects bus and chip select. A frame is one transfer of 34 bytes, whose duration
+    the clock determines (34 us at 8 MHz); boards are served one after the other. A failed transfer
+    returns no bytes, which the bridge counts as a bad frame; one error does not end the cycle. A
+    removed device is reopened when it returns.
 
     Parameters
     ----------
     config
-        Device, clock and SPI mode of each board.
+        Configuration with device, clock and SPI mode of each board.
     """
 
     def __init__(self, config: ArmConfig) -> None:
         self._devices = [SpidevDevice(board) for board in config.boards]
 
     def open(self) -> None:
-        """Open the devices; raises TransportError with what to check."""
+        """Open the SPI devices; raises TransportError with what to check."""
         if importlib.util.find_spec('spidev') is None:
             raise TransportError(
-                'the module spidev is missing: pip install "spidev>=3.5,<4" (needs a C compiler), '
-                'or apt install python3-spidev'
+                'the Python module spidev is missing: pip install "spidev>=3.5,<4" (needs a C '
+                'compiler), or apt install python3-spidev'
             )
         self.close()
         try:
@@ -178,15 +182,15 @@ class SpidevTransport:
             raise
 
     def close(self) -> None:
-        """Close the devices."""
+        """Close the SPI devices."""
         for device in self._devices:
             device.close()
 
     def advance(self, now: float) -> None:
-        """Nothing to do: real boards keep their own time."""
+        """Do nothing; real boards have their own clock."""
 
     def exchange(self, board: int, frame: bytes) -> bytes:
-        """Send a frame and return the one that came back, b'' if the transfer failed."""
+        """Send a frame and return the received one, b'' if the transfer failed."""
         return self._devices[board].transfer(frame)
 
     def exchange_time(self, board: int) -> float:
@@ -194,11 +198,11 @@ class SpidevTransport:
         return self._devices[board].duration
 
     def exchanged_at(self, board: int) -> float:
-        """When the last exchange with a board ended [s, monotonic]."""
+        """End time of the last exchange with a board [s, monotonic]."""
         return self._devices[board].ended
 
     def problem(self, board: int) -> str:
-        """Why the last exchange with a board failed, '' if it didn't."""
+        """Reason why the last exchange with a board failed, '' if it succeeded."""
         return self._devices[board].problem
 
     def set_mode(self, board: int, mode: int) -> None:
@@ -218,27 +222,27 @@ def self_test(
     profile: FrameProfile,
     pause: Callable[[float], None] = sleep,
 ) -> list[Answer]:
-    """Exchange frames that leave the boards off, and judge the answers by their CRC.
+    """Exchange frames that leave the boards off, and check the answers by their CRC.
 
-    Documents and working clients disagree on the boards' SPI mode. So if a board gives no
-    good answer in the configured mode, the others are tried and the message names the one
-    that works; the configured mode stays set.
+    Documents and existing clients disagree on the boards' SPI mode. If a board gives no valid
+    answer in the configured mode, the other modes are tried and the message names the working one;
+    the configured mode stays set.
 
     Parameters
     ----------
     transport
-        Open.
+        Open transport.
     config
-        Boards and their modes.
+        Configuration with boards and their modes.
     profile
-        The boards' frames.
+        Frame layout of the boards.
     pause
-        Waits some seconds between two exchanges.
+        Function that waits a time [s] between two exchanges.
 
     Returns
     -------
     list of Answer
-        One for each board.
+        One result per board.
     """
     codec = FrameCodec(profile)
     return [
@@ -256,7 +260,7 @@ def _test_board(
     board = config.boards[number]
     place = f'{board.name} on {board.device} at {board.clock_hz / 1e6:g} MHz'
     good = _count_good(transport, number, codec, pause)
-    result = f'{place}, mode {board.mode}: {good} of {_EXCHANGES} answers had a correct check'
+    result = f'{place}, mode {board.mode}: {good} of {_EXCHANGES} answers had a correct checksum'
     if good >= _GOOD_SHARE * _EXCHANGES:
         return Answer(True, result)
     if good:

@@ -1,4 +1,4 @@
-"""How frames get to the boards and back."""
+"""Interface for the exchange of frames with boards."""
 
 from typing import Protocol
 
@@ -6,8 +6,8 @@ from typing import Protocol
 class Transport(Protocol):
     """Full-duplex exchange of frames with a number of boards.
 
-    Once open, `exchange` never raises and takes a bounded time: a board that can't be
-    reached answers with no bytes, and `problem` says why.
+    Once open, `exchange` never raises and takes a bounded time. An unreachable board returns no
+    bytes, and `problem` gives the reason.
     """
 
     def open(self) -> None:
@@ -15,7 +15,7 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the bus; a closed transport may be closed again."""
+        """Close the bus; closing again is allowed."""
         ...
 
     def advance(self, now: float) -> None:
@@ -31,13 +31,13 @@ class Transport(Protocol):
         ...
 
     def exchanged_at(self, board: int) -> float:
-        """When the last exchange with a board ended [s], on the clock of `advance`.
+        """End time of the last exchange with a board [s], on the clock of `advance`.
 
-        A board's answer was made after the exchange began, which is `exchange_time` earlier, or
-        less than a period of the board's loop before.
+        A board makes its answer between the start of the exchange, `exchange_time` before this
+        time, and one period of the board's control loop earlier.
         """
         ...
 
     def problem(self, board: int) -> str:
-        """Why the last exchange with a board failed, '' if it didn't."""
+        """Reason why the last exchange with a board failed, '' if it succeeded."""
         ...

@@ -1,5 +1,6 @@
-"""From recordings to samples: a uniform grid, whole periods, filters, derivatives (thesis 3.5).
+"""Conditioning of recordings: uniform grid, whole periods, filters, derivatives (thesis 3.5).
 
-In come recordings and what the user says of their motion; out go samples of position, velocity,
-acceleration and torque, and warnings where the motion is not what was said.
+The input is a recording and the user's description of its motion. The output is samples of
+position, velocity, acceleration and torque, with warnings where the motion differs from its
+description.
 """

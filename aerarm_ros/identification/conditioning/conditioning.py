@@ -1,4 +1,4 @@
-"""From recordings to samples: windows, filters and rates, thesis section 3.5."""
+"""Conditioning of recordings: windows, filters and sampling rates, thesis section 3.5."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -42,12 +42,12 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class SignalDelays:
-    """Delays against the positions of the same message, which are the reference of time.
+    """Delays of velocity and effort relative to the positions of the same message.
 
     Attributes
     ----------
     velocity, effort : (n,) ndarray
-        [s], positive where the signal is late.
+        Delay [s], positive where the signal is late.
     """
 
     velocity: Array
@@ -59,29 +59,27 @@ class SignalDelays:
         return cls(np.zeros(n), np.zeros(n))
 
 
-# Below it a lag costs less than it is sure of: a twentieth of a period at 25 Hz.
+# Smallest relevant lag: a twentieth of a period at 25 Hz. Smaller lags are not significant.
 _LEAST = 2e-3  # [s]
 _CLEAR = 3.0  # standard deviations
-_CORRELATION = 0.5  # periods of the cut-off that one independent sample takes
+_CORRELATION = 0.5  # periods of the cut-off per independent sample
 
 
 def velocity_lag(motions: Sequence[UniformMotion], cutoff: float) -> Array:
-    """Return by how much measured velocities come later than the positions' derivative.
+    """Return the delay of measured velocities relative to the derivative of the positions.
 
-    Both through the same low-pass: a velocity that is late by e is the derivative less e times the
-    acceleration, so least squares tell e, without any model of the arm.
+    Both signals pass the same low-pass filter. A velocity with delay e equals the derivative minus
+    e times the acceleration, so least squares yield e without a model of the arm.
 
     Parameters
     ----------
-    motions : sequence of UniformMotion
-        Of one arm.
     cutoff : float
-        Of the low-pass [Hz].
+        Cut-off frequency of the low-pass filter [Hz].
 
     Returns
     -------
     (n,) ndarray
-        [s]; 0 where velocities were not measured, or the lag is too small to matter or to tell.
+        Delay [s]; 0 if velocities were not measured, or the delay is small or insignificant.
     """
     n = motions[0].q.shape[1]
     if any(motion.dq is None for motion in motions):
@@ -102,30 +100,30 @@ def velocity_lag(motions: Sequence[UniformMotion], cutoff: float) -> Array:
     return np.where((np.abs(lag) < _LEAST) | (np.abs(lag) < _CLEAR * deviation), 0.0, lag)
 
 
-# Bins of the spectrum that are averaged, and the least squared coherence of a motion. Independent
-# noise exceeds it with a probability of 1e-6: 1 - 1e-6^(1 / (bins - 1)).
+# Averaged bins of the spectrum, and the least squared coherence of a motion. Independent noise
+# exceeds it with a probability of 1e-6: 1 - 1e-6^(1 / (bins - 1)).
 _COHERENCE_BINS = 17
 _COHERENCE = 0.58
-_SHARE = 0.999  # of a velocity's power lies below its band's edge
+_SHARE = 0.999  # fraction of a velocity's power below the edge of its band
 
 
 def motion_band(q: Array, dq: Array | None, dt: float) -> float:
-    """Return the frequency below which nearly all of a motion lies.
+    """Return the frequency below which nearly all of a motion's power lies.
 
     Parameters
     ----------
     q : (M, n) ndarray
         Joint positions [rad].
     dq : (M, n) ndarray or None
-        Measured joint velocities [rad/s]. A joint's motion is in both, noise in one of them: the
-        narrower band of the two counts, where both have the same content.
+        Measured joint velocities [rad/s]. Position and velocity share the joint's motion, while
+        noise differs. The narrower band of the two counts where both have the same content.
     dt : float
         Sampling time [s].
 
     Returns
     -------
     float
-        [Hz]; the largest of the joints'. White measurement noise is taken off first, at the
+        Largest band edge of all joints [Hz]. White measurement noise is subtracted first, at the
         level of the upper half of the spectrum.
     """
     frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
@@ -141,8 +139,8 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
 def position_band(q: Array, dt: float) -> float:
     """Return the frequency [Hz] below which nearly all of the power of positions (M, n) lies.
 
-    Lower than the motion's, since velocity and acceleration grow with frequency, but far above
-    noise: no joint moves as little as its encoder's noise.
+    This frequency is lower than that of the motion, because velocity and acceleration grow with
+    frequency. It is unaffected by noise, because every joint moves far more than its encoder noise.
     """
     frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
     return float(max(np.max(_edges(frequency, q), initial=0.0), frequency[1]))
@@ -154,10 +152,10 @@ def _spectrum(values: Array) -> npt.NDArray[np.complex128]:
 
 
 def _coherent(q: Array, dq: Array) -> npt.NDArray[np.bool_]:
-    """Return at which frequencies positions and velocities show the same motion, (K, n).
+    """Return the frequencies at which positions and velocities show the same motion, (K, n).
 
-    Noise of a filtered velocity falls with frequency, as a motion does. The positions do not have
-    it, so its coherence with them is low. A lag of the velocity does not change the coherence.
+    The noise of a filtered velocity falls with frequency, like a motion. The positions lack this
+    noise, so its coherence with them is low. A delay of the velocity does not change the coherence.
     """
     velocities = _spectrum(dq)
     derivative = _spectrum(q) * np.arange(len(velocities))[:, None]
@@ -180,7 +178,7 @@ def _edges(
     """Return the (n,) band edges [Hz] of velocities or, by a derivative, of positions."""
     power = np.abs(_spectrum(values)) ** 2
     noise = np.median(power[len(power) // 2 :], axis=0) / np.log(2.0)
-    # Single bins of noise scatter about their mean: only what stands out of it counts.
+    # Single noise bins scatter about their mean; only values well above it count.
     signal = np.where(power > 10.0 * noise, power - noise, 0.0)
     if common is not None:
         signal *= common
@@ -189,69 +187,69 @@ def _edges(
     return np.asarray(frequency[edges])
 
 
-# Gautier (ICRA 1997): a low-pass ten times above the motion leaves its dynamics alone.
+# Gautier (ICRA 1997): a low-pass filter ten times above the motion preserves its dynamics.
 _CUTOFF_PER_BAND = 10.0
 _CUTOFF_MIN_PER_BAND = 0.5  # below, most of the motion is lost
-# ... but there must be enough samples in a period of the cut-off to differentiate.
+# Samples per period of the cut-off that differentiation needs, ...
 _SAMPLES_PER_CUTOFF = 10.0
-_FEWEST_PER_CUTOFF = 5.0  # of which one could do with, where data say so
-_LEAST_PER_POSITION_BAND = 4.0  # cut-offs below take part of the motion
-# Cut-offs to try, as factors of the one by rule; below, down to the least, by the last one.
+_FEWEST_PER_CUTOFF = 5.0  # ... and the minimum where the data require it
+_LEAST_PER_POSITION_BAND = 4.0  # lower cut-offs remove part of the motion
+# Candidate cut-offs relative to the rule; the last factor repeats below, down to the least.
 _TRIED = (0.5, 0.7, 1.0, 1.4, 2.0)
 _LOWER = 0.5
-# Trials are compared on samples in common: of no more than this rate, unless the motion is faster.
+# Trials are compared on common samples, at most at this rate unless the motion is faster.
 _TRIAL_RATE = 30.0  # [Hz]
 _TRIAL_FINE_RATE = 200.0  # [Hz]
-# The filtered torque is kept at five times the cut-off: above the Nyquist rate, 2, with room
+# The filtered torque is sampled at five times the cut-off: above the Nyquist rate, 2, with a margin
 # for the filter's slope.
 _RATE_PER_CUTOFF = 5.0
-# Before, signals are kept at this many times the cut-off: the steps of dry friction are then off
-# by half a hundredth of the cut-off's period at most, and the filter removes what is faster.
+# Before filtering, signals are sampled at this multiple of the cut-off. The steps of dry friction
+# are then accurate to half a hundredth of the cut-off period; the filter removes faster content.
 _FINE_RATE_PER_CUTOFF = 100.0
-_FINE_RATE_MIN = 400.0  # [Hz]; the motion doesn't slow down with the cut-off
-_SEARCH_RATE = 250.0  # [Hz] is enough to find band and harmonics of any arm's motion
-_EDGE = 0.5  # periods of the cut-off left out at the ends of a motion that isn't periodic
-_FEWEST_PERIODS = 3.0  # of the cut-off in a motion that is only predicted
-_EDGE_MOST = 0.1  # share of the motion
-_SPREAD = 1.0  # periods of the cut-off to either side, over which it spreads saturated torque
-_STANDSTILL_SPEED = 5e-3  # share of a joint's top speed
+_FINE_RATE_MIN = 400.0  # [Hz] minimum, because the motion does not slow down with the cut-off
+_SEARCH_RATE = 250.0  # [Hz] sufficient to find band and harmonics of any arm motion
+_EDGE = 0.5  # periods of the cut-off excluded at both ends of an aperiodic motion
+_FEWEST_PERIODS = 3.0  # periods of the cut-off in a motion that is only predicted
+_EDGE_MOST = 0.1  # largest excluded fraction of the motion
+_SPREAD = 1.0  # periods of the cut-off excluded on both sides of saturated torque
+_STANDSTILL_SPEED = 5e-3  # relative to a joint's top speed
 _STANDSTILL_TIME = 0.3  # [s]
 
 
 class Conditioner:
-    """Finds band and harmonics on the identification bags, and conditions any bag with them.
+    """Find band and harmonics of the identification bags, and condition any bag with them.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        The bags to identify from: nothing is learnt from a validation bag.
+        Identification bags; validation bags do not influence the choice.
     options : ConditioningOptions
-        What is already known.
+        Settings that the user has given.
 
     Attributes
     ----------
     cutoff : float
-        Of the torque's low-pass [Hz]: the given one, else ten times the band, where the choice by
-        data begins.
+        Cut-off of the torque's low-pass filter [Hz]: the given one, or ten times the band as the
+        initial value of the choice by data.
     cutoffs : tuple of float
-        Those to choose from, rising [Hz]; only the given one if there is one.
+        Candidate cut-offs in ascending order [Hz]; only the given one if set.
     harmonics : int or None
-        N of the excitation; None if a bag isn't periodic.
+        Number of harmonics N of the excitation; None if a bag is not periodic.
     fundamental : float or None
-        f0 [Hz] of the first bag; None if a bag isn't periodic.
+        Fundamental frequency f0 [Hz] of the first bag; None if a bag is not periodic.
     band : float
         Frequency [Hz] below which the motion lies.
     delays : SignalDelays
-        How late measured velocities are, unless stamps are exact, and efforts, by
-        `with_effort_delay`. That of efforts is taken off, that of velocities where the filter of
-        the kinematics is `in_time`.
+        Delays of measured velocities (0 with exact stamps), and of efforts after
+        `with_effort_delay`. The effort delay is always corrected, the velocity delay only if the
+        kinematics filter is `in_time`.
     warnings : list of str
-        What of the options doesn't fit the motion, and motions that are short.
+        Options that do not fit the motion, and short motions.
 
     Raises
     ------
     IdentificationError
-        If a recording is too short, or the cut-off, the harmonics or the filter don't fit it.
+        If a recording is too short, or the cut-off, harmonics or filter do not fit the recording.
     """
 
     def __init__(self, recordings: Sequence[Recording], options: ConditioningOptions) -> None:
@@ -300,19 +298,19 @@ class Conditioner:
             self.delays = replace(self.delays, velocity=velocity_lag(motions, self.cutoff))
 
     def at(self, cutoff: float) -> 'Conditioner':
-        """Return the same with another cut-off [Hz]."""
+        """Return a conditioner with another cut-off [Hz]."""
         other = copy(self)
         other.cutoff = cutoff
         return other
 
     def with_effort_delay(self, delay: Array) -> 'Conditioner':
-        """Return the same for efforts that are late by (n,) [s]."""
+        """Return a conditioner for efforts with a delay of (n,) [s]."""
         other = copy(self)
         other.delays, other._motions = replace(self.delays, effort=delay), {}
         return other
 
     def candidates(self) -> list[KinematicsFilter]:
-        """Return the kinematics filters to choose from, the simplest first."""
+        """Return the candidate kinematics filters, simplest first."""
         wanted = self._options.filter
         filters = [KinematicsFilter(self.cutoff)]
         if self.harmonics is not None and self.fundamental is not None and wanted != 'butterworth':
@@ -326,7 +324,7 @@ class Conditioner:
         ]
 
     def adapted(self, kinematics: KinematicsFilter) -> KinematicsFilter:
-        """Return a filter of another cut-off as it is at this one."""
+        """Return the filter adapted to this cut-off."""
         harmonics = kinematics.harmonics
         if harmonics not in (None, self.harmonics):
             harmonics = self._harmonics_below_cutoff()
@@ -339,20 +337,18 @@ class Conditioner:
     def condition(
         self, recording: Recording, kinematics: KinematicsFilter, predicted: bool = False
     ) -> Samples:
-        """Filter one bag.
+        """Filter one bag with the conditioner's cut-off and a kinematics filter.
 
         Parameters
         ----------
-        recording : Recording
-        kinematics : KinematicsFilter
         predicted : bool
-            Whether its torque is only to be predicted: then it need not excite anything, and may be
-            as short as the filter allows.
+            Whether the torque is only to be predicted. The motion then needs no excitation, and may
+            be as short as the filter allows.
 
         Raises
         ------
         IdentificationError
-            If the motion in it is too short.
+            If the motion in the recording is too short.
         """
         fine = max(_FINE_RATE_PER_CUTOFF * self.cutoff, _FINE_RATE_MIN)
         shortest = min(SHORTEST, _FEWEST_PERIODS / self.cutoff) if predicted else SHORTEST
@@ -360,12 +356,12 @@ class Conditioner:
         return self._at_rates(recording, kinematics, (fine, coarse), shortest)
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
-        """Filter one bag, at instants that are the same whatever the filter and its cut-off.
+        """Filter one bag, sampled at instants that are independent of filter and cut-off.
 
         Raises
         ------
         IdentificationError
-            If the motion in it is too short.
+            If the motion in the recording is too short.
         """
         fine = max(_TRIAL_FINE_RATE, self._trial_rate)
         return self._at_rates(recording, kinematics, (fine, self._trial_rate), SHORTEST)
@@ -377,7 +373,7 @@ class Conditioner:
         rates: tuple[float, float],
         shortest: float,
     ) -> Samples:
-        """Filter one bag, with fine and coarse samples at no less than two rates [Hz]."""
+        """Filter one bag, with fine and coarse samples at the given minimum rates [Hz]."""
         factor = _factor(recording, rates[0])
         step = _factor(recording, rates[1] * factor)
         motion = self._motion(recording, step, factor, shortest)
@@ -386,13 +382,13 @@ class Conditioner:
         return self._samples(motion, kinematics, step)
 
     def forget_motions(self) -> None:
-        """Free what is kept of recordings between one filter and the next."""
+        """Free the cached motions of recordings."""
         self._motions.clear()
 
     def _motion(
         self, recording: Recording, multiple: int, factor: int, shortest: float = SHORTEST
     ) -> UniformMotion:
-        """Return the motion with a whole number of decimated samples a period; found once."""
+        """Return the motion with a whole number of decimated samples per period; cached."""
         if recording not in self._parts:
             fundamental = self._options.fundamental
             self._parts[recording] = find_periodic_part(recording.time, recording.q, fundamental)
@@ -412,17 +408,17 @@ class Conditioner:
         return min(_CUTOFF_PER_BAND * band, 1.0 / (_SAMPLES_PER_CUTOFF * dt))
 
     def _given_cutoff(self, band: float, dt: float) -> float | None:
-        """Return the user's cut-off, if there is one, checked against that of the positions."""
+        """Return the user's cut-off, checked against the band of the positions; None if not set."""
         given, limit = self._options.cutoff, 0.4 / dt
         if given is not None and given > limit:
             raise IdentificationError(
-                f'cut-off {given:g} Hz is above {limit:.3g} Hz, which is what '
-                f"the bag's rate of {1.0 / dt:.3g} Hz allows: choose a lower one"
+                f"cutoff {given:g} Hz is above {limit:.3g} Hz, the highest that the bag's rate "
+                f'of {1.0 / dt:.3g} Hz allows: choose a lower cutoff'
             )
         if given is not None and given < _CUTOFF_MIN_PER_BAND * band:
             raise IdentificationError(
-                f'cut-off {given:g} Hz would filter the motion away, which '
-                f'reaches {band:.3g} Hz: choose a higher one'
+                f'cutoff {given:g} Hz would filter out the motion, which reaches {band:.3g} Hz: '
+                'choose a higher cutoff'
             )
         return given
 
@@ -444,7 +440,7 @@ class Conditioner:
             name=recording.name,
             recorded=motion.count * motion.factor,
             time=time,
-            q=q[::step].copy(),  # a view would keep the fine positions, which nobody needs
+            q=q[::step].copy(),  # a view would keep the fine positions in memory
             dq=dq[::step],
             ddq=ddq[::step],
             dq_fine=dq,
@@ -469,9 +465,9 @@ class Conditioner:
 
 
 def _tried(rule: float, least: float, highest: float) -> tuple[float, ...]:
-    """Return cut-offs to try [Hz], rising: about the rule, and far below if the motion ends there.
+    """Return candidate cut-offs [Hz], ascending: around the rule, and lower if the band is narrow.
 
-    The rule asks velocities, whose noise may reach much further than the motion.
+    The rule uses velocities, whose noise may extend far beyond the motion's band.
     """
     tried = [factor * rule for factor in _TRIED]
     while _LOWER * tried[0] >= least:
@@ -480,8 +476,8 @@ def _tried(rule: float, least: float, highest: float) -> tuple[float, ...]:
 
 
 def _factor(recording: Recording, rate: float) -> int:
-    """Return how many recorded samples go into one at no less than a rate [Hz]."""
-    # Stamps jitter: a ratio just below a whole number is meant to be one.
+    """Return the number of recorded samples per decimated one, at a minimum rate [Hz]."""
+    # Stamps jitter, so a ratio just below a whole number counts as that number.
     return max(1, int(1.0 / (sampling_time(recording) * rate) + 1e-3))
 
 
@@ -490,12 +486,12 @@ def _rough_velocity(motion: UniformMotion) -> Array:
 
 
 def _slope(motion: UniformMotion) -> Array:
-    """Return positions differentiated [rad/s]."""
+    """Return the derivative of the positions [rad/s]."""
     return np.asarray(np.gradient(motion.q, motion.dt, axis=0)[motion.window])
 
 
 def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
-    """Return where a joint rests: dry friction then has any value up to its largest."""
+    """Return where a joint is at rest; dry friction is undetermined there."""
     slow = np.abs(dq) < _STANDSTILL_SPEED * np.maximum(np.abs(dq).max(axis=0), 1e-6)
     shortest = max(2, round(_STANDSTILL_TIME / dt))
     still = np.zeros_like(slow)
@@ -509,7 +505,7 @@ def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
 def _near(
     recording: Recording, flags: npt.NDArray[np.bool_], time: Array, distance: float
 ) -> npt.NDArray[np.bool_]:
-    """Return which instants (K,) lie within a distance [s] of flagged samples; (K, n)."""
+    """Return which instants (K,) are within a distance [s] of flagged samples; (K, n)."""
     near = np.zeros((len(time), flags.shape[1]), dtype=bool)
     for joint in range(flags.shape[1]):
         flagged = recording.time[flags[:, joint]]
@@ -519,6 +515,6 @@ def _near(
 
 
 def _blocks(motion: UniformMotion, count: int, step: int) -> npt.NDArray[np.intp]:
-    """Return consecutive parts of the motion; a periodic motion's repetitions go together."""
+    """Return the block number of each sample; repetitions of a period share a block."""
     length = motion.period // step if motion.period else count
     return np.asarray((np.arange(count) % length) * BLOCKS // length, dtype=np.intp)

@@ -1,4 +1,4 @@
-"""Whether what the user says of a motion agrees with the motion."""
+"""Checks of the user's description of a motion against the recorded motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from aerarm_ros.identification.conditioning.uniform_motion import UniformMotion
 from aerarm_ros.identification.errors import IdentificationError
 
 FILTERS = ('auto', 'harmonics', 'butterworth')
-"""Ways to clean the kinematics."""
+"""Available filters of the kinematics."""
 
 
 @dataclass(frozen=True)
 class ConditioningOptions:
-    """Settings of the user; None is chosen from the data.
+    """User settings; None means chosen from the data.
 
     Attributes
     ----------
@@ -24,12 +24,12 @@ class ConditioningOptions:
     harmonics : int or None
         N of the excitation.
     cutoff : float or None
-        Of the low-pass on torque [Hz].
+        Cut-off of the torque's low-pass filter [Hz].
     filter : str
-        How kinematics are cleaned: 'harmonics' (rectangular windows at the N harmonics of a
-        periodic motion, thesis section 3.5), 'butterworth' (zero-phase low-pass) or 'auto'.
+        Filter of the kinematics: 'harmonics' (rectangular windows at the N harmonics of a periodic
+        motion, thesis section 3.5), 'butterworth' (zero-phase low-pass) or 'auto'.
     exact_stamps : bool
-        Whether all of a message is known to be of one instant: no delays are looked for.
+        Whether all values of a message were measured at its stamp, so that no delay is estimated.
     """
 
     fundamental: float | None = None
@@ -39,7 +39,7 @@ class ConditioningOptions:
     exact_stamps: bool = False
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Validate the settings."""
         for name in ('fundamental', 'cutoff'):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
@@ -51,18 +51,18 @@ class ConditioningOptions:
 
 
 _SHORT = 10.0  # [s]: one period of the excitation of thesis section 3.4
-_TOLERANCE = 0.01  # relative, of a period
-_LARGEST_PART = 0.5  # share of a motion's way that its whole periods make up, or they are none
-_TOO_SHORT = 3.0  # [s]: nothing is identified from less
+_TOLERANCE = 0.01  # relative error of a period
+_LARGEST_PART = 0.5  # smallest fraction of a motion's path within its whole periods
+_TOO_SHORT = 3.0  # [s] shortest motion that can be identified
 
 
 def short_motion_warnings(motion: UniformMotion) -> list[str]:
-    """Warn of a motion that doesn't repeat itself and is short."""
+    """Return warnings about a short motion that is not periodic."""
     duration = motion.count * motion.dt
     if motion.period is not None or duration >= _SHORT:
         return []
     return [
-        f'{motion.recording.name}: only {duration:.1f} s of motion, which never repeats itself: '
+        f'{motion.recording.name} contains only {duration:.1f} s of motion that never repeats: '
         f'record at least one whole period of an excitation, {_SHORT:g} s or more (better two)'
     ]
 
@@ -70,42 +70,42 @@ def short_motion_warnings(motion: UniformMotion) -> list[str]:
 def fundamental_warnings(
     motion: UniformMotion, fundamental: float, needed: bool = False
 ) -> list[str]:
-    """Compare a given fundamental frequency with the period that the motion shows.
+    """Compare a given fundamental frequency with the period of the motion.
 
     Parameters
     ----------
     motion : UniformMotion
-        Its window has been chosen by this fundamental frequency.
+        Motion whose window was chosen by this fundamental frequency.
     fundamental : float
-        f0 [Hz].
+        Fundamental frequency f0 [Hz].
     needed : bool
-        Whether the motion is to be filtered at its harmonics, come what may.
+        Whether the user requires the filter at the harmonics.
 
     Raises
     ------
     IdentificationError
-        If it is wrong, and needed or so high that next to nothing of the motion is left.
+        If the frequency is wrong and `needed`, or so high that almost no motion is left.
     """
     recording = motion.recording
     if motion.period is None:
         return [
-            f'{recording.name}: less than one period of {1.0 / fundamental:.4g} s of motion, so '
-            f'--fundamental {fundamental:g} is not used: check it, or record whole periods'
+            f'{recording.name} contains less than one period of {1.0 / fundamental:.4g} s, so '
+            f'--fundamental {fundamental:g} is ignored: check the option, or record whole periods'
         ]
     found = find_periodic_part(recording.time, recording.q)
     if found is None:
         if _share_of_way(motion) >= _LARGEST_PART:
             return []
-        shown = f'does not repeat itself every {1.0 / fundamental:.4g} s'
+        shown = f'does not repeat every {1.0 / fundamental:.4g} s'
     else:
-        # Several periods, taken together, are periodic as well.
+        # Several consecutive periods are periodic as well.
         ratio = 1.0 / (fundamental * found.period)
         if round(ratio) >= 1 and abs(ratio / round(ratio) - 1.0) < _TOLERANCE:
             return []
-        shown = f'repeats itself every {found.period:.4g} s ({found.fundamental:.4g} Hz)'
+        shown = f'repeats every {found.period:.4g} s ({found.fundamental:.4g} Hz)'
     text = (
-        f'{recording.name}: --fundamental {fundamental:g} Hz, but the motion {shown}: check the '
-        'option, or leave it out'
+        f'--fundamental is {fundamental:g} Hz, but the motion of {recording.name} {shown}: check '
+        'the option, or omit it'
     )
     if needed or motion.count * motion.dt < _TOO_SHORT:
         raise IdentificationError(text)
@@ -113,7 +113,7 @@ def fundamental_warnings(
 
 
 def _share_of_way(motion: UniformMotion) -> float:
-    """Return how much of the way that the joints go lies in the window."""
+    """Return the fraction of the joints' path that lies in the window."""
     way = np.abs(np.diff(motion.q, axis=0)).sum(axis=1)
     return float(way[motion.window].sum() / way.sum())
 
@@ -124,10 +124,11 @@ def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) 
     Parameters
     ----------
     given, found : int
+        Number of harmonics given by the user, and found in the spectrum.
     fundamental : float
-        f0 [Hz].
+        Fundamental frequency f0 [Hz].
     rate : float
-        Of the samples [Hz].
+        Sampling rate [Hz].
 
     Raises
     ------
@@ -136,37 +137,37 @@ def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) 
     """
     if given * fundamental >= 0.5 * rate:
         raise IdentificationError(
-            f'--harmonics {given}: {given * fundamental:.4g} Hz is beyond the Nyquist frequency '
-            f'{0.5 * rate:.4g} Hz of the bag: choose fewer'
+            f'harmonic {given} (--harmonics) is at {given * fundamental:.4g} Hz, beyond the '
+            f'Nyquist frequency {0.5 * rate:.4g} Hz of the bag: choose fewer harmonics'
         )
     if given >= found:
         return []
     return [
-        f'--harmonics {given}, but the motion has harmonics up to the {found}th, '
-        f'{found * fundamental:.3g} Hz, whose accelerations are lost: check the option, or leave '
-        'it out'
+        f'--harmonics is {given}, but the motion has harmonics up to number {found} at '
+        f'{found * fundamental:.3g} Hz, whose accelerations are lost: check the option, or omit '
+        'it'
     ]
 
 
 def aperiodic_warnings(motions: Sequence[UniformMotion], options: ConditioningOptions) -> list[str]:
-    """Check options for whole periods against motions of which one has none.
+    """Check options for whole periods against motions of which at least one is aperiodic.
 
     Raises
     ------
     IdentificationError
-        If the filter at the harmonics was asked for.
+        If the user requires the filter at the harmonics.
     """
     names = ', '.join(motion.recording.name for motion in motions if motion.period is None)
     if options.filter == 'harmonics' and options.fundamental is not None:
         raise IdentificationError(
-            f'--filter harmonics needs whole periods, and {names} holds none of '
-            f'--fundamental {options.fundamental:g} Hz: check it, or choose --filter butterworth'
+            f'--filter harmonics needs whole periods, and {names} contains none of --fundamental '
+            f'{options.fundamental:g} Hz: check that option, or choose --filter butterworth'
         )
     if options.filter == 'harmonics':
         raise IdentificationError(
-            f'--filter harmonics needs whole periods, and {names} does not repeat itself: record '
-            'two periods, give --fundamental, or choose --filter butterworth'
+            f'--filter harmonics needs whole periods, and {names} does not repeat: record two '
+            'periods, give --fundamental, or choose --filter butterworth'
         )
     if options.harmonics is not None:
-        return [f'{names}: not periodic, so --harmonics is not used: give --fundamental']
+        return [f'{names} is not periodic, so --harmonics is ignored: pass --fundamental']
     return []

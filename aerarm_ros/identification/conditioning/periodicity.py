@@ -1,4 +1,4 @@
-"""Finding the whole periods in a recorded motion, thesis sections 3.4 and 3.5."""
+"""Search for whole periods in a recorded motion, thesis sections 3.4 and 3.5."""
 
 from dataclasses import dataclass
 
@@ -7,33 +7,33 @@ import numpy.typing as npt
 
 from aerarm_ros.motion.signals import Array
 
-_RATE = 10.0  # [Hz] the search works on the motion sampled this often
-_LONGEST = 240.0  # [s] and looks at no more than this much of it
+_RATE = 10.0  # [Hz] sampling rate of the search
+_LONGEST = 240.0  # [s] longest part of the motion that is searched
 _SHORTEST_PERIOD = 1.0  # [s]
-# Mean squared difference of two periods, as a share of their variance: a repeated motion
-# differs by tracking errors, a motion that isn't repeated by its own size.
+# Mean squared difference of two periods relative to their variance: in a repeated motion only
+# tracking errors differ, in other motions the difference is as large as the motion.
 _REPEATED = 0.01
-# A period moves at least this share of what the liveliest stretch does.
+# A period has at least this fraction of the largest motion of any section of equal length.
 _LIVELY = 0.2
-# ... and the periods make up this share of the motion: a sweep also has similar neighbours.
+# The periods make up at least this fraction of the motion, because a sweep also repeats locally.
 _LARGEST_PART = 0.5
-# A harmonic belongs to the excitation above this share of the strongest one (velocity).
+# Harmonics above this fraction of the largest (in velocity) belong to the excitation.
 _HARMONIC_SHARE = 0.03
 _MOST_HARMONICS = 50
 
 
 @dataclass(frozen=True)
 class PeriodicPart:
-    """The stretch of a recording that consists of whole periods.
+    """Section of a recording that consists of whole periods.
 
     Attributes
     ----------
     start : float
-        Time at which it begins [s].
+        Start time [s].
     period : float
-        1 / f0 [s].
+        Period 1 / f0 [s].
     periods : int
-        How many.
+        Number of periods.
     """
 
     start: float
@@ -42,32 +42,32 @@ class PeriodicPart:
 
     @property
     def fundamental(self) -> float:
-        """f0 [Hz]."""
+        """Fundamental frequency f0 [Hz]."""
         return 1.0 / self.period
 
 
 def find_periodic_part(
     time: Array, q: Array, fundamental: float | None = None
 ) -> PeriodicPart | None:
-    """Look for the longest stretch in which a motion repeats itself.
+    """Find the longest section in which a motion repeats itself.
 
-    Run-in, run-out and standing still at the ends are left out.
+    The section excludes run-in, run-out and standstill at the ends.
 
     Parameters
     ----------
     time : (M,) ndarray
-        [s], increasing.
+        Time [s], increasing.
     q : (M, n) ndarray
         Joint positions [rad].
     fundamental : float, optional
-        f0 [Hz] where it is known; found from the data otherwise, which takes two periods.
+        Fundamental frequency f0 [Hz] if known; otherwise it is estimated from at least two periods.
 
     Returns
     -------
     PeriodicPart or None
-        None if the motion isn't periodic (or too short for one period of `fundamental`).
+        None if the motion is not periodic, or shorter than one period of `fundamental`.
     """
-    # A recording of whole periods ends one sample before its beginning comes back.
+    # A recording of whole periods ends one sample before the first position recurs.
     end = time[-1] + float(np.median(np.diff(time)))
     coarse_time = np.arange(time[0], min(end, time[0] + _LONGEST) - 1e-6, 1.0 / _RATE)
     coarse = np.column_stack([np.interp(coarse_time, time, column) for column in q.T])
@@ -86,14 +86,14 @@ def find_periodic_part(
 
 
 def count_harmonics(dq: Array, periods: int) -> int:
-    """Return N, the highest harmonic with a substantial share of a velocity.
+    """Return N, the highest harmonic with a significant fraction of a velocity.
 
     Parameters
     ----------
     dq : (M, n) ndarray
         Joint velocities over whole periods [rad/s].
     periods : int
-        How many periods these are.
+        Number of periods.
     """
     spectrum = np.abs(np.fft.rfft(dq, axis=0)[periods::periods])[:_MOST_HARMONICS]
     strength = np.sqrt((spectrum**2).sum(axis=1))
@@ -101,12 +101,12 @@ def count_harmonics(dq: Array, periods: int) -> int:
 
 
 def _mismatch(q: Array, lag: int) -> Array:
-    """Return how far the motion is from repeating itself after `lag`, for each start.
+    """Return the relative mismatch between the motion and itself after `lag`, for each start.
 
-    Mean squared difference of two consecutive stretches of this length, over twice the
-    variance in both together: 0 for a repeated motion, about 1 for an unrelated one, and
-    never small for a smooth motion merely because the lag is short. Infinite where there is
-    little motion.
+    The mismatch is the mean squared difference of two consecutive sections of this length, divided
+    by twice their common variance. It is 0 for a repeated motion and about 1 for unrelated
+    sections. It is not small for a smooth motion with a short lag. Sections with little motion have
+    an infinite mismatch.
     """
     difference = np.concatenate(([0.0], np.cumsum(((q[lag:] - q[:-lag]) ** 2).sum(axis=1))))
     numerator = difference[lag:] - difference[:-lag]
@@ -126,12 +126,12 @@ def _shortest_repeating_lag(q: Array) -> int | None:
             return found[1]
         if worst < _REPEATED:
             found = (worst, lag)
-    # Still falling at the longest lag that can be tested: the valley was not seen to end.
+    # The minimum is not confirmed if the mismatch still falls at the longest lag.
     return found[1] if found else None
 
 
 def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, lag: int) -> float:
-    """Return the period [s], more finely than the search's own steps."""
+    """Return the period [s], refined below the step size of the search."""
     start = coarse_time[int(np.argmin(_mismatch(coarse, lag)))]
     length = lag / _RATE
     instants = np.arange(start, start + length, 0.1 / _RATE)
@@ -146,7 +146,7 @@ def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, la
 
 
 def _rounded(period: float) -> float:
-    """Return the period of the round frequency next to it, if that is within measurement."""
+    """Return the period of the nearest round frequency if it is within measurement accuracy."""
     frequency = 1.0 / period
     for digits in (2, 3):
         round_frequency = float(f'{frequency:.{digits}g}')
@@ -160,7 +160,7 @@ def _at(instants: Array, time: Array, q: Array) -> Array:
 
 
 def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
-    """Return where most whole periods fit; of several such places, where they agree best."""
+    """Return the section with the most whole periods, and among several the best match."""
     lag = max(200, round(period * _RATE))
     step = period / lag
     length = time[-1] - time[0] + float(np.median(np.diff(time)))
@@ -170,7 +170,7 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
     motion = _at(time[0] + step * np.arange(count), time, q)
     difference = ((motion[lag:] - motion[:-lag]) ** 2).sum(axis=1)
     spread = _moving_variance(motion, lag)[:-1]
-    # Standing still repeats itself too, so a period must also move.
+    # A standstill repeats itself as well, so a period must contain motion.
     moves = spread > _LIVELY * spread.max()
     repeats = (difference < 4.0 * _REPEATED * spread.max()) & moves
     periods = min((_longest_run(repeats) + lag + 1) // lag, (count - 1) // lag)
@@ -178,7 +178,7 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
     starts = np.arange(count - max(periods * lag, lag + compared))
     total = np.concatenate(([0.0], np.cumsum(difference)))
     mismatch = np.where(moves[starts], total[starts + compared] - total[starts], np.inf)
-    # The middle of the equally good places is farthest from run-in and run-out.
+    # Of equally good sections the middle one is farthest from run-in and run-out.
     negligible = 1e-6 * compared * spread.max()
     good = np.flatnonzero(mismatch <= 1.2 * mismatch.min() + negligible)
     start = time[0] + step * good[(len(good) - 1) // 2]
@@ -186,13 +186,13 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
 
 
 def _moving_time(q: Array) -> float:
-    """Return how long a motion sampled at the search's rate really moves [s]."""
+    """Return the duration of actual motion [s], for samples at the search's rate."""
     travel = np.linalg.norm(np.diff(q, axis=0), axis=1)
     return float(np.sum(travel > 0.02 * travel.max())) / _RATE
 
 
 def _moving_variance(q: Array, window: int) -> Array:
-    """Return the variance, summed over the joints, of each `window` samples."""
+    """Return the variance, summed over the joints, of each `window` consecutive samples."""
     centred = q - q.mean(axis=0)
     first = np.concatenate((np.zeros((1, q.shape[1])), np.cumsum(centred, axis=0)))
     second = np.concatenate(([0.0], np.cumsum((centred**2).sum(axis=1))))
@@ -202,6 +202,6 @@ def _moving_variance(q: Array, window: int) -> Array:
 
 
 def _longest_run(flags: npt.NDArray[np.bool_]) -> int:
-    """Return the length of the longest stretch of True."""
+    """Return the length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
     return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0

@@ -9,25 +9,25 @@ from aerarm_ros.motion.signals import Array
 
 Gain = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 
-# The impulse response of the low-pass below has died out after this many periods of its cut-off.
+# The impulse response of the low-pass filter decays within this many cut-off periods.
 SETTLING_PERIODS = 6.0
-_BATCH = 2_000_000  # values transformed at once: bounds the working memory
+_BATCH = 2_000_000  # values transformed at once, to limit the memory
 
 
 def low_pass_gain(cutoff: float, order: int = 4) -> Callable[[Array], Array]:
-    """Return the gain of a Butterworth low-pass run forwards and backwards.
+    """Return the gain of a Butterworth low-pass filter run forwards and backwards.
 
     Parameters
     ----------
     cutoff : float
-        Frequency [Hz] at which the gain is 1/2 (each of the two runs gives 1/sqrt(2)).
+        Frequency [Hz] at which the total gain is 1/2 (each run has 1/sqrt(2)).
     order : int
-        Of each run.
+        Filter order of each run.
 
     Returns
     -------
     callable
-        Frequencies [Hz] to gains, real: no phase shift.
+        Maps frequencies [Hz] to real gains, without phase shift.
     """
 
     def gain(frequency: Array) -> Array:
@@ -42,14 +42,14 @@ def harmonic_gain(fundamental: float, harmonics: int) -> Callable[[Array], Array
     Parameters
     ----------
     fundamental : float
-        f0 [Hz].
+        Fundamental frequency f0 [Hz].
     harmonics : int
-        N: constant and f0 .. N f0 pass unchanged, nothing else does.
+        Number N; only the constant and the frequencies f0 .. N f0 pass.
 
     Returns
     -------
     callable
-        Frequencies [Hz] of a record of whole periods to gains of 0 or 1.
+        Maps frequencies [Hz] of a record of whole periods to gains of 0 or 1.
     """
 
     def gain(frequency: Array) -> Array:
@@ -63,31 +63,31 @@ def harmonic_gain(fundamental: float, harmonics: int) -> Callable[[Array], Array
 
 
 class SpectralFilter:
-    """A filter without phase shift, applied in the frequency domain.
+    """Zero-phase filter, applied in the frequency domain.
 
-    The signal is either periodic, then its spectrum is exact, or the straight line between its
-    ends is taken off and the rest continued by point reflection (odd extension), which keeps
-    value and slope continuous; the line passes unchanged. Decimation leaves out the bins above
-    the new Nyquist frequency, which costs nothing and cannot alias.
+    A periodic signal has an exact spectrum. For any other signal the straight line between its ends
+    is subtracted before and added after the filter. The rest is extended by point reflection (odd
+    extension), which keeps value and slope continuous. Decimation omits the bins above the new
+    Nyquist frequency, which costs no time and prevents aliasing.
 
     Parameters
     ----------
     count : int
-        Samples of the signals to filter.
+        Number of samples of the signals.
     dt : float
         Sampling time [s].
     gain : callable
-        Frequencies [Hz] to gains, 1 for constants, such as `low_pass_gain(5.0)`; complex ones
-        shift in time.
+        Maps frequencies [Hz] to gains, 1 for constants, for example `low_pass_gain(5.0)`; complex
+        gains shift in time.
     decimation : int
-        Every how many samples one is kept; it must divide `count` of a periodic signal.
+        Decimation factor; it must divide `count` for a periodic signal.
     settling : float or None
-        Length of the continuation [s]; None for a periodic signal.
+        Length of the extension [s]; None for a periodic signal.
 
     Raises
     ------
     ValueError
-        If `decimation` doesn't divide the length of a periodic signal.
+        If `decimation` does not divide the length of a periodic signal.
     """
 
     def __init__(
@@ -114,20 +114,20 @@ class SpectralFilter:
 
     @property
     def periodic(self) -> bool:
-        """Whether it takes signals for periodic."""
+        """Whether the filter treats signals as periodic."""
         return self._periodic
 
     def __call__(self, signal: npt.ArrayLike, derivative: int = 0, decimate: bool = True) -> Array:
-        """Filter along the first axis.
+        """Filter a signal along its first axis.
 
         Parameters
         ----------
         signal : (count, ...) array_like
             Uniform samples.
         derivative : int
-            How many times to differentiate: multiplication by (j omega), section 3.5.1.
+            Order of differentiation, by multiplication with (j omega), section 3.5.1.
         decimate : bool
-            False keeps the sampling rate.
+            Whether to decimate; False keeps the sampling rate.
 
         Returns
         -------
@@ -165,7 +165,7 @@ class SpectralFilter:
         length = self._length // step
         spectrum = spectrum[:, : length // 2 + 1]
         if step > 1 and length % 2 == 0:
-            # What was one of two conjugate bins stands alone at the new Nyquist frequency.
+            # One of two conjugate bins remains at the new Nyquist frequency.
             spectrum[:, -1] = spectrum[:, -1].real * 2.0
         filtered = np.fft.irfft(spectrum, length, axis=1) / step
         first = self._left // step
@@ -175,7 +175,7 @@ class SpectralFilter:
         left, right = self._left, self._length - self._left - self.count
         extended = np.empty((len(rows), self._length))
         extended[:, left : left + self.count] = rows
-        # The ends are zero by now: reflection about them changes the sign.
+        # Both ends are zero now, so reflection about them changes the sign.
         extended[:, :left] = -rows[:, left:0:-1]
         last = self.count - 1
         if right:
@@ -185,7 +185,7 @@ class SpectralFilter:
 
 
 def _continuation(count: int, wanted: float, decimation: int) -> tuple[int, int]:
-    """Return samples in front of the signal and in all; both multiples of the decimation."""
+    """Return the number of samples before the signal and in total, multiples of the decimation."""
     most = count - 1
     left = min(round(wanted), most) // decimation * decimation
     shortest, longest = left + count + min(round(wanted), most), left + count + most
@@ -196,12 +196,12 @@ def _continuation(count: int, wanted: float, decimation: int) -> tuple[int, int]
             return left, length
     if len(lengths):
         return left, lengths[0]
-    # Too few samples to reach a multiple behind the end: cut the front instead.
+    # Too few samples for a multiple after the end, so shorten the front.
     return left, (left + count + most) // decimation * decimation
 
 
 def _is_smooth(number: int) -> bool:
-    """Tell whether a number has no prime factor above 7, so that its transform is fast."""
+    """Return whether a number has no prime factor above 7, so that its transform is fast."""
     for factor in (2, 3, 5, 7):
         while number % factor == 0:
             number //= factor

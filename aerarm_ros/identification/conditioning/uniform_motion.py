@@ -1,4 +1,4 @@
-"""A recording on a uniform time grid, with the stretch that identification uses."""
+"""Recordings on a uniform time grid, with the section used for identification."""
 
 from dataclasses import dataclass, replace
 
@@ -17,44 +17,44 @@ from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import Array
 
 FOLDS = 5
-"""Parts of a motion, of which each is predicted from the others."""
+"""Number of parts of a motion for cross-validation."""
 
 BLOCKS = 5 * FOLDS
-"""Consecutive pieces of a motion, which the parts are made of."""
+"""Number of consecutive blocks of a motion that form the parts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Conditioned motion of one bag at two rates.
 
-    `fine` arrays, at a hundred times the cut-off or more, keep the steps of dry friction in
-    place; the others, at five times the cut-off, are those that are fitted.
+    Arrays named `fine`, sampled at a hundred times the cut-off or more, keep the steps of dry
+    friction in place. The other arrays, at five times the cut-off, are used for the fit.
 
     Attributes
     ----------
     name : str
-        Of the bag.
+        Name of the bag.
     recorded : int
-        Recorded samples that went in.
+        Number of recorded samples used.
     time : (M,) ndarray
-        Of the decimated samples [s] since the bag's start.
+        Time of the decimated samples [s] since the bag's start.
     q, dq, ddq : (M, n) ndarray
-        [rad], [rad/s], [rad/s^2]
+        Joint positions, velocities, accelerations [rad], [rad/s], [rad/s^2].
     dq_fine, ddq_fine : (L, n) ndarray
-        [rad/s], [rad/s^2]
+        Finely sampled velocities and accelerations [rad/s], [rad/s^2].
     tau_raw, tau : (M, n) ndarray
         Measured torque as recorded and low-pass filtered [Nm].
     fine_filter, coarse_filter : SpectralFilter
-        The torque's low-pass, for regressor columns at the fine (then decimating) and at the
-        other rate: both sides of the equation pass the same filter.
+        Low-pass filter of the torque for regressor columns at the fine rate (with decimation) and
+        at the coarse rate. Both sides of the equation pass the same filter.
     kept : (M,) ndarray of bool
         Samples away from the ends, where the filter has settled.
     measured : (M, n) ndarray of bool
-        Kept, and the effort tells the joint's torque: not dead, not near saturation.
+        Kept samples with a valid joint torque: the effort is neither constant nor near saturation.
     usable : (M, n) ndarray of bool
-        Rows to fit: measured, and the joint not standing still.
+        Rows to fit: measured samples of a moving joint.
     block : (M,) ndarray of int
-        Consecutive part of the motion, 0 .. `BLOCKS` - 1.
+        Number of the consecutive block of motion, 0 .. `BLOCKS` - 1.
     """
 
     name: str
@@ -81,50 +81,50 @@ class Samples:
 
     @property
     def fold(self) -> npt.NDArray[np.intp]:
-        """(M,) part for cross-validation, 0 .. `FOLDS` - 1: blocks in turn.
+        """(M,) cross-validation part of each sample, 0 .. `FOLDS` - 1; blocks alternate.
 
-        So every part has something of the whole motion. A fifth in one piece would be predicted
-        from postures that it never takes, and judge extrapolation instead of the model.
+        Every part thus covers the whole motion. A contiguous fifth would be predicted from postures
+        that the rest never reaches, which would test extrapolation.
         """
         return np.asarray(self.block % FOLDS)
 
     @property
     def step(self) -> int:
-        """Every how many fine samples one is kept."""
+        """Decimation factor from fine to coarse samples."""
         return self.fine_filter.decimation
 
 
 SHORTEST = 3.0
-"""Motion [s] to identify from: a shorter one excites next to nothing."""
+"""Shortest motion for an identification [s]; a shorter one has almost no excitation."""
 
-_ANTI_ALIASING = 0.4  # cut-off of the low-pass before decimation, per new sampling rate
-_STANDSTILL = 0.02  # share of the fastest joint's top speed
+_ANTI_ALIASING = 0.4  # cut-off of the filter before decimation, relative to the new sampling rate
+_STANDSTILL = 0.02  # relative to the top speed of the fastest joint
 
 
 @dataclass(frozen=True, eq=False)
 class UniformMotion:
-    """Uniform samples of a recording.
+    """Recording resampled at uniform times.
 
     Attributes
     ----------
     recording : Recording
-        Where they come from.
+        Original recording.
     dt : float
         Sampling time [s].
     time : (M,) ndarray
-        [s] since the recording's start.
+        Time [s] since the recording's start.
     q, tau : (M, n) ndarray
-        [rad], [Nm]
+        Joint positions [rad] and torques [Nm].
     dq : (M, n) ndarray or None
         Measured velocity [rad/s].
     tau_raw : (M, n) ndarray
-        [Nm], interpolated only.
+        Torque without filter, only interpolated [Nm].
     factor : int
-        Recorded samples for each one here; beyond 1, q, dq and tau have passed a low-pass.
+        Recorded samples per uniform sample; above 1, q, dq and tau are low-pass filtered.
     window : slice
-        The samples to identify from: whole periods, or from first to last motion.
+        Samples used for identification: whole periods, or from first to last motion.
     period : int or None
-        Samples a period if the window consists of whole periods.
+        Number of samples per period if the window consists of whole periods.
     """
 
     recording: Recording
@@ -140,7 +140,7 @@ class UniformMotion:
 
     @property
     def periods(self) -> int:
-        """Number of whole periods in the window, 0 if it isn't periodic."""
+        """Number of whole periods in the window, 0 if the motion is not periodic."""
         return self.count // self.period if self.period else 0
 
     @property
@@ -149,7 +149,7 @@ class UniformMotion:
         return int(self.window.stop - self.window.start)
 
     def with_velocity_earlier(self, delay: Array) -> 'UniformMotion':
-        """Return the same motion for measured velocities that are late by (n,) [s]."""
+        """Return the motion with measured velocities advanced by their delay (n,) [s]."""
         if self.dq is None:
             return self
         columns = zip(delay, self.dq.T, strict=True)
@@ -158,10 +158,10 @@ class UniformMotion:
 
 
 def sampling_time(recording: Recording) -> float:
-    """Return the usual time between two samples [s].
+    """Return the typical time between two samples [s].
 
-    The mean, unless lost messages make it larger: single differences of stamps since 1970
-    are rounded to 0.2 us.
+    The result is the mean, unless lost messages increase it; single differences of stamps since
+    1970 are rounded to 0.2 us.
     """
     median = float(np.median(np.diff(recording.time)))
     mean = recording.duration / (len(recording.time) - 1)
@@ -175,26 +175,25 @@ def periodic_motion(
     factor: int = 1,
     effort_delay: Array | None = None,
 ) -> UniformMotion:
-    """Resample so that a period has a whole number of samples.
+    """Resample a periodic motion to a whole number of samples per period.
 
     Parameters
     ----------
-    recording : Recording
     part : PeriodicPart
-        The whole periods in it.
+        Whole periods of the recording.
     multiple : int
-        Number that divides the samples a period (for further decimation).
+        Required divisor of the number of samples per period (for further decimation).
     factor : int
-        Of decimation.
+        Decimation factor.
     effort_delay : (n,) ndarray, optional
-        By which efforts are late [s]: they are moved to where they belong.
+        Delay of the efforts [s], which is corrected.
     """
     whole = multiple * factor
     count = max(1, round(part.period / (sampling_time(recording) * whole))) * whole
     dt = part.period / count
     before = int((part.start - recording.time[0]) / dt + 1e-9) // factor * factor
     after = int((recording.time[-1] - part.start) / dt + 1e-9)
-    # The last sample of the last period may be the first one again.
+    # The last sample of the last period may coincide with the first sample.
     after = max(after, part.periods * count - 1)
     time = part.start + dt * np.arange(-before, after + 1)
     first = before // factor
@@ -209,22 +208,21 @@ def aperiodic_motion(
     shortest: float = SHORTEST,
     effort_delay: Array | None = None,
 ) -> UniformMotion:
-    """Resample at the recorded rate, decimated; leave out standing still at both ends.
+    """Resample at the recorded rate, decimated, without standstill at both ends.
 
     Parameters
     ----------
-    recording : Recording
     factor : int
-        Of decimation.
+        Decimation factor.
     shortest : float
-        Least motion [s].
+        Shortest accepted motion [s].
     effort_delay : (n,) ndarray, optional
-        By which efforts are late [s]: they are moved to where they belong.
+        Delay of the efforts [s], which is corrected.
 
     Raises
     ------
     IdentificationError
-        If the motion is shorter.
+        If the motion is shorter than `shortest`.
     """
     dt = sampling_time(recording)
     time = recording.time[0] + dt * np.arange(int(recording.duration / dt + 1e-6) + 1)
@@ -236,13 +234,13 @@ def aperiodic_motion(
     duration = (window.stop - window.start) * motion.dt
     if duration < shortest:
         what_for, better = (
-            ('excite the parameters', ' (better 20 s)')
+            ('excite all parameters', ' (better 20 s)')
             if shortest == SHORTEST
             else ('be filtered', '')
         )
         raise IdentificationError(
-            f'{recording.name}: only {duration:.2f} s of motion: too '
-            f'short to {what_for}, record at least {shortest:.2g} s{better}'
+            f'{recording.name} contains only {duration:.2f} s of motion, too short to '
+            f'{what_for}: record at least {shortest:.2g} s{better}'
         )
     return replace(motion, window=window)
 
@@ -256,7 +254,7 @@ def _resampled(
     period: int | None,
     effort_delay: Array | None,
 ) -> UniformMotion:
-    """Interpolate and decimate, a column at a time: long recordings are large."""
+    """Interpolate and decimate column by column, because long recordings are large."""
     late = np.zeros(recording.tau.shape[1]) if effort_delay is None else effort_delay
     cutoff = _ANTI_ALIASING / (dt * factor)
     settling = SETTLING_PERIODS / cutoff
@@ -291,19 +289,19 @@ def _resampled(
 
 @dataclass(frozen=True)
 class KinematicsFilter:
-    """A choice of filter and of the source of velocity and acceleration.
+    """Filter of the kinematics, with the source of velocity and acceleration.
 
     Attributes
     ----------
     cutoff : float
-        Of the zero-phase low-pass [Hz].
+        Cut-off of the zero-phase low-pass filter [Hz].
     harmonics : int or None
-        Pass constant and this many harmonics of whole periods only (rectangular windows in
-        the frequency domain); None for the low-pass.
+        If set, pass only the constant and this many harmonics of whole periods (rectangular windows
+        in the frequency domain); None for the low-pass filter.
     from_position : bool
-        Differentiate positions (once, twice) rather than measured velocities.
+        Whether positions are differentiated (once and twice) in place of measured velocities.
     in_time : bool
-        Whether what measured velocities are late has been taken off.
+        Whether the delay of measured velocities was corrected.
     """
 
     cutoff: float
@@ -313,31 +311,31 @@ class KinematicsFilter:
 
     @property
     def label(self) -> str:
-        """Short text for reports."""
+        """Short description of the filter for reports."""
         if self.harmonics is None:
             return f'zero-phase Butterworth at {self.cutoff:.3g} Hz, {self.source}'
         return f'rectangular windows at {self.harmonics} harmonics, {self.source}'
 
     @property
     def source(self) -> str:
-        """Where velocities come from, in words."""
+        """Description of the source of velocities."""
         if self.from_position:
             return 'differentiated positions'
-        return 'measured velocities' + (', their lag taken off' if self.in_time else '')
+        return 'measured velocities' + (', delay compensated' if self.in_time else '')
 
     def apply(self, motion: UniformMotion) -> tuple[Array, Array, Array]:
-        """Return q, dq, ddq of the motion's window.
+        """Return filtered q, dq, ddq of the motion's window.
 
         Parameters
         ----------
         motion : UniformMotion
-            Its window must consist of whole periods if `harmonics` is given.
+            Motion whose window consists of whole periods if `harmonics` is set.
 
         Returns
         -------
         three (M, n) ndarrays
-            [rad], [rad/s], [rad/s^2] at the full rate; acceleration is the derivative of
-            the filtered velocity, section 3.5.1.
+            Values [rad], [rad/s], [rad/s^2] at the full rate; acceleration is the derivative of the
+            filtered velocity, section 3.5.1.
         """
         if self.harmonics is not None and motion.period is not None:
             fundamental = 1.0 / (motion.period * motion.dt)
@@ -345,7 +343,8 @@ class KinematicsFilter:
             smooth = SpectralFilter(motion.count, motion.dt, gain)
             part, inside = motion.window, slice(None)
         else:
-            # The whole recording is filtered so that the window's ends have a real past.
+            # The whole recording is filtered, so that the window's ends have real neighbouring
+            # samples.
             gain = low_pass_gain(self.cutoff)
             settling = SETTLING_PERIODS / self.cutoff
             smooth = SpectralFilter(len(motion.time), motion.dt, gain, settling=settling)

@@ -1,4 +1,4 @@
-"""What has changed between two identified models of one arm."""
+"""Comparison of two identified models of the same arm."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.motion.signals import Array
 
 _CLEAR = 3.0  # standard deviations
-_SHARES = (0.2, 0.6, 1.0)  # of the speed that both motions reach
+_SHARES = (0.2, 0.6, 1.0)  # relative to the speed that both motions reach
 _STILL = 1e-3  # [rad/s]
 _NOT_FRICTION = (TermKind.ROTOR, *COUPLED)
 _FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRICTION)
@@ -22,14 +22,14 @@ _FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRIC
 
 @dataclass(frozen=True)
 class EstimateChange:
-    """One quantity in two results.
+    """Change of one quantity between two results.
 
     Attributes
     ----------
     name : str
-        Such as 'friction of joint2 at 0.5 rad/s', or a base parameter.
-    unit : str
+        Name of the quantity, for example 'friction of joint2 at 0.5 rad/s', or of a base parameter.
     old, new : float
+        Value in the old and the new result.
     std : float
         Standard deviation of their difference.
     """
@@ -42,29 +42,29 @@ class EstimateChange:
 
     @property
     def deviations(self) -> float:
-        """Their difference in standard deviations."""
+        """Difference in standard deviations."""
         return (self.new - self.old) / self.std if self.std > 0.0 else 0.0
 
     @property
     def is_clear(self) -> bool:
-        """Whether it is more than uncertainty explains."""
+        """Whether the difference is larger than the uncertainty explains."""
         return abs(self.deviations) > _CLEAR
 
 
 @dataclass(frozen=True)
 class EstimateComparison:
-    """All that two results can be compared in.
+    """All comparable quantities of two results.
 
     Attributes
     ----------
     friction, inertia : tuple of EstimateChange
-        Friction torque of each joint at some speeds that both motions reach, under the same load:
-        the terms of the two models may differ. Base parameters of links and rotors that both
+        Friction torque of each joint at several speeds that both motions reach, at the same load
+        (the friction terms of the models may differ). Base parameters of links and rotors that both
         motions determine.
     unmatched : int
-        Base parameters that only one of the two has.
+        Number of base parameters that only one result contains.
     drives : tuple of EstimateChange
-        What else the motor bench measures, as backlash.
+        Further quantities measured by the motor bench, such as backlash.
     """
 
     friction: tuple[EstimateChange, ...]
@@ -74,29 +74,29 @@ class EstimateComparison:
 
     @property
     def changes(self) -> tuple[EstimateChange, ...]:
-        """All of them."""
+        """Changes of all quantities."""
         return (*self.friction, *self.inertia, *self.drives)
 
 
 def compare_estimates(old: Path, new: Path) -> EstimateComparison:
-    """Compare two files that the identifier has written.
+    """Compare two estimate files written by the identifier.
 
     Parameters
     ----------
     old, new : Path
-        estimate.yaml.
+        Paths of two files estimate.yaml.
 
     Raises
     ------
     ConfigError
-        If a file can't be read.
+        If a file cannot be read.
     IdentificationError
-        If one is no estimate with standard deviations, or they are of different arms.
+        If a file is not an estimate with standard deviations, or the arms differ.
     """
     first, second = (_parameters(path) for path in (old, new))
     if first['joint_names'] != second['joint_names']:
         raise IdentificationError(
-            f'{old} is of joints {", ".join(map(str, first["joint_names"]))}, {new} of '
+            f'{old} has joints {", ".join(map(str, first["joint_names"]))}, {new} has '
             f'{", ".join(map(str, second["joint_names"]))}: compare two results of one arm'
         )
     try:
@@ -104,8 +104,8 @@ def compare_estimates(old: Path, new: Path) -> EstimateComparison:
         inertia, unmatched = _inertia(first, second)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise IdentificationError(
-            f'{old}, {new}: cannot be compared ({error}): pass estimate.yaml files of the '
-            'identifier; identify again from the bags of an older version'
+            f'{old} and {new} cannot be compared ({error}): pass estimate.yaml files of the '
+            'identifier; identify again if the files have an older format'
         ) from None
     return EstimateComparison(friction, inertia, unmatched)
 
@@ -117,14 +117,14 @@ def _parameters(path: Path) -> Mapping[str, Any]:
             raise TypeError
     except (KeyError, TypeError):
         raise IdentificationError(
-            f'{path}: is no estimate.yaml: give the file as the identifier has written it'
+            f'{path} is not an estimate.yaml: pass the unchanged file of the identifier'
         ) from None
     return dict(parameters)
 
 
 @dataclass(frozen=True, eq=False)
 class _JointFriction:
-    """A joint's friction in one result."""
+    """Friction of one joint in one result."""
 
     terms: Mapping[JointTerm, float]
     speeds: Array
@@ -133,7 +133,7 @@ class _JointFriction:
     load_deviation: float
 
     def at(self, speed: Array, load: float) -> tuple[Array, Array]:
-        """Return friction torque and its standard deviation at some speeds [Nm]."""
+        """Return the friction torque and its standard deviation at given speeds [Nm]."""
         known = np.interp(speed, self.speeds, self.torques)
         elsewhere = self.load_deviation * (load - self.load)
         return friction_torque(self.terms, speed, load), np.hypot(known, elsewhere)
@@ -170,7 +170,7 @@ def _friction(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[Esti
 def _inertia(
     first: Mapping[str, Any], second: Mapping[str, Any]
 ) -> tuple[tuple[EstimateChange, ...], int]:
-    """Return the changes of base parameters in common, and how many are not."""
+    """Return the changes of common base parameters, and the number of unmatched ones."""
     old, new = (_base(each['base_parameters']) for each in (first, second))
     common = [name for name in old if name in new]
     changes = tuple(
@@ -194,7 +194,7 @@ def _base(base: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 FRICTION = {
     'viscous': ('viscous friction', 'Nms/rad'),
     'coulomb': ('Coulomb friction', 'Nm'),
-    'load_friction': ("load's share of friction", ''),
+    'load_friction': ('load-dependent friction', ''),
 }
 INERTIA = {'rotor_inertia': ('rotor inertia', 'kg m²')}
 WEAR = {
@@ -205,26 +205,26 @@ WEAR = {
 
 
 def compare_benches(old: Path, new: Path) -> EstimateComparison:
-    """Compare two files that the motor bench has written, in the joints and numbers of both.
+    """Compare two motor bench files in their common joints and quantities.
 
     Parameters
     ----------
     old, new : Path
-        motor_bench.yaml.
+        Paths of two files motor_bench.yaml.
 
     Raises
     ------
     ConfigError
-        If a file can't be read.
+        If a file cannot be read.
     IdentificationError
-        If one is no motor_bench.yaml, or they have no joint in common.
+        If a file is not a motor_bench.yaml, or no joint is in both files.
     """
     first, second = (_bench_joints(path) for path in (old, new))
     common = [joint for joint in first if joint in second]
     if not common:
         raise IdentificationError(
-            f'{old} is of {", ".join(first)}, {new} of {", ".join(second)}: compare two runs of '
-            'the bench with the same joints'
+            f'{old} has joints {", ".join(first)}, {new} has {", ".join(second)}: compare two '
+            'runs of the motor bench with the same joints'
         )
     try:
         friction, inertia, drives = (
@@ -238,8 +238,7 @@ def compare_benches(old: Path, new: Path) -> EstimateComparison:
         )
     except (TypeError, ValueError) as error:
         raise IdentificationError(
-            f'{old}, {new}: cannot be compared ({error}): give motor_bench.yaml as the bench has '
-            'written it'
+            f'{old} and {new} cannot be compared ({error}): pass unchanged motor_bench.yaml files'
         ) from None
     return EstimateComparison(friction, inertia, 0, drives)
 
@@ -250,13 +249,13 @@ def _bench_joints(path: Path) -> Mapping[str, Mapping[str, Any]]:
         return {str(name): dict(entry) for name, entry in joints.items()}
     except (KeyError, TypeError, ValueError, AttributeError):
         raise IdentificationError(
-            f'{path}: is no motor_bench.yaml: give the file as the bench has written it'
+            f'{path} is not a motor_bench.yaml: pass the unchanged file of the motor bench'
         ) from None
 
 
 def _change(joint: str, label: str, unit: str, old: object, new: object) -> EstimateChange:
     (before, spread), (after, other) = (np.array(pair, dtype=float) for pair in (old, new))
     if not np.isfinite([before, spread, after, other]).all():
-        raise ValueError(f'{label} of {joint} is no number')
+        raise ValueError(f'{label} of {joint} is not a number')
     name, std = f'{label} of {joint}', np.hypot(spread, other)
     return EstimateChange(name, unit, float(before), float(after), float(std))

@@ -1,4 +1,4 @@
-"""An estimate as YAML that ROS nodes read with `--params-file`."""
+"""Estimates as YAML files that ROS nodes read with `--params-file`."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -18,23 +18,23 @@ from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
-_SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # of a joint's top speed
+_SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # relative to a joint's top speed
 NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
-"""Terms that are no friction."""
+"""Joint terms that are not friction."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionDeviations:
-    """Standard deviations of each joint's friction torque, the mean of both directions.
+    """Standard deviations of each joint's friction torque, averaged over both directions.
 
     Attributes
     ----------
     speeds : (n, K) ndarray
-        Rising to the top speed of the motion [rad/s].
+        Speeds in ascending order up to the top speed of the motion [rad/s].
     loads : (n,) ndarray
-        Usual torque on the links [Nm], for friction that grows with it.
+        RMS torque on the links [Nm], for load-dependent friction.
     torques : (n, K) ndarray
-        [Nm]
+        Standard deviations [Nm].
     """
 
     speeds: Array
@@ -43,14 +43,14 @@ class FrictionDeviations:
 
 
 def friction_torque(terms: Mapping[JointTerm, float], speed: Array, load: float) -> Array:
-    """Return a joint's friction torque at some speeds (K,), the mean of both directions [Nm].
+    """Return a joint's friction torque at speeds (K,), averaged over both directions [Nm].
 
     Parameters
     ----------
     terms : mapping
-        Term to coefficient; those of `NO_FRICTION` are left out.
+        Coefficient of each term; terms in `NO_FRICTION` are ignored.
     speed : (K,) ndarray
-        [rad/s], positive.
+        Positive speeds [rad/s].
     load : float
         Torque on the links [Nm].
     """
@@ -62,7 +62,7 @@ def friction_torque(terms: Mapping[JointTerm, float], speed: Array, load: float)
 
 
 def friction_deviations(result: IdentificationResult) -> FrictionDeviations:
-    """Return how certain the friction of the recommended estimate is, by data and prior."""
+    """Return the uncertainty of the recommended estimate's friction, from data and prior."""
     model, inertial = result.fit.model, result.recommended.estimate.inertial.ravel()
     covariance = result.fit.covariance[10 * model.n :, 10 * model.n :]
     loads = [np.abs(bag.links_torque(inertial)) for bag in result.identification]
@@ -94,28 +94,28 @@ def _both_ways(term: JointTerm, speed: Array, load: float) -> Array:
 _HEADER = """\
 # Dynamic parameters identified from recorded motion. SI units, joint side.
 # inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its
-# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, load
-# included (identified.urdf has what is beside the load, and its share). That model is complete:
+# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, with load
+# (identified.urdf has the part without load, and the load-dependent friction). Complete model:
 # viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
 # tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2) + forward
 # max(a(dq), 0) + backward min(a(dq), 0), with s(dq) = tanh(dq / coulomb_width), sgn(dq) for
 # width 0, and a(dq) = tanh(dq / asymmetry_width).
 # coupled_joints, where given: for each column its joint, the joint that drives it, cv (torque per
 # velocity of the driver) or ca (per acceleration), and its coefficient.
-# from_data: share of each value that comes from data (1) rather than from CAD (0). A parameter that
-# stands in one of the sums below is shared out by CAD, however much the data say of the sum.
-# friction_deviations: standard deviations of friction torques (offsets are no part of them), joint
-# by joint at rising speeds, at the usual torque on its links (loads).
+# from_data: 1 if the value comes from data, 0 if from CAD. Parameters of a sum below are
+# divided by CAD, even if the data determine the sum.
+# friction_deviations: standard deviations of friction torques without offsets, per joint at
+# increasing speeds, at the usual torque on its links (loads).
 # base_parameters: the sums that the torque depends on, which the data determine, with their
 # standard deviations by the data alone.
 """
 
 _PAYLOAD_HEADER = """\
-# What the last link carries, identified from recorded motion. SI units, in the frame of that
+# Payload of the last link, identified from recorded motion. SI units, in the frame of that
 # link's joint. inertial_parameters: of the whole arm with the payload, as in estimate.yaml.
 """
 
-# Which friction terms the width of each name is of.
+# Friction terms to which each width parameter belongs.
 WIDTHS = {
     'coulomb_width': (TermKind.COULOMB, TermKind.LOAD),
     'creep_width': (TermKind.CREEP,),
@@ -123,7 +123,7 @@ WIDTHS = {
     'asymmetry_width': (TermKind.FORWARD, TermKind.BACKWARD),
 }
 
-# Name of each kind of term.
+# Parameter name of each kind of term.
 NAMES = {
     TermKind.VISCOUS: 'viscous',
     TermKind.COULOMB: 'coulomb',
@@ -144,11 +144,10 @@ def estimate_yaml(
 
     Parameters
     ----------
-    result : IdentificationResult
     estimate : Estimate
-        The one to write.
+        Estimate to write.
     viscous, coulomb : (n,) ndarray
-        Friction (2.6) nearest to the estimate's [Nms/rad], [Nm].
+        Friction (2.6) nearest to that of the estimate [Nms/rad], [Nm].
     """
     model = estimate.model
     parameters: dict[str, Any] = {
@@ -211,7 +210,7 @@ def _coupled(estimate: Estimate) -> dict[str, list[Any]]:
 
 
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
-    """Return something known of every parameter in the shape of the parameters."""
+    """Return values of all parameters in the structure of the parameters."""
     spread = Estimate(estimate.solver, estimate.model, values)
     kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in NAMES.items()}
     return {'inertial_parameters': _floats(spread.inertial), **kinds}
@@ -222,13 +221,12 @@ def _floats(values: npt.ArrayLike) -> list[float]:
 
 
 def payload_yaml(estimate: Estimate, payload: Payload) -> str:
-    """Return the text of payload.yaml: the payload, and the arm with it.
+    """Return the text of payload.yaml with the payload and the arm that carries it.
 
     Parameters
     ----------
     estimate : Estimate
-        Of the arm alone.
-    payload : Payload
+        Estimate of the arm without payload.
     """
     together = np.array(estimate.inertial)
     together[-1] += payload.inertial
@@ -251,20 +249,19 @@ def payload_yaml(estimate: Estimate, payload: Payload) -> str:
 
 
 def read_estimate(path: Path, robot: Robot) -> Estimate:
-    """Return the estimate that `estimate_yaml` wrote.
+    """Read the estimate of a file written by `estimate_yaml`.
 
     Parameters
     ----------
-    path : Path
     robot : Robot
-        Must have the same joints.
+        Robot with the same joints.
 
     Raises
     ------
     ConfigError
-        If the file can't be read.
+        If the file cannot be read.
     IdentificationError
-        If it is no estimate, or of another arm.
+        If the file is not an estimate, or belongs to another arm.
     """
     document = read_yaml(path)
     try:
@@ -278,8 +275,8 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
         raise
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path}: is no estimate.yaml of an arm with {robot.n} joints: {_fault(error)}: give '
-            'the file as the identifier has written it'
+            f'{path} is not an estimate.yaml of an arm with {robot.n} joints ({_fault(error)}): '
+            'pass the unchanged file of the identifier'
         ) from None
     terms = [
         (*values, *(term for owner, term in coupled if owner == joint))
@@ -292,19 +289,21 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
     ]
     theta = np.concatenate([inertial.ravel(), joints])
     if not np.isfinite(theta).all():
-        raise IdentificationError(f'{path}: holds numbers that are not finite')
+        raise IdentificationError(
+            f'{path} contains numbers that are not finite: identify the arm again'
+        )
     return Estimate(str(parameters.get('solver', '')), model, theta)
 
 
 def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
-    """Return the joints of an estimate, and gravity (3,) in the base frame [m/s^2].
+    """Return the joint names of an estimate, and gravity (3,) in the base frame [m/s^2].
 
     Raises
     ------
     ConfigError
-        If the file can't be read.
+        If the file cannot be read.
     IdentificationError
-        If it is no estimate.
+        If the file is not an estimate.
     """
     document = read_yaml(path)
     try:
@@ -313,12 +312,12 @@ def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
         return tuple(map(str, parameters['joint_names'])), gravity
     except (KeyError, TypeError, ValueError):
         raise IdentificationError(
-            f'{path}: is no estimate: give the estimate.yaml of the identifier'
+            f'{path} is not an estimate: pass the estimate.yaml of the identifier'
         ) from None
 
 
 def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, float]]:
-    """Return each joint's terms and their coefficients, without couplings.
+    """Return each joint's terms and coefficients, without couplings.
 
     Parameters
     ----------
@@ -330,7 +329,7 @@ def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, f
     Raises
     ------
     KeyError, TypeError, AttributeError, ValueError
-        If it is no estimate of so many joints.
+        If the mapping is not an estimate of n joints.
     """
     friction = parameters['friction']
     values = {kind: _column(friction, parameters, kind, n) for kind in NAMES}
@@ -351,14 +350,14 @@ def read_gravity(path: Path, robot: Robot) -> Array:
     Parameters
     ----------
     path : Path
-        An estimate that `read_estimate` has accepted.
+        Estimate file that `read_estimate` has accepted.
     robot : Robot
-        Whose gravity it is if the file has none.
+        Robot whose gravity is returned if the file contains none.
 
     Raises
     ------
     IdentificationError
-        If it is not three numbers.
+        If gravity is not three numbers.
     """
     given = read_yaml(path)['/**']['ros__parameters'].get('gravity_in_base')
     if given is None:
@@ -369,8 +368,8 @@ def read_gravity(path: Path, robot: Robot) -> Array:
         gravity = np.full(3, np.nan)
     if not np.isfinite(gravity).all():
         raise IdentificationError(
-            f'{path}: gravity_in_base is not three numbers: give the file as the identifier has '
-            'written it'
+            f'gravity_in_base of {path} is not three numbers: pass the unchanged file of the '
+            'identifier'
         )
     return gravity
 
@@ -378,8 +377,8 @@ def read_gravity(path: Path, robot: Robot) -> Array:
 def _check_joints(path: Path, names: tuple[str, ...], wanted: tuple[str, ...]) -> None:
     if names != wanted:
         raise IdentificationError(
-            f'{path}: is of {len(names)} joints {", ".join(map(str, names))}, the URDF has '
-            f'{len(wanted)}: {", ".join(wanted)}: give the URDF of that arm (--urdf)'
+            f'{path} has {len(names)} joints {", ".join(map(str, names))}, but the URDF has '
+            f'{len(wanted)}, {", ".join(wanted)}: pass the URDF of that arm (--urdf)'
         )
 
 
@@ -387,8 +386,8 @@ def _fault(error: Exception) -> str:
     if isinstance(error, KeyError):
         return f'{error} is missing'
     if isinstance(error, ValueError):
-        return 'a list has not the right length, or holds something else than numbers'
-    return 'its keys are not those of an estimate'
+        return 'a list has a wrong length, or contains something other than numbers'
+    return 'its keys are not the keys of an estimate'
 
 
 def _column(
@@ -401,7 +400,7 @@ def _column(
 def _read_coupled(
     entries: Mapping[str, Any] | None, names: tuple[str, ...]
 ) -> dict[tuple[int, JointTerm], float]:
-    """Return the coefficient of each coupled joint's column."""
+    """Return the coefficients of all coupled joints' columns."""
     if entries is None:
         return {}
     columns = [entries[key] for key in ('joints', 'drivers', 'kinds', 'values')]
@@ -412,7 +411,7 @@ def _read_coupled(
 
 
 def _numbers(values: Any, n: int) -> Array:
-    """Return (n,) numbers, zeros for what an older file doesn't have."""
+    """Return (n,) numbers; zeros for entries missing in older files."""
     return np.zeros(n) if values is None else np.array(values, dtype=float).reshape(n)
 
 

@@ -1,4 +1,4 @@
-"""How well each exported file predicts torque: formats differ in what they have a place for."""
+"""Torque errors of exported files, whose formats store different parts of the model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,15 +17,14 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class ExportError:
-    """Torque errors of one written file, as a typical reader uses it.
+    """Torque error of one exported file in a typical reader.
 
     Attributes
     ----------
-    file : str
     contents : str
-        What the reader gets of the model.
+        Parts of the model that the reader obtains.
     filtered : tuple of float
-        Torque error (5.3) on each bag of identification, then of validation [%].
+        Torque error (5.3) on each identification bag, then on each validation bag [%].
     """
 
     file: str
@@ -36,8 +35,8 @@ class ExportError:
 def export_errors(result: IdentificationResult) -> list[ExportError]:
     """Return the torque error of each file that an identification writes.
 
-    Readers know neither offsets nor friction of other forms than (2.6). URDF and SDF have no place
-    for gravity, so that they are judged under the stated one.
+    Readers support neither offsets nor friction other than (2.6). URDF and SDF cannot store
+    gravity, so they are evaluated with the stated gravity.
     """
     estimate = result.recommended.estimate
     bags = [*result.identification, *result.validation]
@@ -71,7 +70,7 @@ def _under_stated_gravity(
 
 
 def _simple(estimate: Estimate, viscous: Array, coulomb: Array, rotors: Array) -> Estimate:
-    """Return links and the joints' (n,) coefficients of thesis (2.6), with rotors."""
+    """Return links and joint coefficients (n,) of thesis (2.6), with rotor inertia."""
     model = estimate.model
     terms = (*THESIS_TERMS, ROTOR)
     simple = JointModel.uniform(model.joint_names, model.link_names, terms)

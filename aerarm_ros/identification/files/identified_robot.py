@@ -1,4 +1,4 @@
-"""The identified arm as URDF, MJCF and SDF."""
+"""Export of the identified arm as URDF, MJCF and SDF."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,25 +28,24 @@ from aerarm_ros.motion.signals import Array
 def equivalent_friction(
     estimate: Estimate, bags: Sequence[SampleColumns], beside_load: bool = False
 ) -> tuple[Array, Array]:
-    """Return f_v and f_s of thesis (2.6) that come closest to the estimate's friction.
+    """Return f_v and f_s of thesis (2.6) that are closest to the estimate's friction.
 
-    Least squares over the motion of the bags, neither coefficient negative. For joints whose
-    only friction is that of (2.6), these are the estimate's own coefficients.
+    Non-negative least squares over the motion of the bags. For joints with friction (2.6) only, the
+    result equals the estimate's coefficients.
 
     Parameters
     ----------
-    estimate : Estimate
     bags : sequence of SampleColumns
-        The identification bags.
+        Identification bags.
     beside_load : bool
-        Whether to leave out what grows with the load, for who knows that as well, and rounds off
-        the sign of the velocity about rest, as `FrictionCompensation` does: Coulomb friction that
-        is rounded off stays what it is then.
+        Whether to exclude load-dependent friction, for readers that support it separately. Such
+        readers smooth the sign of velocity near rest, as `FrictionCompensation` does, so smooth
+        Coulomb friction keeps its coefficient.
 
     Returns
     -------
     two (n,) ndarrays
-        [Nms/rad], [Nm]
+        Coefficients [Nms/rad] and [Nm].
     """
     model = estimate.model
     left_out = {*NO_FRICTION, TermKind.LOAD} if beside_load else NO_FRICTION
@@ -75,9 +74,9 @@ def equivalent_friction(
 
 
 def unwritten(estimate: Estimate) -> tuple[str, ...]:
-    """Return notes on the terms of the estimate that these formats cannot contain.
+    """Return notes on terms of the estimate that these formats cannot store.
 
-    Not of offsets, which a controller's integral makes up for.
+    Offsets are not noted, because the integral action of a controller compensates them.
     """
     names = estimate.model.columns[10 * estimate.model.n :]
     pairs = zip(names, estimate.model.joint_columns, strict=True)
@@ -85,8 +84,8 @@ def unwritten(estimate: Estimate) -> tuple[str, ...]:
     if not coupled:
         return ()
     return (
-        f'{", ".join(coupled)} are in estimate.yaml only: URDF, MJCF and SDF have no place for a '
-        "torque by another joint's motion",
+        f'{", ".join(coupled)} are only in estimate.yaml: URDF, MJCF and SDF cannot describe a '
+        "torque caused by another joint's motion",
     )
 
 
@@ -95,7 +94,7 @@ def _nearest(dq: Array, torque: Array) -> tuple[float, float]:
     both, *_ = np.linalg.lstsq(columns, torque, rcond=None)
     if both.min() >= 0.0:
         return float(both[0]), float(both[1])
-    # On the border one coefficient is zero and the other fits alone.
+    # On the boundary one coefficient is zero and the other is fitted alone.
     alone = [float(max(c @ torque / max(c @ c, 1e-300), 0.0)) for c in columns.T]
     left = [np.linalg.norm(torque - c * a) for c, a in zip(columns.T, alone, strict=True)]
     return (alone[0], 0.0) if left[0] < left[1] else (0.0, alone[1])
@@ -109,34 +108,33 @@ INERTIA_ENTRIES = {
     'xz': (0, 2),
     'yz': (1, 2),
 }
-"""Which entry of an inertia tensor each name stands for."""
+"""Row and column of each named entry of an inertia tensor."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinkBody:
-    """A moving link of a serial arm, about the frame of its joint.
+    """Moving link of a serial arm, expressed in the frame of its joint.
 
     Attributes
     ----------
-    link, joint : str
     parent : int or None
-        Index of the link that carries it; None for the base.
+        Index of the parent link; None for the base.
     translation : (3,) ndarray
-        Of its frame in that of the parent [m].
+        Position of the joint frame in the parent frame [m].
     quaternion : (4,) ndarray
-        Rotation of the same, x y z w.
+        Rotation of the joint frame in the parent frame, x y z w.
     mass : float
-        [kg]
+        Mass of the link [kg].
     centre : (3,) ndarray
-        Of mass [m].
+        Centre of mass [m].
     tensor : (3, 3) ndarray
         Inertia about the centre of mass, along the frame's axes [kg m^2].
     turns : bool
-        Whether the joint is revolute; else prismatic.
+        Whether the joint is revolute; otherwise prismatic.
     axis : (3,) ndarray
-        Of the joint.
+        Axis of the joint.
     limits : (2,) ndarray
-        [rad] or [m]; infinite for a continuous joint.
+        Position limits [rad] or [m]; infinite for a continuous joint.
     """
 
     link: str
@@ -155,14 +153,13 @@ class LinkBody:
 def link_bodies(robot: Robot, inertial: Array) -> Iterator[LinkBody]:
     """Yield the moving links from base to tool.
 
-    Links behind fixed or locked joints are part of the one that carries them, as they were
-    identified; what is fixed to the base has no effect and is left out.
+    Links behind fixed or locked joints belong to the moving link that carries them, as in the
+    identification. Links fixed to the base have no effect and are omitted.
 
     Parameters
     ----------
-    robot : Robot
     inertial : (n, 10) ndarray
-        Of the moving links, thesis (3.3): of bodies that can be.
+        Physically possible parameters of the moving links, thesis (3.3).
     """
     numbers = [robot.model.getJointId(joint) for joint in robot.joint_names]
     tensors = barycentric_inertia(inertial)
@@ -186,7 +183,7 @@ def link_bodies(robot: Robot, inertial: Array) -> Iterator[LinkBody]:
 
 
 def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
-    """Return whether a joint turns, and its axis, from its motion subspace."""
+    """Return whether a joint is revolute, and its axis, from its motion subspace."""
     data = joint.createData()
     joint.calc(data, np.zeros(joint.nq))
     linear, angular = np.split(np.asarray(data.S).ravel(), 2)
@@ -194,23 +191,23 @@ def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
 
 
 def numbers_text(values: npt.ArrayLike) -> str:
-    """Return numbers as XML has them, to the last bit."""
+    """Return numbers as XML text in full precision."""
     return ' '.join(repr(float(value)) for value in np.ravel(values))
 
 
-_REMAINING = 0.9  # of what can be taken off a link at most: the rest must stay a body
+_REMAINING = 0.9  # largest fraction that may be subtracted from a link, so that a body remains
 
 
 @dataclass(frozen=True, eq=False)
 class LoadFriction:
-    """Friction with a part that grows with the load.
+    """Joint friction with a load-dependent part.
 
     Attributes
     ----------
     share : (n,) ndarray
-        Dry friction per torque that the gears pass on [-].
+        Dry friction per torque transmitted by the gear [-].
     viscous, coulomb : (n,) ndarray
-        The rest [Nms/rad], [Nm].
+        Load-independent friction [Nms/rad], [Nm].
     """
 
     share: Array
@@ -220,7 +217,7 @@ class LoadFriction:
 
 @dataclass(frozen=True)
 class IdentifiedUrdf:
-    """URDF text, with notes for the user."""
+    """URDF text of the identified arm, with notes for the user."""
 
     text: str
     warnings: tuple[str, ...]
@@ -233,23 +230,24 @@ def identified_urdf(
     coulomb: Array,
     load: LoadFriction | None = None,
 ) -> IdentifiedUrdf:
-    """Return the URDF with other inertial and friction values.
+    """Return the URDF with identified inertial and friction values.
 
-    What is identified of a link includes whatever fixed joints hang on it. So the link gets
-    it all and those links lose their own `<inertial>`. Links behind locked joints keep theirs,
-    which is taken off; where that leaves no possible body, they are written lighter, so that
-    every link is physically consistent and their sum is what was identified.
+    The identified parameters of a link include all bodies attached by fixed joints. So the link
+    gets the total, and the attached links lose their own `<inertial>`. Links behind locked joints
+    keep theirs, which is subtracted from the total. If no possible body remains, these links are
+    scaled down, so that every link is physically consistent and the sum equals the identified
+    parameters.
 
     Parameters
     ----------
     robot : Robot
-        As loaded from the original URDF.
+        Robot loaded from the original URDF.
     inertial : (n, 10) ndarray
-        Of the moving links, thesis (3.3).
+        Parameters of the moving links, thesis (3.3).
     viscous, coulomb : (n,) ndarray
-        For `<dynamics damping friction>` [Nms/rad], [Nm].
+        Values of `<dynamics damping friction>` [Nms/rad], [Nm].
     load : LoadFriction, optional
-        The same friction as these, in the form that this package's programs read.
+        Equivalent friction in the form that programs of this package read.
     """
     text = robot.urdf_text
     root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
@@ -266,8 +264,8 @@ def identified_urdf(
         own = inertial[index] - share * kept
         if not is_physically_consistent(own):
             warnings.append(
-                f'identified.urdf: link {name} is NOT PHYSICALLY CONSISTENT: its identified '
-                'parameters are those of no body; do not simulate or control with this file'
+                f'identified.urdf: link {name} is NOT PHYSICALLY CONSISTENT (no body has these '
+                'inertial parameters); do not simulate or control with this file'
             )
         for other in fixed:
             _remove_inertial(links[other])
@@ -276,13 +274,13 @@ def identified_urdf(
         _set_dynamics(joint, viscous[index], coulomb[index])
         if load is not None and load.share[index]:
             _set_load_friction(joint, load, index)
-    # The serializer's blank before '/>' would show up in every line of a comparison.
+    # The serializer's blank before '/>' would appear in every line of a file comparison.
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
     return IdentifiedUrdf(before_root(text) + written + '\n', tuple(warnings))
 
 
 def before_root(text: str) -> str:
-    """Return declaration and comments in front of the root, which the tree doesn't have."""
+    """Return declaration and comments before the root element, which the tree omits."""
     starts: list[int] = []
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda *_: starts.append(parser.CurrentByteIndex)
@@ -292,7 +290,7 @@ def before_root(text: str) -> str:
 
 
 def _children(root: ET.Element, parents: list[str], fixed: bool) -> list[tuple[str, str]]:
-    """Return joint and child link of the joints on some links: the fixed ones, or the others."""
+    """Return joint and child link of either the fixed or the other joints on given links."""
     found = []
     for joint in root.findall('joint'):
         parent, child = joint.find('parent'), joint.find('child')
@@ -312,7 +310,7 @@ def _behind_fixed_joints(root: ET.Element, link: str) -> list[str]:
 
 
 def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> list[str]:
-    """Return the links that only locked (and fixed) joints connect to some links."""
+    """Return the links that only locked (and fixed) joints connect to given links."""
     found: list[str] = []
     front = links
     while front:
@@ -324,7 +322,7 @@ def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> 
 
 
 def _inertia_held(robot: Robot, index: int) -> Array:
-    """Return the inertial parameters, in the moving link's frame, of what locked joints carry."""
+    """Return the inertial parameters of bodies on locked joints, in the moving link's frame."""
     full = pin.buildModelFromXML(robot.urdf_text)
     data = full.createData()
     posture = pin.neutral(full)
@@ -341,14 +339,14 @@ def _inertia_held(robot: Robot, index: int) -> Array:
 
 
 def _moving_ancestor(full: Any, joint: int, moving: tuple[str, ...]) -> int:
-    """Return the nearest joint towards the base that moves, maybe itself; 0 for the base."""
+    """Return the nearest moving joint towards the base, possibly itself; 0 for the base."""
     while joint > 0 and full.names[joint] not in moving:
         joint = full.parents[joint]
     return joint
 
 
 def _possible_share(whole: Array, kept: Array) -> float:
-    """Return how much of a part can be taken off a body such that a body remains."""
+    """Return the largest fraction of a part that can be subtracted while a body remains."""
     if not kept.any() or is_physically_consistent(whole - kept):
         return 1.0
     if not is_physically_consistent(whole):
@@ -361,7 +359,7 @@ def _possible_share(whole: Array, kept: Array) -> float:
 def _scaled(
     links: Mapping[str | None, ET.Element], held: list[str], share: float, carrier: str
 ) -> list[str]:
-    """Make links lighter, centres and shapes as they are; return what is to be said of it."""
+    """Scale the masses of links at constant centre and shape; return notes for the user."""
     for name in held:
         for element in (
             *links[name].iterfind('inertial/mass'),
@@ -370,9 +368,9 @@ def _scaled(
             for key, value in element.items():
                 element.set(key, repr(share * float(value)))
     return [
-        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have '
-        f'{100.0 * share:.3g} % of their mass in the URDF: with their full mass {carrier} would '
-        'not be physically consistent; check their inertia in the URDF'
+        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have only '
+        f'{100.0 * share:.3g} % of their mass in the URDF, because {carrier} would not be '
+        'physically consistent with more; check their inertia in the URDF'
     ]
 
 
@@ -414,7 +412,7 @@ def _set_dynamics(joint: ET.Element, damping: float, friction: float) -> None:
     dynamics.set('damping', repr(float(damping)))
     dynamics.set('friction', repr(float(friction)))
     for key in (LOAD_FRICTION, DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD):
-        dynamics.attrib.pop(key, None)  # of the URDF that this was
+        dynamics.attrib.pop(key, None)  # entry of the original URDF
 
 
 def _set_load_friction(joint: ET.Element, load: LoadFriction, index: int) -> None:
@@ -430,15 +428,15 @@ def identified_mjcf(
 ) -> str:
     """Return an MJCF text with the dynamics of the identified arm.
 
-    Frames, names and directions are those of the URDF, links those of `link_bodies`. Angles are in
-    radians, gravity as it was found.
+    Frames, names and directions equal those of the URDF, links those of `link_bodies`. Angles are
+    in radians, and gravity is the identified one.
 
     Parameters
     ----------
     robot : Robot
-        With gravity as identified.
+        Robot with identified gravity.
     inertial : (n, 10) ndarray
-        Of the moving links, thesis (3.3): of bodies that can be.
+        Physically possible parameters of the moving links, thesis (3.3).
     viscous, coulomb, rotor_inertia : (n,) ndarray
         MuJoCo's damping, frictionloss and armature [Nms/rad], [Nm], [kg m^2].
     """
@@ -479,7 +477,7 @@ def identified_mjcf(
     return ET.tostring(root, encoding='unicode') + '\n'
 
 
-_VERSION = '1.9'  # the first with quaternions
+_VERSION = '1.9'  # first version with quaternions
 _DRAKE = 'drake.mit.edu'
 
 
@@ -488,22 +486,22 @@ def identified_sdf(
 ) -> str:
     """Return an SDF text with the dynamics of the identified arm, its base fixed to the world.
 
-    Frames, names and directions are those of the URDF, links those of `link_bodies`. SDF has no
-    place for rotor inertia: Drake's own element holds it, with a gear ratio of 1, which others pass
-    over. Gravity belongs to the world, and stands in a comment.
+    Frames, names and directions equal those of the URDF, links those of `link_bodies`. SDF has no
+    element for rotor inertia. It is stored in Drake's own element with a gear ratio of 1, which
+    other readers ignore. Gravity belongs to the world, so it is given in a comment.
 
     Parameters
     ----------
     robot : Robot
-        With gravity as identified.
+        Robot with identified gravity.
     inertial : (n, 10) ndarray
-        Of the moving links, thesis (3.3): of bodies that can be.
+        Physically possible parameters of the moving links, thesis (3.3).
     viscous, coulomb, rotor_inertia : (n,) ndarray
-        [Nms/rad], [Nm], [kg m^2]
+        Friction and rotor inertia [Nms/rad], [Nm], [kg m^2].
     """
     ET.register_namespace('drake', _DRAKE)
     root = ET.Element('sdf', version=_VERSION)
-    root.append(ET.Comment(f' gravity as found [m/s^2]: {numbers_text(robot.gravity_in_base)} '))
+    root.append(ET.Comment(f' identified gravity [m/s^2]: {numbers_text(robot.gravity_in_base)} '))
     model = ET.SubElement(root, 'model', name=robot.model.name)
     bodies = list(link_bodies(robot, inertial))
     efforts = zip(robot.effort_max, robot.velocity_max, strict=True)
@@ -544,7 +542,7 @@ def _add_link(model: ET.Element, own: LinkBody, parent: str | None) -> None:
 
 
 def _add_joint(model: ET.Element, own: LinkBody, parent: str) -> ET.Element:
-    """Return a joint whose frame is that of its link."""
+    """Return a joint element whose frame equals that of its link."""
     kind = 'prismatic'
     if own.turns:
         kind = 'revolute' if np.isfinite(own.limits).all() else 'continuous'

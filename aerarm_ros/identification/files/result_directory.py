@@ -1,4 +1,4 @@
-"""A result folder that is there completely or not at all."""
+"""Result folder that is written completely or not at all."""
 
 import contextlib
 import json
@@ -15,30 +15,30 @@ MARKER = 'summary.json'
 
 
 class ResultDirectory:
-    """Context that collects files in a temporary folder and moves them to the target at its end.
+    """Context manager that collects files in a temporary folder and finally moves them in place.
 
-    Entering it makes sure at once, before anything is computed, that the place can be
-    written. Leaving it by an exception, an interrupt included, removes what was collected.
+    Entering the context checks that the target can be written, before anything is computed. Leaving
+    it by an exception or an interrupt removes the collected files.
 
     Parameters
     ----------
     target : Path
-        May be missing, empty, or an earlier result, which is replaced.
+        Target folder; may be missing, empty, or an earlier result, which is replaced.
     option : str
-        How the user names the folder, for errors.
+        Option by which the user names the folder, for error messages.
     files : collection of str, optional
-        All that an earlier result may hold; anything else in the folder is not replaced. Only
-        the marker counts without it.
+        Names that an earlier result may contain; a folder with other files is not replaced. Without
+        names, only the marker file is required.
 
     Attributes
     ----------
     replaced : bool
-        Whether an earlier result was there; known once the context is entered.
+        Whether an earlier result existed; valid once the context is entered.
 
     Raises
     ------
     IdentificationError
-        On entering, if the place can't be written or holds something else.
+        On entering, if the target cannot be written or contains other files.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class ResultDirectory:
                 self.replaced = True
             elif self.target.exists() and not self.target.is_dir():
                 raise IdentificationError(
-                    f'{self.target}: is a file: name a folder with {self._option}'
+                    f'{self.target} is a file: name a folder with {self._option}'
                 )
             self._make_parents(parent)
             prefix = f'.{self.target.name}.'
@@ -68,7 +68,7 @@ class ResultDirectory:
         except OSError as error:
             self._remove()
             raise IdentificationError(
-                f'{self.target}: cannot be written ({error.strerror or error}): check the '
+                f'{self.target} cannot be written ({error.strerror or error}): check the '
                 f'permissions, or name another folder with {self._option}'
             ) from None
         except KeyboardInterrupt:
@@ -81,35 +81,35 @@ class ResultDirectory:
         others = [] if self._files is None else [n for n in names if n not in self._files]
         if others or not (self.target / MARKER).is_file():
             raise IdentificationError(
-                f'{self.target}: holds other files ({(others or names)[0]}), which are not '
+                f'{self.target} contains other files ({(others or names)[0]}) and is not '
                 f'replaced: name another folder with {self._option}'
             )
 
     def path(self, name: str) -> Path:
-        """Return where a part of the result that others write is to be put."""
+        """Return the path for a part of the result that another program writes."""
         if self._collected is None:
-            raise RuntimeError('files are written inside the context only')
+            raise RuntimeError("files can only be written inside the 'with' block")
         return self._collected / name
 
     def write(self, name: str, text: str) -> None:
-        """Write one file of the result.
+        """Write one text file into the result folder.
 
         Raises
         ------
         IdentificationError
-            If the disk is full or the place has gone.
+            If the disk is full or the folder was removed.
         """
         path = self.path(name)
         try:
             path.write_text(text, encoding='utf-8')
         except OSError as error:
             raise IdentificationError(
-                f'{self.target / name}: cannot be written ({error.strerror or error}): check the '
+                f'{self.target / name} cannot be written ({error.strerror or error}): check the '
                 'free space and permissions'
             ) from None
 
     def write_json(self, name: str, value: object) -> None:
-        """Write one file as JSON."""
+        """Write a value as a JSON file into the result folder."""
         self.write(name, json.dumps(value, indent=2, allow_nan=False) + '\n')
 
     def __exit__(
@@ -126,19 +126,21 @@ class ResultDirectory:
             except OSError as failure:
                 self._remove()
                 raise IdentificationError(
-                    f'{self.target}: cannot be written ({failure.strerror or failure})'
+                    f'{self.target} cannot be written ({failure.strerror or failure}): '
+                    'check the free space and permissions'
                 ) from None
 
     def _make_parents(self, parent: Path) -> None:
-        """Make missing folders and remember them, so that a failure leaves none behind."""
+        """Create missing folders and record them, so that a failure leaves none behind."""
         missing = [folder for folder in (parent, *parent.parents) if not folder.exists()]
         for folder in reversed(missing):
-            self._made.append(folder)  # before: an interruption may come between the two
+            # recorded first, because an interrupt may occur between the two calls
+            self._made.append(folder)
             folder.mkdir()
 
     def _move_into_place(self, collected: Path) -> None:
         if self.target.exists():
-            # Two renames: at no moment is there a mixture of the old and the new result.
+            # Two renames, so that old and new results are never mixed.
             old = collected.with_name(collected.name + '.old')
             os.rename(self.target, old)
             os.rename(collected, self.target)
@@ -150,5 +152,6 @@ class ResultDirectory:
         if self._collected is not None:
             shutil.rmtree(self._collected, ignore_errors=True)
         for folder in reversed(self._made):
-            with contextlib.suppress(OSError):  # it was not made, or holds more by now
+            # the folder was not created, or contains more by now
+            with contextlib.suppress(OSError):
                 folder.rmdir()

@@ -1,4 +1,4 @@
-"""The outcome of an identification as plain numbers, for summary.json."""
+"""Numeric results of an identification for summary.json."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,6 +15,7 @@ from aerarm_ros.identification.joint_model import JointTerm, TermKind
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.regression.base_parameters import BaseParameters
+from aerarm_ros.identification.residual_split import ResidualSplit
 from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.truth import InertialTorqueError
 
@@ -27,20 +28,18 @@ def summarise(
     facts: Mapping[str, BagFacts] | None = None,
     exports: Sequence[ExportError] = (),
 ) -> dict[str, Any]:
-    """Return the summary: torque errors in percent, times in seconds.
+    """Return the summary of an identification: torque errors in percent, times in seconds.
 
     Parameters
     ----------
-    result : IdentificationResult
     seconds : mapping
-        Stage to time [s]; their sum is added as 'total'.
+        Time of each stage [s]; their sum is added as 'total'.
     truth : sequence of InertialTorqueError
-        Comparison with a simulated arm's true parameters, if there is one.
-    payload : Payload, optional
+        Comparison with a simulated arm's true parameters, if available.
     facts : mapping, optional
-        Name of a bag to what else is known of it.
+        Further facts about each bag, by its name.
     exports : sequence of ExportError
-        How well each written file predicts torque.
+        Torque errors of each exported file.
     """
     summary: dict[str, Any] = {
         'robot': result.robot.model.name,
@@ -59,6 +58,7 @@ def summarise(
         'gravity': _gravity(result),
         'delays': _delays(result),
         'trends': [_trend(trend) for trend in result.trends],
+        'residual': [_split(split) for split in result.splits],
         'rollouts': [_rollout(error) for error in result.rollouts],
         'friction': {
             joint: [term_text(term, result.robot.joint_names) for term in terms]
@@ -79,7 +79,7 @@ def summarise(
 
 
 def term_text(term: JointTerm, joint_names: Sequence[str]) -> str:
-    """Return a term in words, such as 'Coulomb friction (tanh, 0.05 rad/s)'."""
+    """Return the description of a term, for example 'Coulomb friction (tanh, 0.05 rad/s)'."""
     if term.driver is not None:
         return f'{term.meaning} {joint_names[term.driver]}'
     shape = 'exp' if term.kind is TermKind.STRIBECK else 'tanh'
@@ -135,6 +135,16 @@ def _trend(trend: ResidualTrend) -> dict[str, Any]:
         'bag': trend.bag,
         'friction': trend.friction.tolist(),
         'offset': trend.offset.tolist(),
+    }
+
+
+def _split(split: ResidualSplit) -> dict[str, Any]:
+    return {
+        'bag': split.bag,
+        'rms': _numbers(split.rms),
+        'fractions': {cause: _numbers(part) for cause, part in split.fractions.items()},
+        'unexplained': _numbers(split.unexplained),
+        'above_cutoff': _numbers(split.above_cutoff),
     }
 
 
@@ -204,5 +214,5 @@ def _bag(assessment: BagAssessment) -> dict[str, Any]:
 
 
 def _numbers(values: Iterable[float]) -> list[float | None]:
-    """Return numbers as JSON knows them: NaN is null."""
+    """Return numbers for JSON, with null for NaN."""
     return [float(value) if math.isfinite(value) else None for value in values]

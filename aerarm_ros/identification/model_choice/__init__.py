@@ -1,5 +1,5 @@
-"""What a user need not choose: filter, where gravity points, and which friction each joint has.
+"""Automatic choice of filter, direction of gravity, and friction terms of each joint.
 
-In come recordings or samples; out go the filter with the least torque error and the terms that
-predict held-out motion best, each with what else was tried.
+The chosen filter has the smallest torque error, and the chosen terms predict held-out motion best.
+All tried alternatives are reported.
 """

@@ -1,4 +1,4 @@
-"""Choosing the cut-off, and how to clean the kinematics, by recorded torque that is held out."""
+"""Choice of cut-off and kinematics filter by the prediction of held-out recorded torque."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,17 +24,18 @@ from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 
-# Without it, friction that grows with the load would look like a delay.
+# Without it, load-dependent friction would look like a delay.
 _TERMS = (*SIMPLE_TERMS, JointTerm(TermKind.LOAD))
-_SPREAD = 0.05  # [s] before any data: wide, as a narrow one would pull what is found towards 0
+# [s] prior standard deviation; wide, because a narrow one biases the estimate towards 0
+_SPREAD = 0.05
 _ROUNDS = 10
-_SETTLED = 5e-5  # [s]
-_LEAST = 1e-3  # [s]: less is within what stamps and filters do
-# Longer ones are no delays: friction that lags behind the velocity, as in gears that give way,
-# looks like 20 to 100 ms in joints whose torque is mostly friction.
+_SETTLED = 5e-5  # [s] change at which the iteration ends
+_LEAST = 1e-3  # [s] smallest delay; smaller ones are within the accuracy of stamps and filters
+# Longer values are not delays. Friction that lags behind velocity, as in elastic gears, looks like
+# a delay of 20 to 100 ms in joints whose torque is mostly friction.
 _MOST = 0.015  # [s], decision 40
-_HOPELESS = 0.2  # [s]
-_CLEAR = 2.0  # standard errors of a delay, and of how much better held-out parts are predicted
+_HOPELESS = 0.2  # [s] no valid estimate beyond it
+_CLEAR = 2.0  # standard errors, of a delay and of the improvement of held-out prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +45,13 @@ class EffortDelay:
     Attributes
     ----------
     found : (n,) ndarray
-        What fits best [s], positive where the effort is late.
+        Best-fitting delay [s], positive where the effort is late.
     used : (n,) ndarray
-        The same where it is believed, else 0 [s].
+        Applied delay [s]; 0 where the estimate is not accepted.
     deviation : (n,) ndarray
-        Standard deviation of what was found [s].
+        Standard deviation of the estimated delay [s].
     in_time : bool
-        Whether velocities are to be moved too, which are late themselves.
+        Whether the delay of velocities is also corrected.
     """
 
     found: Array
@@ -64,21 +65,20 @@ def find_effort_delay(
     cad: ArmParameters,
     in_time: Sequence[SampleColumns] | None = None,
 ) -> EffortDelay:
-    """Find delays of the efforts, one per joint, and test them on held-out parts.
+    """Estimate the delay of each joint's effort, and test it on held-out parts.
 
-    A torque that is late by d is that of the model less d times its rate: linear in d, for small
-    ones. The rate is that of the predicted torque, for the measured one's is noisy and would make
-    delays come out too small; what is found is taken off the measured torque and looked for again,
-    until nothing is left.
+    For a small delay d, the torque equals the model torque minus d times its rate, which is linear
+    in d. The rate of the predicted torque is used, because noise in the measured rate would bias d
+    towards zero. The estimated delay is removed from the measured torque and the estimation
+    repeated until the rest is negligible.
 
     Parameters
     ----------
     bags : sequence of SampleColumns
-        To identify from.
-    cad : ArmParameters
+        Identification bags.
     in_time : sequence of SampleColumns, optional
-        The same with velocities moved to where positions say, if they are late: then delays are
-        looked for there, and all signals are moved or none is.
+        Bags with corrected velocity delays, if velocities are late. Delays are then estimated on
+        these bags, and either all signals or none are corrected.
     """
     n = bags[0].samples.n
     links = SimpleFit(bags, cad).theta[: 10 * n]
@@ -107,7 +107,7 @@ def find_effort_delay(
 
 
 def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
-    """Return the filtered torque per second of delay, of each joint for itself."""
+    """Return the derivative of filtered torque with respect to delay, one column per joint."""
     n = bag.samples.n
     columns = np.zeros((*rate.shape, n))
     joints = np.arange(n)
@@ -116,7 +116,7 @@ def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
 
 
 def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
-    """Return a bag whose filtered torque is moved to an earlier time."""
+    """Return a bag whose filtered torque is advanced in time."""
     samples: Samples = bag.samples
     dt = float(samples.time[1] - samples.time[0])
     settling = None if samples.fine_filter.periodic else SETTLING_PERIODS * 5.0 * dt
@@ -128,12 +128,12 @@ def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
 
 
 def _lead(seconds: float) -> Callable[[Array], npt.NDArray[np.complex128]]:
-    """Return the gain of a shift to an earlier time."""
+    """Return the gain of a time advance [s]."""
     return lambda frequency: np.asarray(np.exp(2j * np.pi * frequency * seconds))
 
 
 def _squares(bags: Sequence[SampleColumns], residuals: Sequence[Array]) -> Array:
-    """Return the (B, n) squared residuals of each block, joint by joint."""
+    """Return the (B, n) sums of squared residuals per block and joint."""
     sums = []
     for bag, residual in zip(bags, residuals, strict=True):
         squares = np.nan_to_num(residual) ** 2
@@ -141,23 +141,23 @@ def _squares(bags: Sequence[SampleColumns], residuals: Sequence[Array]) -> Array
     return np.concatenate(np.swapaxes(np.array(sums), 1, 2))
 
 
-_TILT_SPREAD = 0.02  # [rad] to which a base stands level before any data
-_TILT_ROUNDS = 2  # the torque of a tilt depends on the links' masses, and the other way round
-# A tilt is believed if it lowers the held-out squared error by this share, and in most of the
-# motion: on measured robots that stand level it gains 0.4 % at most, on others 12 % and more.
+_TILT_SPREAD = 0.02  # [rad] prior standard deviation of the base tilt
+_TILT_ROUNDS = 2  # the torque of a tilt depends on the links' masses, and vice versa
+# A tilt is accepted if it lowers the held-out squared error by this fraction, in most of the
+# motion. On measured level robots the gain is 0.4 % at most, on tilted ones 12 % or more.
 _WORTHWHILE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class GravityDirection:
-    """Gravity as stated and as the motion shows it.
+    """Direction of gravity as stated and as estimated from the motion.
 
     Attributes
     ----------
     stated, used : (3,) ndarray
-        In the base frame [m/s^2]; equal where the data show no tilt.
+        Gravity in the base frame [m/s^2]; equal if the data show no tilt.
     error : float
-        Held-out squared torque error with the tilt that fits best, relative to that without.
+        Held-out squared torque error with the best tilt, relative to the error without tilt.
     """
 
     stated: Array
@@ -166,7 +166,7 @@ class GravityDirection:
 
     @property
     def tilt(self) -> float:
-        """Angle between the two [rad]."""
+        """Angle between stated and used gravity [rad]."""
         across = np.linalg.norm(np.cross(self.stated, self.used))
         return float(np.arctan2(across, self.stated @ self.used))
 
@@ -174,19 +174,19 @@ class GravityDirection:
 def find_gravity(
     robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> GravityDirection:
-    """Look for the tilt of the base that explains the torque better, and test it on held-out parts.
+    """Estimate the tilt of the base from the torque, and test it on held-out parts.
 
-    Gravity turns by the angle v: `g + v x g`, whose torque is linear in v for given links. Half a
-    degree on an arm of 10 kg is a torque of 0.4 Nm about its first axis, which otherwise ends up in
-    the links' parameters: its joints then seem to have less inertia than their links.
+    A tilt by the angle v changes gravity to `g + v x g`, whose torque is linear in v for given
+    links. Half a degree on an arm of 10 kg causes a torque of 0.4 Nm about its first axis. Without
+    tilt this torque biases the links' parameters: joints then seem to have less inertia than their
+    links.
 
     Parameters
     ----------
     robot : Robot
-        With gravity as stated.
+        Robot with the stated gravity.
     bags : sequence of SampleColumns
-        To identify from, of this robot.
-    cad : ArmParameters
+        Identification bags of this robot.
     """
     stated = np.array(robot.gravity_in_base)
     size = float(np.linalg.norm(stated))
@@ -209,7 +209,7 @@ def find_gravity(
 
 
 def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -> SharedColumns:
-    """Return the torque of a tilt about each axis, filtered [Nm/rad]."""
+    """Return the filtered torque per tilt about each axis [Nm/rad]."""
     samples = bag.samples
     rest = np.zeros_like(samples.q)
     parts = []
@@ -220,21 +220,22 @@ def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -
     return SharedColumns(columns, np.full(len(axes), _TILT_SPREAD))
 
 
-_BY_CHANCE = 2.0  # standard errors by which the best of several trials may seem better
-_ENOUGH = 60.0  # [s] of a long recording, from its middle, decide
+_BY_CHANCE = 2.0  # standard errors by which the best of several trials may be better by chance
+_ENOUGH = 60.0  # [s] from the middle of a long recording that are used
 
 
 @dataclass(frozen=True)
 class FilterTrial:
-    """A filter that was tried.
+    """Filter setting with its torque error.
 
     Attributes
     ----------
     cutoff : float
-        Of the torque's low-pass [Hz].
+        Cut-off of the torque's low-pass filter [Hz].
     kinematics : KinematicsFilter
+        Filter of the kinematics.
     error : float
-        Torque error [%] on parts of the motion that were left out of the fit, as recorded.
+        Error of recorded torque [%] on held-out parts of the motion.
     """
 
     cutoff: float
@@ -244,17 +245,16 @@ class FilterTrial:
 
 @dataclass(frozen=True, eq=False)
 class FilterChoice:
-    """Filters tried, and the samples of the best.
+    """Filters tried, with the samples of the best.
 
     Attributes
     ----------
-    trials : list of FilterTrial
     conditioner : Conditioner
-        At the chosen cut-off.
+        Conditioner with the chosen cut-off.
     kinematics : KinematicsFilter
-        The one chosen.
+        Chosen filter.
     bags : list of SampleColumns
-        The recordings, filtered by it.
+        Recordings filtered with the chosen filter.
     """
 
     trials: list[FilterTrial]
@@ -265,11 +265,11 @@ class FilterChoice:
     def excerpts(
         self, regressor: Regressor, recordings: Sequence[Recording], in_time: bool = False
     ) -> list[SampleColumns]:
-        """Return what is enough of the recordings, filtered alike; all of them if they are short.
+        """Return sufficient excerpts of the recordings, filtered; short recordings are complete.
 
-        With velocities moved to where positions say, if that is asked for.
+        With `in_time`, the delay of measured velocities is corrected.
         """
-        parts = [_excerpt(recording) for recording in recordings]
+        parts = [excerpt(recording) for recording in recordings]
         if not in_time and all(part is r for part, r in zip(parts, recordings, strict=True)):
             return self.bags
         kinematics = replace(self.kinematics, in_time=in_time or self.kinematics.in_time)
@@ -277,7 +277,7 @@ class FilterChoice:
 
     @property
     def has_late_velocities(self) -> bool:
-        """Whether the kinematics come from velocities that are known to be late."""
+        """Whether the kinematics use velocities that are known to be late."""
         kinematics = self.kinematics
         as_measured = not (kinematics.from_position or kinematics.in_time)
         return as_measured and bool(self.conditioner.delays.velocity.any())
@@ -285,7 +285,7 @@ class FilterChoice:
     def with_effort_delay(
         self, regressor: Regressor, recordings: Sequence[Recording], delay: EffortDelay
     ) -> 'FilterChoice':
-        """Return the same choice for the same recordings, signals moved by what they are late."""
+        """Return the same choice with corrected delays of all signals."""
         if not delay.used.any() and not delay.in_time:
             return self
         moved = self.conditioner.with_effort_delay(delay.used)
@@ -297,19 +297,17 @@ class FilterChoice:
 def choose_filter(
     regressor: Regressor, conditioner: Conditioner, recordings: Sequence[Recording]
 ) -> FilterChoice:
-    """Try the cut-offs, and the ways to clean the kinematics, that the recordings allow.
+    """Try all cut-offs and kinematics filters that the recordings allow.
 
-    Real motion has content beyond the commanded harmonics, such as the ripple of dry friction;
-    measured velocities may lag, or be noisy. Which matters more, recorded torque decides, in
-    parts of the motion that are left out of the fit: filtered torque would favour whatever filters
-    most. Of cut-offs that are equally good, the nearest to the one by rule stays.
+    Real motion contains more than the commanded harmonics, such as the ripple of dry friction.
+    Measured velocities may be late or noisy. The recorded torque in held-out parts determines which
+    effect is larger; filtered torque would favour the strongest filter. Of equally good cut-offs,
+    the nearest to the rule is chosen.
 
     Parameters
     ----------
-    regressor : Regressor
-    conditioner : Conditioner
     recordings : sequence of Recording
-        To identify from.
+        Identification bags.
 
     Raises
     ------
@@ -334,7 +332,7 @@ def condition_once(
     kinematics: KinematicsFilter,
     predicted: bool = False,
 ) -> SampleColumns:
-    """Return the columns of a bag that won't be filtered again, with no more memory than needed."""
+    """Return the columns of a bag that is filtered only once, with minimum memory."""
     conditioner.forget_motions()
     samples = conditioner.condition(recording, kinematics, predicted)
     conditioner.forget_motions()
@@ -342,20 +340,20 @@ def condition_once(
 
 
 class _Trials:
-    """Runs trials, each once, and compares them."""
+    """Run filter trials, each once, and compare their errors."""
 
     def __init__(
         self, regressor: Regressor, conditioner: Conditioner, recordings: Sequence[Recording]
     ) -> None:
         self._regressor = regressor
         self._conditioner = conditioner
-        self._excerpts = [_excerpt(recording) for recording in recordings]
+        self._excerpts = [excerpt(recording) for recording in recordings]
         self._measured = all(recording.dq is not None for recording in recordings)
         self._cad = ArmParameters.stated(regressor.robot, None)
         self._outcomes: dict[KinematicsFilter, _Outcome] = {}
 
     def run(self, cutoff: float, like: KinematicsFilter) -> None:
-        """Try a cut-off [Hz] with a way to clean the kinematics."""
+        """Try a cut-off [Hz] with a kinematics filter of a given type."""
         conditioner = self._conditioner.at(cutoff)
         kinematics = conditioner.adapted(like)
         if kinematics not in self._outcomes:
@@ -368,10 +366,10 @@ class _Trials:
             )
 
     def best_at(self, cutoff: float) -> KinematicsFilter:
-        """Try the ways to clean the kinematics at one cut-off, and return the best.
+        """Try the kinematics filters at one cut-off, and return the best.
 
-        First filters, with measured velocities if there are any, then the other sources with the
-        best of them.
+        First all filters are tried, with measured velocities if available, then the other sources
+        with the best filter.
         """
         candidates = self._conditioner.at(cutoff).candidates()
         source = not self._measured
@@ -392,7 +390,7 @@ class _Trials:
         return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
 
     def walk(self, cutoffs: Sequence[float], start: KinematicsFilter) -> None:
-        """Try other cut-offs, down and up from that of a filter for as long as errors fall."""
+        """Try lower and higher cut-offs, starting at a filter, as long as errors fall."""
         below = [cutoff for cutoff in reversed(cutoffs) if cutoff < start.cutoff]
         above = [cutoff for cutoff in cutoffs if cutoff > start.cutoff]
         for way in (below, above):
@@ -404,10 +402,10 @@ class _Trials:
                 last = following
 
     def nearest(self, rule: float) -> float:
-        """Return the cut-off nearest to the one by rule among those as good as the best.
+        """Return the cut-off nearest to the rule among those that are as good as the best.
 
-        Their difference is within what chance makes of as many trials, judged by how it varies
-        over the blocks of the motion.
+        Differences count as equal if chance explains them for as many trials, judged by their
+        variation over the blocks of the motion.
         """
         errors = self._squared_errors()
         least = min(errors.values(), key=lambda own: float(own.sum()))
@@ -416,7 +414,7 @@ class _Trials:
 
     @property
     def tried(self) -> list[FilterTrial]:
-        """Filters tried, with their residuals."""
+        """Tried filters with their errors."""
         any_of_them = next(iter(self._outcomes.values()))
         torque = block_sums(any_of_them.blocks, any_of_them.torques, self._common()).sum()
         return [
@@ -425,7 +423,7 @@ class _Trials:
         ]
 
     def _squared_errors(self) -> dict[KinematicsFilter, Array]:
-        """Return the squared error of each block, over the samples that all trials have."""
+        """Return the squared error of each block, over the samples common to all trials."""
         common = self._common()
         return {
             kinematics: block_sums(outcome.blocks, outcome.residuals, common)
@@ -439,14 +437,15 @@ class _Trials:
 
 @dataclass(frozen=True, eq=False)
 class _Outcome:
-    """Blocks (M,), torque as recorded (M, n) and what a trial left of it [Nm], of each bag."""
+    """Blocks (M,), recorded torque (M, n) and a trial's residual [Nm], of each bag."""
 
     blocks: list[npt.NDArray[np.intp]]
     torques: list[Array]
     residuals: list[Array]
 
 
-def _excerpt(recording: Recording) -> Recording:
+def excerpt(recording: Recording) -> Recording:
+    """Return the middle of a long recording, enough to compare filters."""
     if recording.duration <= _ENOUGH:
         return recording
     share = 0.5 * _ENOUGH / recording.duration

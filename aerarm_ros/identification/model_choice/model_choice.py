@@ -1,4 +1,4 @@
-"""Choosing the terms of each joint and fitting the model that results."""
+"""Choice of each joint's terms, and fit of the resulting model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,17 +24,17 @@ from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]
 
-# Eigenvalues of the links' Gram matrix below this share of the largest are directions that
-# no torque depends on.
+# Eigenvalues of the links' Gram matrix below this fraction of the largest have no effect on any
+# torque.
 _NO_EFFECT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """A joint's own coefficients as functions of the links' parameters x: `constant - slope x`.
+    """Joint coefficients as functions of the links' parameters x: `constant - slope x`.
 
-    `hessian` and `gradient` are what the joint's rows then say about x. Leading axes: variants
-    of the joint's terms, parts of the motion left out.
+    `hessian` and `gradient` are the remaining information of the joint's rows about x. Leading
+    axes: variants of the joint's terms, held-out parts of the motion.
     """
 
     hessian: Array
@@ -44,17 +44,16 @@ class _Eliminated:
 
 
 class CrossValidation:
-    """Predicts each part of the identification motion from the others.
+    """Predict each part of the identification motion from the other parts.
 
-    The links' parameters are common to all joints, a joint's terms belong to its own torque
-    only. So each joint's terms are eliminated first (a Schur complement), and exchanging the
-    terms of one joint needs no more than a solution for the links.
+    The links' parameters are common to all joints, while a joint's terms affect only its own
+    torque. So each joint's terms are eliminated first (a Schur complement), and a change of one
+    joint's terms needs only a new solution for the links.
 
     Parameters
     ----------
-    bank : RegressionBank
     link_mean, link_std : (10 n,) ndarray
-        Prior of the inertial parameters.
+        Mean and standard deviation of the prior of the inertial parameters.
     weights : (n,) ndarray
         One over each joint's noise [1/Nm].
     """
@@ -73,7 +72,7 @@ class CrossValidation:
             for joint in range(bank.n)
         ]
         grams = np.array([[row.T @ row for row in own] for own in rows])
-        # Only combinations with an effect are kept: x = V y leaves prior and torques the same.
+        # Keep only combinations with an effect; x = V y preserves prior and torques.
         values, vectors = np.linalg.eigh(grams[..., :count, :count].sum(axis=(0, 1)))
         effective = vectors[:, values > _NO_EFFECT * values[-1]]
         self._links = effective.shape[1]
@@ -84,11 +83,12 @@ class CrossValidation:
         self._training = self._held_out.sum(axis=1, keepdims=True) - self._held_out
 
     def score(self, terms: Sequence[Sequence[JointTerm]]) -> float:
-        """Return the held-out squared error of a model, in units of the noise.
+        """Return the held-out squared error of a model, relative to the squared noise.
 
         Parameters
         ----------
         terms : n sequences of JointTerm
+            Terms of each joint.
         """
         return float(self.score_variants(terms, 0, [terms[0]])[0])
 
@@ -103,14 +103,16 @@ class CrossValidation:
         Parameters
         ----------
         terms : n sequences of JointTerm
-            The model; what it has for `joint` doesn't matter.
+            Terms of each joint; those of `joint` are ignored.
         joint : int
+            Index of the joint to vary.
         variants : V sequences of JointTerm
+            Alternative terms of that joint.
 
         Returns
         -------
         (V,) ndarray
-            In units of the noise, summed over the joints and parts.
+            Errors relative to the squared noise, summed over joints and parts.
         """
         links = self._links
         masks = np.array([self._mask(variant) for variant in variants])
@@ -158,7 +160,7 @@ class CrossValidation:
 
     def _error(self, joint: int, x: Array, part: _Eliminated) -> Array:
         own = part.constant - (part.slope @ x[..., None])[..., 0]
-        # A term that only helps with the wrong sign is no friction.
+        # A term that improves the fit only with the wrong sign is not friction.
         own = np.where(self._nonnegative, np.maximum(own, 0.0), own)
         solution = np.concatenate([x, own, -np.ones((*x.shape[:-1], 1))], axis=-1)
         return np.asarray(
@@ -176,19 +178,19 @@ def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Ar
 
 
 WIDTHS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)
-"""Velocities [rad/s] over which dry friction may change sign; 0 is the step of (2.6)."""
+"""Candidate velocities [rad/s] over which dry friction changes sign; 0 is the step of (2.6)."""
 
 CREEP_WIDTHS = (0.3, 0.6)
-"""Velocities [rad/s] at which slowly rising friction levels off."""
+"""Candidate velocities [rad/s] at which saturating viscous friction levels off."""
 
 STRIBECK_WIDTHS = (0.05, 0.15)
-"""Velocities [rad/s] above which the friction of standstill has gone."""
+"""Candidate velocities [rad/s] above which Stribeck friction vanishes."""
 
 ASYMMETRY_WIDTH = 0.02
-"""Velocity [rad/s] over which friction that acts in one direction sets in."""
+"""Velocity [rad/s] over which asymmetric friction develops."""
 
-# A term stays if it lowers the held-out error of its arm by this share: smaller gains are
-# within what another recording of the same motion would change.
+# A term is kept if it lowers the held-out error of the arm by this fraction; another recording of
+# the same motion can cause smaller changes.
 _WORTHWHILE = 5e-3
 
 _VISCOUS = JointTerm(TermKind.VISCOUS)
@@ -200,21 +202,24 @@ _SWITCHED = (
     *(JointTerm(TermKind.STRIBECK, width) for width in STRIBECK_WIDTHS),
     *(JointTerm(kind, ASYMMETRY_WIDTH) for kind in (TermKind.FORWARD, TermKind.BACKWARD)),
 )
-# What takes each other's place: a joint has one of them at most.
+# Mutually exclusive terms: a joint has at most one of them.
 _RIVALS = ({TermKind.FORWARD, TermKind.BACKWARD, TermKind.OFFSET},)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One model that was tried for a joint.
+    """Model that was tried for a joint.
 
     Attributes
     ----------
     joint : int
+        Index of the joint.
     terms : tuple of JointTerm
+        Terms of the joint.
     error : float
-        Held-out squared torque error of the arm relative to the model it started from.
+        Held-out squared torque error of the arm relative to the initial model.
     chosen : bool
+        Whether the model was chosen.
     """
 
     joint: int
@@ -224,7 +229,7 @@ class Comparison:
 
 
 def candidate_terms() -> tuple[JointTerm, ...]:
-    """Return every term that a joint may get."""
+    """Return all terms that a joint may have."""
     dry = [JointTerm(kind, width) for kind in _DRY for width in WIDTHS]
     return (_VISCOUS, ROTOR, *dry, *_SWITCHED)
 
@@ -232,23 +237,22 @@ def candidate_terms() -> tuple[JointTerm, ...]:
 def select_terms(
     validation: CrossValidation, start: Sequence[Sequence[JointTerm]]
 ) -> tuple[tuple[tuple[JointTerm, ...], ...], list[Comparison]]:
-    """Choose the terms of every joint.
+    """Choose the friction and rotor terms of every joint by cross-validation.
 
-    For one joint after the other: first how sharply its dry friction changes sign and
-    whether it grows with the load, then whether creep, Stribeck friction, asymmetry or an
-    offset predict unseen motion better, then the first question again.
+    Joint by joint, three steps follow each other. First the width of the dry friction's sign change
+    and its load dependence are chosen. Then saturating viscous friction, Stribeck friction,
+    asymmetry and offset are tested on unseen motion. Finally the first step is repeated.
 
     Parameters
     ----------
-    validation : CrossValidation
     start : n sequences of JointTerm
-        Where to begin, such as viscous, Coulomb and rotor for every joint.
+        Initial terms, for example viscous, Coulomb and rotor for every joint.
 
     Returns
     -------
     tuple of n tuples of JointTerm
     list of Comparison
-        What was compared.
+        All models compared.
     """
     terms = [tuple(own) for own in start]
     best = validation.score(terms)
@@ -272,7 +276,7 @@ def select_terms(
 def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
     """Return the terms with dry friction of every width, with and without load dependence.
 
-    Width and load dependence are scanned together: each alone may predict no better.
+    Width and load dependence vary together, because each alone may give no improvement.
     """
     others = tuple(term for term in terms if term.kind not in _DRY)
     variants = []
@@ -283,7 +287,7 @@ def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
 
 
 def _switches(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
-    """Return the terms with each of the other optional ones added, exchanged or left out."""
+    """Return the terms with each other optional term added, exchanged or removed."""
     variants = []
     for term in _SWITCHED:
         replaced = next((group for group in _RIVALS if term.kind in group), {term.kind})
@@ -307,29 +311,29 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
         JointTerm(TermKind.BACKWARD, ASYMMETRY_WIDTH),
     ),
 }
-"""Friction models with a name, each (2.6) and rotors plus what its name says.
-
-Names joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
+"""Friction models by name. Each contains (2.6), rotor inertia and the named terms. Names joined by
+'+' are combined; 'auto' chooses each joint's terms by cross-validation.
 """
 
-# What the links weigh decides the load that friction depends on, and the other way round.
+# The links' parameters determine the load on which friction depends, and vice versa.
 _ROUNDS = 2
 
 
 def friction_terms(friction: str) -> tuple[JointTerm, ...]:
-    """Return the terms of one model, or of several joined by '+'.
+    """Return the terms of a friction model, or of several models joined by '+'.
 
     Raises
     ------
     IdentificationError
-        If there is no such model.
+        If the model is unknown.
     """
     names = friction.split('+')
     unknown = [name for name in names if name not in FRICTION_MODELS]
     if unknown:
         raise IdentificationError(
-            f'--friction {friction}: no model {", ".join(map(repr, unknown))}: give {AUTOMATIC}, '
-            f'or one or several of {", ".join(FRICTION_MODELS)} joined by +'
+            f'friction model {", ".join(map(repr, unknown))} of --friction {friction} is '
+            f'unknown: pass {AUTOMATIC}, or one or several of {", ".join(FRICTION_MODELS)} '
+            'joined by +'
         )
     return tuple(dict.fromkeys(term for name in names for term in FRICTION_MODELS[name]))
 
@@ -341,29 +345,27 @@ def choose_model(
     friction: str,
     coupled: CoupledJoints = (),
 ) -> tuple[ModelFit, list[Comparison]]:
-    """Fit the joints' terms that were asked for, or those that predict unseen motion best.
+    """Fit the requested joint terms, or the terms that predict unseen motion best.
 
     Parameters
     ----------
-    robot : Robot
     bags : sequence of SampleColumns
-        To identify from; the choice is made by cross-validation within them.
-    cad : ArmParameters
+        Identification bags; cross-validation within them determines the choice.
     friction : str
         'auto', a key of `FRICTION_MODELS`, or several joined by '+'.
     coupled : sequence of (joint, driver)
-        Joints that get the columns of `coupled_terms` in any case.
+        Joints that always get the columns of `coupled_terms`.
 
     Returns
     -------
     ModelFit
     list of Comparison
-        What was tried in the last round; empty if nothing was chosen.
+        Models tried in the last round; empty for a given friction model.
 
     Raises
     ------
     IdentificationError
-        If there is no such friction model, or no such joint.
+        If the friction model or a joint is unknown.
     """
     couplings = coupled_terms(robot.joint_names, coupled)
     chosen = () if friction == AUTOMATIC else friction_terms(friction)

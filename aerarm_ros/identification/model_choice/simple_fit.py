@@ -1,4 +1,4 @@
-"""What a simple model leaves of torque on parts of the motion that it hasn't seen."""
+"""Fit of a simple torque model, with residuals on held-out parts of the motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ def block_sums(
     blocks : sequence of (M,) ndarray of int
         `Samples.block` of each bag.
     residuals : sequence of (M, n) ndarray
-        [Nm]; NaN does not count.
+        Torque residuals [Nm]; NaN is ignored.
     counted : sequence of (M, n) ndarray of bool, optional
-        Which ones count; all that are known by default.
+        Residuals to include; by default all that are not NaN.
     """
     sums = []
     for index, (block, residual) in enumerate(zip(blocks, residuals, strict=True)):
@@ -39,7 +39,7 @@ def block_sums(
 
 
 def standard_errors(differences: Array) -> float:
-    """Return how far from zero the sum of independent differences is, in its standard errors."""
+    """Return the sum of independent differences divided by its standard error."""
     error = float(differences.std() * np.sqrt(len(differences)))
     return float(differences.sum()) / error if error > 0.0 else 0.0
 
@@ -50,10 +50,10 @@ SIMPLE_TERMS = (
     ROTOR,
     JointTerm(TermKind.OFFSET),
 )
-"""What every joint has in a simple model."""
+"""Terms of every joint in a simple model."""
 
-# A model this simple leaves about so much of a joint's torque, as a share, and so many
-# neighbouring samples say the same: that weighs data against the drawing.
+# Relative torque residual of such a simple model, and number of neighbouring samples per
+# independent sample; both weight the data against the prior.
 _NOISE = 0.03
 _CORRELATION = 20.0
 
@@ -65,9 +65,9 @@ class SharedColumns:
     Attributes
     ----------
     filtered : (M, n, k) ndarray
-        Torque per unit, through the torque's low-pass.
+        Torque per unit, low-pass filtered like the torque.
     spread : (k,) ndarray
-        Standard deviations of the coefficients about 0, before any data.
+        Prior standard deviations of the coefficients about 0.
     """
 
     filtered: Array
@@ -75,24 +75,23 @@ class SharedColumns:
 
 
 class SimpleFit:
-    """Links, friction (2.6), rotors and offsets, fitted without each part of the motion in turn.
+    """Fit of links, friction (2.6), rotors and offsets, with each part of the motion held out.
 
     Parameters
     ----------
-    bags : sequence of SampleColumns
     cad : ArmParameters
-        Decides what the motion doesn't.
+        Prior for parameters that the motion does not determine.
     shared : sequence of SharedColumns
-        One a bag, or none.
+        One per bag, or empty.
     terms : sequence of JointTerm
-        Of every joint.
+        Terms of every joint.
     inertial : (10 n,) ndarray, optional
-        Inertial parameters that give the load, for terms that depend on it.
+        Inertial parameters that determine the load of load-dependent terms.
 
     Attributes
     ----------
     theta : (p,) ndarray
-        Fitted to the whole motion: links, shared columns, then the joints' terms.
+        Parameters fitted to the whole motion: links, shared columns, then the joints' terms.
     """
 
     def __init__(
@@ -115,7 +114,7 @@ class SimpleFit:
         gram, right, spread = self._normal_equations()
         spread[: self._common] = [*LINK_SPREAD * cad.inertial_scale().ravel(), *more]
         mean = np.concatenate([mean, np.zeros(len(spread) - len(mean))])
-        # The last one has all parts, the others lack one each.
+        # The last matrix contains all parts, each other one lacks one part.
         gram = np.concatenate([gram.sum(axis=0) - gram, gram.sum(axis=0, keepdims=True)])
         right = np.concatenate([right.sum(axis=0) - right, right.sum(axis=0, keepdims=True)])
         system = gram * np.outer(spread, spread) + np.eye(len(spread))
@@ -124,14 +123,14 @@ class SimpleFit:
         self._parts, self.theta = solved[:-1], solved[-1]
 
     def deviations(self) -> Array:
-        """Return (p,) standard deviations of `theta`, by leaving out each part (jackknife)."""
+        """Return (p,) standard deviations of `theta` by the jackknife over the parts."""
         spread = self._parts - self._parts.mean(axis=0)
         return np.asarray(np.sqrt((FOLDS - 1) / FOLDS * (spread**2).sum(axis=0)))
 
     def rates(self) -> list[Array]:
         """Return the (M, n) time derivative of each bag's filtered prediction [Nm/s].
 
-        Of the links and joints, without the shared columns.
+        Links and joints are included, shared columns are not.
         """
         n = self._bags[0].samples.n
         own = self.theta[self._common :].reshape(n, -1)
@@ -142,27 +141,27 @@ class SimpleFit:
         ]
 
     def raw_residuals(self) -> list[Array]:
-        """Return recorded minus predicted torque of the links and joints, each part held out.
+        """Return recorded minus predicted torque of links and joints, with each part held out.
 
-        Fitted is filtered torque, judged is torque as recorded. So trials with different filters
-        can be compared: each has to predict the same.
+        The fit uses filtered torque, the residuals use recorded torque. So trials with different
+        filters are comparable.
 
         Returns
         -------
         list of (M, n) ndarray
-            [Nm]; NaN where the torque wasn't measured.
+            Residual torque [Nm]; NaN where torque was not measured.
         """
         columns = [self._raw_columns(bag) for bag in self._bags]
         torques = [bag.samples.tau_raw for bag in self._bags]
         return self._residuals([bag.rigid_raw for bag in self._bags], columns, torques)
 
     def residuals(self) -> list[Array]:
-        """Return the same of filtered torque, shared columns included."""
+        """Return the residuals of filtered torque, including shared columns."""
         columns = [self._joint_columns(bag) for bag in self._bags]
         return self._residuals(self._filtered, columns, [bag.samples.tau for bag in self._bags])
 
     def _normal_equations(self) -> tuple[Array, Array, Array]:
-        """Return products of the columns and with the torque, for each part, and spreads."""
+        """Return Gram matrices and torque products of the columns per part, and prior spreads."""
         n, own = self._bags[0].samples.n, len(self._terms)
         common, size = self._common, self._common + n * own
         gram, right, spread = np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.ones(size)
@@ -177,7 +176,8 @@ class SimpleFit:
                 fold.append(bag.samples.fold[rows])
             stacked, part_of = np.vstack(used), np.concatenate(fold)
             norms = np.linalg.norm(stacked, axis=0)
-            # One standard deviation of a joint's coefficient would explain all of its torque.
+            # A prior standard deviation of a joint coefficient would explain all of the joint's
+            # torque.
             spread[index[common:]] = norms[-1] / np.maximum(norms[common:-1], 1e-9)
             unit = _NOISE * np.sqrt(_CORRELATION / max(len(stacked), 1)) * max(norms[-1], 1e-9)
             stacked /= unit
@@ -207,7 +207,7 @@ class SimpleFit:
         return np.stack([bag.term(term, self._inertial) for term in self._terms], axis=2)
 
     def _raw_columns(self, bag: SampleColumns) -> Array:
-        """Return the same without the torque's low-pass."""
+        """Return the (M, n, k) columns of the joints' terms, without low-pass filter."""
         samples = bag.samples
         load = None if self._inertial is None else np.abs(bag.links_torque(self._inertial))
         return np.stack([t.basis(samples.dq, samples.ddq, load) for t in self._terms], axis=2)

@@ -1,5 +1,5 @@
-"""One drive at a time: friction, rotor inertia, torque constant, resistance (thesis 4.4).
+"""Identification of single drives: friction, rotor, torque constant, resistance (thesis 4.4).
 
-In come runs in which a single joint moves; out go the drive's parameters with their uncertainty,
-as YAML, as a configuration that has them, and as a report.
+The input is a set of runs in which a single joint moves. The results are the drive's parameters
+with their uncertainty, as YAML, as a configuration file and as a report.
 """

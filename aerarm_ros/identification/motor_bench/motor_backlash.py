@@ -1,4 +1,4 @@
-"""Play of a gear, from swings in which the link flies from flank to flank."""
+"""Estimation of gear backlash from oscillations in which the link changes tooth flanks."""
 
 from collections.abc import Sequence
 
@@ -8,20 +8,21 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorRun
 from aerarm_ros.motion.signals import Array
 
-LARGEST = 0.1  # [rad] of play that is looked for
+LARGEST = 0.1  # [rad] largest backlash that is searched
 _RATE = 1000.0  # [Hz] of the uniform grid
-_CUTOFF = 25.0  # [Hz] of torques: what an impact makes of them is not modelled
-_SMOOTH = 50.0  # [Hz] of the motor's velocity, whose counts would kick the link
+_CUTOFF = 25.0  # [Hz] low-pass filter of torques, because the torque of impacts is not modelled
+# [Hz] low-pass filter of the motor's velocity, whose quantization would excite the link
+_SMOOTH = 50.0
 _ORDER = 3
-_EDGE = 0.1  # [s] at both ends, where the filter knows one side only
-_STICKING = 0.1  # of the top speed [-]: slower, friction is anything
-_SHORTEST = 0.5  # [s]
+_EDGE = 0.1  # [s] excluded at both ends, where the filter has samples on one side only
+_STICKING = 0.1  # relative to the top speed [-]; at lower speeds friction is undetermined
+_SHORTEST = 0.5  # [s] shortest usable recording
 _PLAYS, _SCALES, _ROUNDS = 41, 9, 3
-_WIDTH = 4.0  # [standard deviations] to either side that the next round looks at
-_SHARP = 2.0  # [grid steps] a standard deviation is no less
-_CLEAR = 3.0  # [standard deviations]
-_DIGITS = 6  # behind the point, of a play [rad]
-_SURE = 3e-4  # [rad] nor than this: what impacts and filters leave
+_WIDTH = 4.0  # [standard deviations] on both sides that the next round covers
+_SHARP = 2.0  # [grid steps] least standard deviation
+_CLEAR = 3.0  # [standard deviations] of a significant backlash
+_DIGITS = 6  # decimal places of a backlash [rad]
+_SURE = 3e-4  # [rad] least standard deviation, for errors of impacts and filters
 
 
 def fit_backlash(
@@ -31,37 +32,37 @@ def fit_backlash(
     rotor: tuple[float, float],
     name: str,
 ) -> tuple[float, float]:
-    """Return the play of a gear at the joint and its standard deviation [rad].
+    """Return the backlash of a gear at the joint and its standard deviation [rad].
 
-    An encoder on the motor does not see the link. But it is felt: where the motor brakes and the
-    link does not, it leaves the flank that drove it, and until it meets the other one the motor
-    has to move its own inertia only. For a play, the motor's measured motion tells the link's:
-    with the motor while a flank pushes it, free with gravity in between. So it tells the torque
-    of the flanks, and of all plays those count whose torque is the measured one. Motor inertia,
-    viscous and dry friction are fitted along; the links' inertia is weighed over what it may be.
+    An encoder on the motor does not measure the link, but the backlash affects the motor. When the
+    motor brakes, the link leaves the driving flank. Until the opposite flank makes contact, the
+    motor accelerates only its own inertia. For an assumed backlash, the link's motion follows from
+    the motor's: coupled in contact, free under gravity in between. The motion determines the
+    contact torque. The estimate is the backlash whose torque fits the measured torque best. Motor
+    inertia, viscous and dry friction are fitted simultaneously; the links' inertia varies within
+    its uncertainty.
 
     Parameters
     ----------
     runs : sequence of MotorRun
-        Swings of the joint.
+        Oscillations of the joint.
     friction : MotorFriction
-        Of its velocity steps: gravity, and the load's share.
+        Gravity and load-dependent friction from the velocity steps.
     links, rotor : tuple of two floats
-        Inertia of what the gear drives, and of the drive, at the joint, each with a standard
-        deviation [kg m^2].
+        Joint-side inertia of the load and of the drive, each with its standard deviation [kg m^2].
     name : str
-        Of the joint, for errors.
+        Name of the joint, for error messages.
 
     Raises
     ------
     IdentificationError
-        If the swings are too short.
+        If the recordings are too short.
     """
     heard = [run for run in runs if len(run.time)]
     swings = [_Swing(run) for run in heard if run.time[-1] - run.time[0] >= _SHORTEST]
     if not swings:
         raise IdentificationError(
-            f'{name}: its swings are shorter than {_SHORTEST} s: measure more of them'
+            f'{name}: the sine waves are shorter than {_SHORTEST} s; measure more of them'
         )
     plays = np.linspace(0.0, 1.0, _PLAYS) ** 2 * LARGEST
     spread = 2.0 * links[1] / links[0]
@@ -88,15 +89,15 @@ def is_told(found: tuple[float, float]) -> bool:
 
 
 def is_largest(found: tuple[float, float]) -> bool:
-    """Return whether a play and its standard deviation [rad] may as well lie beyond `LARGEST`."""
+    """Return whether a backlash [rad] may exceed `LARGEST`, given its standard deviation."""
     return found[0] > LARGEST - _CLEAR * found[1]
 
 
 class _Swing:
-    """One stretch of swings: the motor's motion on a uniform grid, and torque, filtered."""
+    """Section of oscillations: motor motion on a uniform grid, and filtered torque."""
 
     def __init__(self, run: MotorRun) -> None:
-        # Imported here: it takes longer than all the rest of this module.
+        # Local import, because scipy.signal takes longer to import than the rest of this module.
         from scipy.signal import butter, sosfiltfilt
 
         time = np.arange(run.time[0], run.time[-1], 1.0 / _RATE)
@@ -116,13 +117,13 @@ class _Swing:
         self.rows = np.flatnonzero(free)[:: round(0.5 * _RATE / _CUTOFF)]
 
     def filtered(self, values: Array) -> Array:
-        """Return values (M, ...) filtered along the first axis, without delay."""
+        """Return values (M, ...) low-pass filtered along the first axis, without delay."""
         from scipy.signal import sosfiltfilt
 
         return np.asarray(sosfiltfilt(self._sections, values, axis=0))
 
     def link(self, play: Array, gravity: Array) -> Array:
-        """Return the link's angles (M, K) [rad] for K plays [rad], gravity (2, K) [rad/s^2]."""
+        """Return link angles (M, K) [rad] for K backlashes [rad] and gravity (2, K) [rad/s^2]."""
         half, side = 0.5 * play, np.zeros(len(play))
         x, v = np.full(len(play), self.q[0]), np.full(len(play), self.dq[0])
         way = np.empty((len(self.q), len(play)))
@@ -132,7 +133,7 @@ class _Swing:
             touches = side != 0.0
             v = np.where(touches, dq, v - pull / _RATE)
             x = np.where(touches, q + side * half, x + v / _RATE)
-            # A flank only pushes: where it had to pull, the link leaves it.
+            # A flank only pushes; the link leaves the flank where it would have to pull.
             side = np.where((ddq + pull) * side > 0.0, 0.0, side)
             ahead = x - q
             met = ~touches & (np.abs(ahead) >= half)
@@ -143,7 +144,7 @@ class _Swing:
 
 
 def acceleration(position: Array) -> Array:
-    """Return second differences along the first axis [rad/s^2]."""
+    """Return second differences of positions along the first axis [rad/s^2]."""
     return np.asarray(np.gradient(np.gradient(position, axis=0), axis=0) * _RATE**2)
 
 
@@ -154,7 +155,7 @@ def _misfit(
     links: Array,
     rotor: tuple[float, float],
 ) -> Array:
-    """Return sums of squares (K,), in units of the noise that the best of K leaves."""
+    """Return residual sums of squares (K,), relative to the noise of the best of K."""
     gravity = friction.gravity[:, np.newaxis] / links
     columns, torque = [], []
     for swing in swings:
@@ -166,7 +167,7 @@ def _misfit(
         torque.append((swing.tau[:, np.newaxis] - flank - dry)[swing.rows])
     rows, right = np.vstack(columns), np.vstack(torque)
     noise = float(np.sqrt(_squares(rows, right).min() / max(len(rows) - 6, 1)))
-    # What is known of the rotor, in the same unit.
+    # Prior of the rotor inertia, in the same unit.
     weight = noise / rotor[1]
     rows = np.vstack([rows, [[weight, 0.0, 0.0, 0.0]]])
     right = np.vstack([right, np.full(len(links), weight * rotor[0])])
@@ -174,6 +175,6 @@ def _misfit(
 
 
 def _squares(rows: Array, right: Array) -> Array:
-    """Return what least squares leave of each column of the right side (K,)."""
+    """Return the least-squares residual of each column of the right-hand side (K,)."""
     q, _ = np.linalg.qr(rows)
     return np.asarray(((right - q @ (q.T @ right)) ** 2).sum(axis=0))

@@ -1,4 +1,4 @@
-"""From the runs of a motor bench to the parameters of the drives, thesis section 4.4."""
+"""Evaluation of motor bench runs: parameters of the drives, thesis section 4.4."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,28 +26,28 @@ from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.motion.signals import Array
 
-_PLAY = 0.05  # [rad] that a joint has at most
+_PLAY = 0.05  # [rad] largest assumed backlash of a joint
 
 
 def rattle_of_others(
     dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
 ) -> Array:
-    """Return how far each joint's play shifts the link of one that swings, at most (n,) [rad].
+    """Return how far each joint's backlash shifts the oscillating link, at most (n,) [rad].
 
-    Links push each other: what a joint accelerates asks for torque of the others, by the inertia
-    that couples them. One that gravity presses harder than that onto a flank stays there. One that
-    nothing presses moves within its play, and takes the link that is watched along.
+    An accelerating joint causes torques at the other joints through their inertial coupling. A
+    joint stays at its tooth flank if gravity presses it there with more torque. Otherwise it moves
+    within its backlash, and shifts the observed link.
 
     Parameters
     ----------
     dynamics : Dynamics
-        Of the arm.
+        Dynamic model of the arm.
     posture : (n,) ndarray
-        About which the joint swings [rad].
+        Posture about which the joint oscillates [rad].
     joint : int
-        The one that swings.
+        Index of the oscillating joint.
     amplitude, acceleration : float
-        Largest of its motion [rad], [rad/s^2].
+        Largest amplitude [rad] and acceleration [rad/s^2] of its motion.
     """
     inertia = np.abs(dynamics.inertia_matrix(posture))
     gravity = np.abs(dynamics.gravity(posture))
@@ -59,33 +59,33 @@ def rattle_of_others(
 
 
 _RATE = 1000.0  # [Hz] of the uniform grid
-_CUTOFF = 12.0  # [Hz] of the zero-phase low-pass: a run's own frequencies lie below
+_CUTOFF = 12.0  # [Hz] zero-phase low-pass filter, above the frequencies of a run
 _ORDER = 3
-_ENDS = 5  # such times at both ends, where the filter knows one side only
+_ENDS = 5  # such times at both ends, where the filter has samples on one side only
 _STEP = 20  # samples from one row to the next
 _INDEPENDENT = 0.5 / _CUTOFF  # [s] between samples with independent noise
-_SHORTEST = 0.5  # [s]
-# Slower than this share of its top speed [-] a joint may stick, and friction is then anything.
+_SHORTEST = 0.5  # [s] shortest usable run
+# Below this fraction of its top speed [-] a joint may stick, so its friction is undetermined.
 _STICKING = 0.1
 
 
 def fit_inertia(
     runs: Sequence[MotorRun], friction: MotorFriction, name: str
 ) -> tuple[float, float]:
-    """Return everything that a joint has to accelerate, and its standard deviation [kg m^2].
+    """Return the inertia that a joint accelerates, and its standard deviation [kg m^2].
 
-    Gravity is known from the velocity steps. Viscous and Coulomb friction are fitted again,
-    since runs are faster than steps. Torque and regressor pass the same filter, so that the
-    balance (4.11) holds for what is left.
+    Gravity is taken from the velocity steps. Viscous and Coulomb friction are fitted again, because
+    runs are faster than steps. Torque and regressor pass the same filter, so that the balance
+    (4.11) holds after filtering.
 
     Parameters
     ----------
     runs : sequence of MotorRun
         Acceleration runs of one joint.
     friction : MotorFriction
-        Of its velocity steps.
+        Friction from the velocity steps.
     name : str
-        Of the joint, for errors.
+        Name of the joint, for error messages.
 
     Raises
     ------
@@ -94,7 +94,10 @@ def fit_inertia(
     """
     filtered = [_filtered(run, friction) for run in runs if _long_enough(run)]
     if not filtered:
-        raise IdentificationError(f'{name}: its acceleration runs are shorter than {_SHORTEST} s')
+        raise IdentificationError(
+            f'{name}: the acceleration runs are shorter than {_SHORTEST} s; measure more or '
+            'longer runs'
+        )
     columns, torque = (np.concatenate(part) for part in zip(*filtered, strict=True))
     theta, *_ = np.linalg.lstsq(columns, torque, rcond=None)
     residual = torque - columns @ theta
@@ -102,8 +105,8 @@ def fit_inertia(
     covariance = variance * np.linalg.pinv(columns.T @ columns)
     if theta[0] <= 0.0:
         raise IdentificationError(
-            f'{name}: its inertia comes out as {theta[0]:.3g} kg m^2, not above zero: check the '
-            'sign of the motor, and raise the acceleration share'
+            f'{name}: the measured inertia, {theta[0]:.3g} kg m^2, is not positive; check the '
+            'sign of the motor, and raise the acceleration fraction'
         )
     return float(theta[0]), float(np.sqrt(covariance[0, 0]))
 
@@ -113,8 +116,8 @@ def _long_enough(run: MotorRun) -> bool:
 
 
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
-    """Return the columns ddq, dq, sgn(dq) and the torque without gravity, filtered alike."""
-    # Imported here: it takes longer than all the rest of this module.
+    """Return columns ddq, dq, sgn(dq) and torque without gravity, all with the same filter."""
+    # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 
     time = np.arange(run.time[0], run.time[-1], 1.0 / _RATE)
@@ -126,7 +129,7 @@ def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
     rest = tau - friction.load_torque(smooth, dq)
     edge = round(_INDEPENDENT * _RATE)
     columns = np.column_stack([ddq, dq, sosfiltfilt(low_pass, np.sign(dq))])
-    # The filter carries what happens at standstill into its neighbourhood.
+    # The filter spreads the effect of a standstill to neighbouring samples.
     slow = np.abs(dq) < _STICKING * np.abs(dq).max()
     free = np.convolve(slow, np.ones(2 * edge + 1), 'same') == 0.0
     free[: _ENDS * edge] = free[-_ENDS * edge :] = False
@@ -134,36 +137,35 @@ def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
     return columns[rows], sosfiltfilt(low_pass, rest)[rows]
 
 
-# What the mass adds to gravity's torque must be this many standard deviations.
+# Least significance of the mass's gravity torque, in standard deviations.
 _SIGNIFICANT = 20.0
-_PLAUSIBLE = 2.0  # factor to the stated torque constant
+_PLAUSIBLE = 2.0  # largest factor between true and stated torque constant
 
 
 def fit_torque_constant(
     friction: MotorFriction, without: Array | None, known: Array | float, name: str
 ) -> tuple[float, float]:
-    """Return true over stated torque constant, and its standard deviation [-].
+    """Return the ratio of true to stated torque constant, and its standard deviation [-].
 
-    The current says how large the mass's torque is if the stated constant were right; weight
-    and lever say how large it is. Gear friction does not enter: it has the same magnitude in
-    both directions, gravity's torque the same sign.
+    The measured current and the stated constant give the mass's torque; weight and lever give its
+    true value. Gear friction cancels, because its sign depends on the direction of motion and that
+    of the gravity torque does not.
 
     Parameters
     ----------
     friction : MotorFriction
-        Fitted with the mass.
+        Friction fitted with the mass.
     without : (2,) ndarray or None
-        Gravity's a and b [Nm] without the mass; None for a bare motor, which carries nothing
-        else.
+        Gravity parameters a and b [Nm] without the mass; None for a bare motor without other load.
     known : (2,) ndarray or float
-        What the mass adds to a and b [Nm]; or, if the lever's angle is not known, m g r.
+        Contribution of the mass to a and b [Nm]; or m g r if the lever's angle is unknown.
     name : str
-        Of the joint, for errors.
+        Name of the joint, for error messages.
 
     Raises
     ------
     IdentificationError
-        If the mass's torque is too small to measure by, or does not fit its weight.
+        If the mass's torque is too small to measure, or does not match its weight.
     """
     added = friction.gravity - (0.0 if without is None else without)
     spread = friction.covariance[3:, 3:] * (1.0 if without is None else 2.0)
@@ -174,37 +176,37 @@ def fit_torque_constant(
     std = float(np.sqrt(direction @ spread @ direction))
     if size < _SIGNIFICANT * std or size == 0.0:
         raise IdentificationError(
-            f'{name}: the mass causes {size:.3g} Nm at most, measured to {std:.2g} Nm: choose a '
-            'posture in which the mass has a lever about this joint, or a larger mass'
+            f'{name}: the mass causes {size:.3g} Nm at most, measured to {std:.2g} Nm; choose a '
+            'posture with a longer lever arm of the mass about this joint, or a larger mass'
         )
     if not size / _PLAUSIBLE < measured < size * _PLAUSIBLE:
         raise IdentificationError(
-            f'{name}: the mass adds {measured:.3g} Nm instead of {size:.3g} Nm: check mass, '
-            'position of the mass, and that the result without it is of the same posture'
+            f'{name}: the mass adds {measured:.3g} Nm instead of {size:.3g} Nm; check the mass, '
+            'its position, and that both runs have the same posture'
         )
     ratio = size / measured
     return ratio, ratio * std / measured
 
 
-_ROUNDS = 2  # steps give gravity to the runs, which give inertia to the steps
+_ROUNDS = 2  # the steps need the inertia of the runs, which need the gravity of the steps
 _SAME_POSTURE = 0.02  # [rad]
-_SHIFT = 3e-3  # [rad] of a link by other joints' play that is worth a word
-_LEAST_SPREAD = 0.05  # of the links' inertia, however sure the URDF is
-_ROTOR_SPREAD = 0.3  # relative standard deviation of a rotor's inertia in the configuration
+_SHIFT = 3e-3  # [rad] link shift by other joints' backlash above which a warning appears
+_LEAST_SPREAD = 0.05  # least relative standard deviation of the links' inertia
+_ROTOR_SPREAD = 0.3  # relative standard deviation of the configured rotor inertia
 
 
 @dataclass(frozen=True)
 class KnownMass:
-    """A mass hung on the arm, or on a lever on a bare motor's shaft.
+    """Known mass attached to the arm, or to a lever on a bare motor's shaft.
 
     Attributes
     ----------
     mass : float
-        [kg]
+        Known mass [kg].
     position : tuple of three floats
-        Its centre in the frame of the last link's joint [m], for a mounted arm.
+        Centre of mass in the frame of the last link's joint [m], for a mounted arm.
     lever : float
-        Distance of its centre from the shaft, which is horizontal [m], for a bare motor.
+        Distance of the centre of mass from the horizontal shaft [m], for a bare motor.
     """
 
     mass: float
@@ -214,14 +216,14 @@ class KnownMass:
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """Gravity's torque that an earlier run found without the known mass.
+    """Gravity torque from an earlier run without the known mass.
 
     Attributes
     ----------
     gravity : mapping
-        Joint name to (2,) a and b [Nm].
+        Parameters a and b (2,) [Nm] by joint name.
     posture : (n,) ndarray
-        In which it was measured [rad].
+        Posture of that run [rad].
     """
 
     gravity: Mapping[str, Array]
@@ -229,20 +231,20 @@ class Earlier:
 
 
 class MotorBench:
-    """Evaluates the runs of a bench.
+    """Evaluate the runs of a motor bench.
 
     Parameters
     ----------
     config : ArmConfig
-        Its torque constants made torques of currents.
+        Configuration whose torque constants converted currents to torques.
     robot : Robot or None
-        Mounted arm, whose links gravity acts on; None for bare motors.
+        Mounted arm with links under gravity; None for bare motors.
     posture : (n,) array_like
-        Angles of the joints that stand still [rad].
+        Angles of the joints at rest [rad].
     known : KnownMass, optional
-        Measure the torque constants by it.
+        Known mass for measuring the torque constants.
     earlier : Earlier, optional
-        Run without the mass, needed with a mounted arm.
+        Run without the mass, required for a mounted arm.
     link_uncertainty : float
         Relative standard deviation of the links' inertia in the URDF.
     resistance_uncertainty : float
@@ -251,7 +253,7 @@ class MotorBench:
     Raises
     ------
     IdentificationError
-        If a known mass can't be measured by like this.
+        If the torque constants cannot be measured with the known mass.
     """
 
     def __init__(
@@ -278,9 +280,9 @@ class MotorBench:
     def evaluate(
         self, joint: int, runs: Sequence[MotorRun], supply: MotorSupply | None = None
     ) -> MotorResult:
-        """Return what the runs of one joint tell; `warnings` gets what they don't.
+        """Evaluate the runs of one joint; `warnings` receives unidentified quantities.
 
-        Its resistance comes from `supply`, what the boards told of the motor.
+        The resistance comes from `supply`, the electrical measurements of the boards.
 
         Raises
         ------
@@ -313,15 +315,15 @@ class MotorBench:
         if result.inertia is not None and not result.rotor_inertia_known:
             self.warnings.append(
                 f'{drive.name}: rotor and load inertia are not separable '
-                f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2): measure in '
-                'a posture with less inertia about its axis, or as a bare motor'
+                f'({result.carried_inertia[0]:.3g} of {result.inertia[0]:.3g} kg m^2); measure '
+                'in a posture with less inertia about its axis, or measure the bare motor'
             )
         return result
 
     def _backlash(
         self, joint: int, swings: Sequence[MotorRun], friction: MotorFriction
     ) -> tuple[float, float] | None:
-        """Estimate the gear's backlash from swings; backlash of other gears adds uncertainty."""
+        """Estimate the gear's backlash from oscillations; other backlash adds uncertainty."""
         if not swings or self._robot is None:
             return None
         drive, posture = self._config.joints[joint], self._posture
@@ -340,24 +342,25 @@ class MotorBench:
         fastest = max(float(np.abs(run.dq).max()) for run in heard)
         dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
         shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
-        # As if anywhere between none and all of it were in what was found.
+        # The shift is assumed to be anywhere between zero and its largest value.
         found = play, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
         others = [self._config.joint_names[i] for i in np.flatnonzero(shift > _SHIFT)]
         if others:
             self.warnings.append(
-                f'{drive.name}: {", ".join(others)} may rattle along, and its play count as well: '
-                'choose a posture in which gravity presses it, or in which it is not moved'
+                f'{drive.name}: {", ".join(others)} may rattle too, so the result may include '
+                'their backlash; choose a posture in which gravity presses their gears to one '
+                'side, or in which they do not move'
             )
         if not is_told(found):
             self.warnings.append(
                 f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad '
-                'is not significant: for a finer result choose a posture in which its links are '
-                'heavy about its axis and gravity does not press them to one side'
+                'is not significant; for a finer result choose a posture with heavy links about '
+                'the axis of this joint, in which gravity does not press its gear'
             )
         elif is_largest((play, std)):
             self.warnings.append(
-                f'{drive.name}: backlash is {1e3 * LARGEST:.0f} mrad or more, the most that is '
-                'looked for: look at the gear'
+                f'{drive.name}: backlash is at least {1e3 * LARGEST:.0f} mrad, the largest '
+                'measurable value; inspect the gear'
             )
         return found
 
@@ -366,15 +369,19 @@ class MotorBench:
             raise IdentificationError(f'known mass {known.mass:g} kg must be above 0')
         if self._robot is None:
             if not known.lever > 0.0:
-                raise IdentificationError('a mass on a bare motor needs its lever [m]')
+                raise IdentificationError(
+                    'a known mass on a bare motor needs its lever arm: set its distance from '
+                    'the shaft [m]'
+                )
         elif self._earlier is None:
             raise IdentificationError(
                 'a mass on a mounted arm needs a run without it: measure without the mass first'
             )
         elif np.abs(self._earlier.posture - self._posture).max() > _SAME_POSTURE:
             raise IdentificationError(
-                f'the run without the mass was made at {self._earlier.posture.round(3).tolist()} '
-                f'rad, this one at {self._posture.round(3).tolist()}: choose the same posture'
+                'the posture of the run without the mass, '
+                f'{self._earlier.posture.round(3).tolist()} rad, differs from this one, '
+                f'{self._posture.round(3).tolist()} rad: choose the same posture'
             )
 
     def _torque_ratio(self, joint: int, friction: MotorFriction) -> tuple[float, float] | None:
@@ -386,9 +393,9 @@ class MotorBench:
                 gravity = float(np.linalg.norm(self._config.gravity_in_base))
                 weight = known.mass * gravity * known.lever
                 return fit_torque_constant(friction, None, weight, name)
-            assert self._earlier is not None  # checked in the beginning
+            assert self._earlier is not None  # checked in the constructor
             if name not in self._earlier.gravity:
-                raise IdentificationError(f'{name}: the run without the mass did not measure it')
+                raise IdentificationError(f'{name}: missing in the run without the mass')
             expected = self._known_gravity(robot, known, joint)
             return fit_torque_constant(friction, self._earlier.gravity[name], expected, name)
         except IdentificationError as error:
@@ -396,7 +403,7 @@ class MotorBench:
             return None
 
     def _known_gravity(self, robot: Robot, known: KnownMass, joint: int) -> Array:
-        """Return what the mass adds to a and b: gravity's torque at 90 and at 0 degrees."""
+        """Return the mass's contribution to a and b: its gravity torque at 90 and at 0 degrees."""
         alone, loaded = Dynamics(robot), Dynamics(_carrying(robot, known))
         values = []
         for angle in (0.5 * np.pi, 0.0):

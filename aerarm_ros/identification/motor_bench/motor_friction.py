@@ -11,16 +11,16 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class MotorBlocks:
-    """Mean motion and torque of a joint in each of B blocks of time.
+    """Mean motion and torque of a joint in each of B time blocks.
 
     Attributes
     ----------
     speed : float or None
         Commanded velocity, signed [rad/s].
     sine, cosine : (B,) ndarray
-        Means of sin(q) and cos(q), which gravity's torque is made of [-].
+        Means of sin(q) and cos(q), which determine the gravity torque [-].
     dq, ddq, tau : (B,) ndarray
-        [rad/s], [rad/s^2], [Nm], at the joint.
+        Mean joint velocity [rad/s], acceleration [rad/s^2] and torque [Nm].
     """
 
     speed: float | None
@@ -33,18 +33,18 @@ class MotorBlocks:
 
 @dataclass(frozen=True, eq=False)
 class MotorRun:
-    """Measured motion of a joint while the others stand still.
+    """Measured motion of a joint while all other joints are at rest.
 
     Attributes
     ----------
     speed : float or None
-        Commanded velocity, signed [rad/s]; None in an acceleration run and in swings.
+        Commanded velocity, signed [rad/s]; None for acceleration runs and oscillations.
     time : (M,) ndarray
-        Rising [s].
+        Increasing time [s].
     q, dq, tau : (M,) ndarray
-        [rad], [rad/s], and the torque of the measured current [Nm], at the joint.
+        Joint position [rad], velocity [rad/s], and torque from the measured current [Nm].
     swings : bool
-        Whether the joint swings about the posture, for the gear's play.
+        Whether the joint oscillates about the posture, to measure backlash.
     """
 
     speed: float | None
@@ -55,16 +55,16 @@ class MotorRun:
     swings: bool = False
 
     def blocks(self, length: float) -> MotorBlocks:
-        """Return means over blocks of `length` [s]: noise is averaged, ripple of gears too."""
+        """Return means over blocks of `length` [s], which average noise and gear ripple."""
         since = self.time - self.time[0]
         index = (since / length).astype(int)
-        index = np.minimum(index, max(index[-1] - 1, 0))  # the rest belongs to the last block
+        index = np.minimum(index, max(index[-1] - 1, 0))  # the remainder belongs to the last block
         count = np.maximum(np.bincount(index), 1)
 
         def mean(values: Array) -> Array:
             return np.asarray(np.bincount(index, weights=values) / count)
 
-        # Slope of a straight line through the velocities of each block.
+        # Slope of a linear fit to the velocities of each block.
         offset = since - mean(since)[index]
         spread = np.maximum(mean(offset**2), 1e-12)
         return MotorBlocks(
@@ -78,10 +78,10 @@ class MotorRun:
 
 
 _BLOCK = 0.1  # [s]: noise of two blocks is independent
-# Share of the transmitted torque that a gear loses: one standard deviation of the prior. Where
-# gravity's torque hardly changes, only the sum of this and Coulomb friction is known.
+# Prior standard deviation of the fraction of transmitted torque lost in a gear. If the gravity
+# torque barely varies, only the sum of this loss and Coulomb friction is known.
 _LOAD_SPREAD = 0.05
-_ROUNDS = 3  # gravity's torque decides the load, and the other way round
+_ROUNDS = 3  # the gravity torque determines the load, and vice versa
 _LEAST_BLOCKS = 4
 
 
@@ -90,21 +90,21 @@ class MotorFriction:
     """Friction of one drive at the joint, with gravity terms of a mounted drive.
 
     `tau = viscous dq + (coulomb + load |g(q)|) sgn(dq) + g(q)`, `g(q) = a sin q + b cos q`.
-    This is exact for a joint that turns alone about a fixed axis, whatever hangs on it.
+    This model is exact for a joint that rotates alone about a fixed axis, for any load.
 
     Attributes
     ----------
     viscous, coulomb : float
         b_eq / k_g^2 [Nms/rad] and f [Nm] of thesis (4.11).
     load : float
-        Friction per torque of gravity [-], 0 for a bare motor.
+        Friction per gravity torque [-], 0 for a bare motor.
     gravity : (2,) ndarray
-        a and b [Nm], zero for a bare motor.
+        Coefficients a and b [Nm], zero for a bare motor.
     covariance : (5, 5) ndarray
-        Of viscous, coulomb, load, a, b.
+        Covariance of viscous, coulomb, load, a, b.
     speed, torque : (K,) ndarray
-        Mean velocity of each step [rad/s], and mean torque without gravity and what it adds
-        to friction [Nm].
+        Mean velocity of each step [rad/s], and mean torque without gravity and load-dependent
+        friction [Nm].
     """
 
     viscous: float
@@ -117,15 +117,15 @@ class MotorFriction:
 
     @property
     def std(self) -> Array:
-        """(5,) standard deviations of viscous, coulomb, load, a, b."""
+        """Standard deviations (5,) of viscous, coulomb, load, a, b."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def gravity_torque(self, q: Array) -> Array:
-        """Return g(q) [Nm]."""
+        """Return the gravity torque g(q) [Nm]."""
         return np.asarray(np.column_stack([np.sin(q), np.cos(q)]) @ self.gravity)
 
     def load_torque(self, q: Array, dq: Array) -> Array:
-        """Return gravity and the friction that it causes [Nm]."""
+        """Return the gravity torque with the friction that it causes [Nm]."""
         gravity = self.gravity_torque(q)
         return np.asarray(gravity + self.load * np.abs(gravity) * np.sign(dq))
 
@@ -138,19 +138,19 @@ def fit_motor_friction(
     Parameters
     ----------
     runs : sequence of MotorRun
-        Steps, each speed in both directions.
+        Velocity steps, each speed in both directions.
     mounted : bool
-        Whether gravity acts on what the joint carries; False for a bare motor on a bench.
+        Whether gravity acts on the joint's load; False for a bare motor on a bench.
     name : str
-        Of the joint, for errors.
+        Name of the joint, for error messages.
     inertia : float
-        What the joint accelerates [kg m^2]. The thesis neglects it, but a velocity loop that
-        is still settling by 0.1 rad/s^2 looks like negative viscous friction.
+        Inertia that the joint accelerates [kg m^2]. The thesis neglects it, but a velocity loop
+        that still settles with 0.1 rad/s^2 looks like negative viscous friction.
 
     Raises
     ------
     IdentificationError
-        If the steps do not tell the parameters apart, or friction comes out negative.
+        If the steps do not separate the parameters, or the friction is negative.
     """
     blocks = [run.blocks(_BLOCK) for run in runs if len(run.time)]
     sine, cosine, dq, ddq, tau = (
@@ -166,8 +166,8 @@ def fit_motor_friction(
         theta[used], covariance[np.ix_(used, used)] = _solve(columns, tau, name)
     if theta[1] < 0.0:
         raise IdentificationError(
-            f'{name}: Coulomb friction comes out as {theta[1]:.3g} Nm, below zero: check the sign '
-            'of the motor in the configuration, and that nothing pushes the joint'
+            f'{name}: the measured Coulomb friction, {theta[1]:.3g} Nm, is negative; check the '
+            'sign of the motor in the configuration, and that nothing pushes the joint'
         )
     known = _columns(sine, cosine, dq, theta[3:])[:, 2:] @ theta[2:]
     index = np.repeat(np.arange(len(blocks)), [len(block.dq) for block in blocks])
@@ -184,21 +184,21 @@ def fit_motor_friction(
 
 
 def _columns(sine: Array, cosine: Array, dq: Array, gravity: Array) -> Array:
-    """Return the columns of viscous, coulomb, load, a, b; (4.13) are the first two."""
+    """Return the columns of viscous, coulomb, load, a, b; (4.13) has the first two."""
     sign = np.sign(dq)
     load = np.abs(gravity[0] * sine + gravity[1] * cosine)
     return np.column_stack([dq, sign, load * sign, sine, cosine])
 
 
 def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
-    """Return parameters and covariance; the load's share has a prior, the others none."""
+    """Return parameters and covariance; only the load-dependent friction has a prior."""
     rank = np.linalg.matrix_rank(columns[:, np.linalg.norm(columns, axis=0) > 0.0])
     if rank < min(2, columns.shape[1]):
         raise IdentificationError(
-            f'{name}: the steps have one speed only: check that the joint follows its reference'
+            f'{name}: all steps have the same speed; check that the joint follows its reference'
         )
     std = np.ones(columns.shape[1])
-    for _ in range(2):  # the noise comes from the residual of the first solution
+    for _ in range(2):  # the first solution's residual determines the noise
         prior = np.zeros((1, columns.shape[1]))
         if columns.shape[1] > 2:
             prior[0, 2] = 1.0 / _LOAD_SPREAD
@@ -206,7 +206,7 @@ def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
         rows = np.vstack([columns / noise, prior])
         right = np.append(tau / noise, 0.0)
         theta, *_ = np.linalg.lstsq(rows, right, rcond=None)
-        if columns.shape[1] > 2 and theta[2] < 0.0:  # a gear does not gain torque
+        if columns.shape[1] > 2 and theta[2] < 0.0:  # a gear cannot add torque
             free = [0, 1, 3, 4]
             theta = np.zeros(5)
             theta[free], *_ = np.linalg.lstsq(rows[:, free], right, rcond=None)
@@ -219,8 +219,8 @@ def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
 def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
     if len(dq) < _LEAST_BLOCKS:
         raise IdentificationError(
-            f'{name}: {len(dq)} stretches of {_BLOCK:g} s at constant speed are too few: check '
-            'that joint_states arrive while the bench moves'
+            f'{name}: only {len(dq)} intervals of {_BLOCK:g} s at constant speed were found; '
+            'check that joint_states arrive while the bench moves'
         )
     still = [
         block.speed
@@ -229,26 +229,28 @@ def _check_steps(name: str, blocks: Sequence[MotorBlocks], dq: Array) -> None:
     ]
     if still:
         raise IdentificationError(
-            f'{name}: it does not reach {still[0]:.3g} rad/s: check that it is free to move and '
-            'that its velocity loop is not saturated'
+            f'{name}: the joint does not reach {still[0]:.3g} rad/s; check that it is free to '
+            'move and that its velocity loop is not saturated'
         )
     if not (dq.min() < 0.0 < dq.max()):
-        raise IdentificationError(f'{name}: steps in one direction only: both are needed')
+        raise IdentificationError(
+            f'{name}: all steps have the same direction, but both directions are needed'
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class MotorSupply:
-    """Electrical measurements of one motor.
+    """Electrical measurements of one motor on the bench.
 
     Attributes
     ----------
     time : (M,) ndarray
-        Rising [s]; none where power is not measured.
+        Increasing time [s]; empty if power is not measured.
     current, speed, power : (M,) ndarray
-        Quadrature current [A], speed of the motor [rad/s], and electrical power by the voltage
-        that the board reports, 3/2 u_q i_q [W].
+        Quadrature current [A], motor speed [rad/s], and electrical power from the reported voltage,
+        3/2 u_q i_q [W].
     reported : float
-        Phase resistance that the board reports [ohm]; NaN if it does not.
+        Phase resistance that the board reports [ohm]; NaN if unavailable.
     """
 
     time: Array
@@ -260,26 +262,27 @@ class MotorSupply:
 
 VOLTAGE, BOARD = 'voltage', 'board'
 
-_DIVISIBLE = 0.004  # [A] some counts: below, power over current is no voltage
-# [A] of a block's mean: the noise of currents, which is in what is fitted and in what it is fitted
-# to, would pull a resistance towards zero where there is not much more than noise.
+# [A] some counts: at lower currents the quotient of power and current is inaccurate
+_DIVISIBLE = 0.004
+# Least block mean [A]. Noise of the current affects both sides of the fit, and at small currents
+# would bias the resistance towards zero.
 _LEAST_CURRENT = 0.1
 _BLOCK = 0.1  # [s]: noise of two blocks is independent
 _LEAST_RESISTANCE_BLOCKS = 6
-_KNOWN = 0.3  # relative standard deviation beyond which nothing is known
+_KNOWN = 0.3  # relative standard deviation above which a resistance counts as unknown
 
 
 @dataclass(frozen=True)
 class MotorResistance:
-    """Resistance of one phase.
+    """Phase resistance of a motor.
 
     Attributes
     ----------
     ohm, std : float
         Value and its standard deviation [ohm].
     source : str
-        'voltage': measured by the voltage that the board reports; 'board': taken over from the
-        resistance that the board reports.
+        'voltage': measured with the voltage that the board reports; 'board': resistance that the
+        board reports.
     """
 
     ohm: float
@@ -292,19 +295,18 @@ def find_resistance(supply: MotorSupply, board_uncertainty: float) -> MotorResis
 
     Parameters
     ----------
-    supply : MotorSupply
     board_uncertainty : float
         Relative standard deviation of a resistance that a board reports [-].
     """
     stated = supply.reported
     for found in (_fit(supply), MotorResistance(stated, board_uncertainty * stated, BOARD)):
-        if found is not None and 0.0 <= found.std < _KNOWN * found.ohm:  # not of NaN
+        if found is not None and 0.0 <= found.std < _KNOWN * found.ohm:  # excludes NaN
             return found
     return None
 
 
 def _fit(supply: MotorSupply) -> MotorResistance | None:
-    """Fit ``u_q = R i_q + k omega_m``, thesis (4.1) over 3/2 i_q, by least squares."""
+    """Fit ``u_q = R i_q + k omega_m``, thesis (4.1) divided by 3/2 i_q, by least squares."""
     divisible = np.abs(supply.current) > _DIVISIBLE
     current, speed = supply.current[divisible], supply.speed[divisible]
     voltage = supply.power[divisible] / (1.5 * current)

@@ -1,4 +1,4 @@
-"""Table 4.3 and figure 4.4 of the thesis, for the drives on the motor bench."""
+"""Motor bench results as YAML, configuration, table 4.3 and figure 4.4 of the thesis."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -29,11 +29,11 @@ _HEADER = """\
 """
 
 _CONFIG_HEADER = """\
-# The arm's configuration with what the motor bench has measured in place of what was there.
-# Comments, and values that were not measured: see the file it was made from.
+# The arm's configuration with the values that the motor bench has measured.
+# The original file has the comments; all other values are copied from there.
 """
 
-# Effort limits are rounded down to this, so that they stay below what the motor gives [Nm].
+# Effort limits are rounded down to multiples of this, to stay below the motor's torque [Nm].
 _EFFORT_STEP = 0.01
 
 
@@ -44,12 +44,10 @@ def bench_yaml(
 
     Parameters
     ----------
-    results : sequence of MotorResult
     posture : (n,) ndarray
-        In which was measured [rad].
+        Posture of the measurement [rad].
     mounted : bool
-        Whether the drives were in the arm.
-    warnings : sequence of str
+        Whether the drives were mounted in the arm.
     """
     document = {
         'mounted': mounted,
@@ -90,7 +88,7 @@ def load_earlier(path: Path) -> Earlier:
     Raises
     ------
     ConfigError, IdentificationError
-        If the file can't be read, or is something else.
+        If the file cannot be read, or is not a motor bench result.
     """
     document = read_yaml(path)
     try:
@@ -101,29 +99,28 @@ def load_earlier(path: Path) -> Earlier:
         return Earlier(gravity, np.array(document['posture'], dtype=float).reshape(-1))
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path}: is no motor_bench.yaml ({type(error).__name__}: {error}): give the file that '
-            'the run without the mass wrote'
+            f'{path} is not a motor_bench.yaml ({type(error).__name__}: {error}), pass the file '
+            'that the run without the mass wrote'
         ) from None
 
 
 def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult]) -> str:
     """Return the configuration with measured friction, rotors, torque constants and resistances.
 
-    Joints share kinds of motors, but motors of a kind differ (thesis, chapter 4): a measured
-    motor gets an entry of its own.
+    Joints share motor types, but individual motors differ (thesis, chapter 4). So each measured
+    motor gets a separate entry.
 
     Parameters
     ----------
     source : Path
-        The configuration's file.
+        Path of the configuration file.
     config : ArmConfig
-        What was read from it.
-    results : sequence of MotorResult
+        Configuration read from that file.
 
     Raises
     ------
     ConfigError
-        If the file can't be read any more.
+        If the file can no longer be read.
     """
     document = read_yaml(source)
     entries = {entry['name']: entry for entry in document['joints']}
@@ -134,7 +131,8 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
         measured = _measured(result)
         if measured:
             joint['motor'] = f'{result.motor}_{result.joint}'
-            # A copy of its own: a shared part would be dumped as an anchor, which is not read.
+            # A separate copy, because YAML would write a shared part as an anchor, which is not
+            # readable.
             motors[joint['motor']] = deepcopy(motors[result.motor]) | measured
             constant = measured.get('torque_constant_measured', result.torque_constant_stated)
             joint['effort_max'] = _effort_max(joint, config, result, constant)
@@ -145,7 +143,7 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
 
 
 def _measured(result: MotorResult) -> dict[str, float]:
-    """Return the motor's numbers that are known well enough to be used."""
+    """Return the motor parameters that are accurate enough to be used."""
     measured = {}
     if result.rotor_inertia is not None and result.rotor_inertia_known:
         measured['rotor_inertia'] = result.rotor_inertia[0]
@@ -160,7 +158,7 @@ def _measured(result: MotorResult) -> dict[str, float]:
 def _effort_max(
     joint: Mapping[str, Any], config: ArmConfig, result: MotorResult, constant: float
 ) -> float:
-    """Return the joint's effort limit, lowered to what the motor really gives [Nm]."""
+    """Return the joint's effort limit [Nm], lowered to the torque that the motor provides."""
     drive = config.joints[config.joint_names.index(result.joint)]
     most = drive.motor.current_max * constant * drive.gear.efficiency / drive.gear.ratio
     lowered = np.floor(most / _EFFORT_STEP) * _EFFORT_STEP
@@ -177,12 +175,12 @@ _HEADINGS = (
     'R [Ω]',
     'backlash [mrad]',
 )
-_ROW_HEIGHT = 300  # [px] of one drive's figure
-_GAP = 0.25  # of a row between two figures
+_ROW_HEIGHT = 300  # [px] height of one drive's figure
+_GAP = 0.25  # distance of two figures relative to a row
 
 
 def bench_table(results: Sequence[MotorResult]) -> str:
-    """Return a table like 4.3 for the terminal, with standard deviations."""
+    """Return a table like 4.3 of the thesis, with standard deviations, for the terminal."""
     rows = [_HEADINGS, *(_cells(result) for result in results)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADINGS))]
     return '\n'.join(
@@ -192,18 +190,16 @@ def bench_table(results: Sequence[MotorResult]) -> str:
 
 
 def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence[str]) -> str:
-    """Return the report of a bench, one HTML page that needs nothing else.
+    """Return the report of a bench as one self-contained HTML page.
 
     Parameters
     ----------
-    results : sequence of MotorResult
     mounted : bool
-        Whether the drives were in the arm.
-    warnings : sequence of str
+        Whether the drives were mounted in the arm.
     """
     how = (
         'The drives were mounted in the arm. The fit includes gravity, g(q) = a sin q + b cos q '
-        'for a single joint, and the gear friction that gravity causes; the plots show the points '
+        'for a single joint, and the load-dependent gear friction. The plotted points are '
         'without both.'
         if mounted
         else 'The motors were bare: no gravity.'
@@ -213,10 +209,10 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
         bullets(warnings, 'warnings') if warnings else '',
         section('Parameters', table(_HEADINGS, map(_page_row, results))),
         paragraph(
-            'b_eq and J_m at the motor, f at the joint. J_m in brackets: not separable from the '
-            'load. K_i in brackets: as configured. R per phase, from the voltages of the boards; '
-            'in brackets as configured. Backlash at the joint, from swings; in brackets: not '
-            'significant.',
+            'b_eq and J_m: motor side; f: joint side. J_m in brackets cannot be separated from '
+            'the load. K_i in brackets is the configured value. R per phase follows from the '
+            'voltages of the boards; in brackets it is the configured value. Backlash at the '
+            'joint follows from sine waves; in brackets it is not significant.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),
@@ -249,7 +245,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
 
 
 def _page_row(result: MotorResult) -> list[str]:
-    """Return cells of which numbers stay in one line."""
+    """Return table cells in which numbers do not wrap."""
     joint, motor, *numbers = _cells(result)
     return [joint, motor, *map(Html, numbers)]
 
@@ -259,7 +255,7 @@ def _with_std(value: tuple[float, float]) -> str:
 
 
 def _figure(results: Sequence[MotorResult]) -> str:
-    """Return figure 4.4: measured points and the fit, one pair of axes a drive."""
+    """Return figure 4.4: measured points and fit, with one pair of axes per drive."""
     traces: list[dict[str, Any]] = []
     count = len(results)
     layout: dict[str, Any] = {
@@ -284,7 +280,7 @@ def _traces(result: MotorResult, suffix: str, legend: bool) -> list[dict[str, An
     kg, friction = result.ratio, result.friction
     order = np.argsort(friction.speed)
     speed, torque = friction.speed[order] / kg, result.scale * friction.torque[order] * kg
-    # The step of sgn at zero speed is drawn as one: two points at each side of it.
+    # Two points on each side of zero speed draw the step of sgn as a step.
     reach = float(np.abs(speed).max(initial=0.0))
     line = np.array([-reach, -1e-9, 1e-9, reach])
     fit = result.viscous_motor[0] * line + result.coulomb[0] * kg * np.sign(line)

@@ -1,4 +1,4 @@
-"""What the motor bench found out about one drive."""
+"""Parameters of one drive as measured by the motor bench."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorResistance
 
-# A rotor's inertia is told apart from its links' if it is known to this share.
+# Largest relative standard deviation at which rotor and link inertia are separable.
 _KNOWN = 0.3
 
 
@@ -19,21 +19,22 @@ class MotorResult:
     joint, motor : str
         Names in the arm's configuration.
     ratio : float
-        k_g.
+        Gear ratio k_g.
     torque_constant_stated : float
-        K_i by which currents were converted to torque [Nm/A].
+        Torque constant K_i that converted currents to torques [Nm/A].
     friction : MotorFriction
-        As measured with the stated torque constant.
+        Friction measured with the stated torque constant.
     inertia : tuple of two floats, or None
-        What the joint accelerates, and its standard deviation, likewise [kg m^2].
+        Inertia that the joint accelerates, with its standard deviation, by the stated torque
+        constant [kg m^2].
     carried_inertia : tuple of two floats
-        Part of it that is not the drive's, and its standard deviation [kg m^2].
+        Inertia of the load without the drive, with its standard deviation [kg m^2].
     torque_ratio : tuple of two floats, or None
-        True over stated torque constant, and its standard deviation; None if not measured.
+        Ratio of true to stated torque constant, with its standard deviation; None if not measured.
     resistance : MotorResistance or None
-        Of the motor's phase; None if neither voltages nor the board tell it.
+        Phase resistance; None if neither voltages nor the board provide it.
     backlash : tuple of two floats, or None
-        Play of the gear at the joint, and its standard deviation [rad]; None if not measured.
+        Gear backlash at the joint, with its standard deviation [rad]; None if not measured.
     """
 
     joint: str
@@ -49,29 +50,29 @@ class MotorResult:
 
     @property
     def scale(self) -> float:
-        """True over measured torque; 1 if the torque constant was not measured."""
+        """Ratio of true to measured torque; 1 if the torque constant was not measured."""
         return self.torque_ratio[0] if self.torque_ratio else 1.0
 
     @property
     def viscous(self) -> tuple[float, float]:
-        """b_eq / k_g^2, at the joint, and its standard deviation [Nms/rad]."""
+        """Viscous friction b_eq / k_g^2 at the joint, with its standard deviation [Nms/rad]."""
         friction = self.friction
         return self.scale * friction.viscous, self.scale * float(friction.std[0])
 
     @property
     def viscous_motor(self) -> tuple[float, float]:
-        """b_eq of thesis table 4.3, motor side, and its standard deviation [Nms/rad]."""
+        """Motor-side b_eq of thesis table 4.3, with its standard deviation [Nms/rad]."""
         value, std = self.viscous
         return self.ratio**2 * value, self.ratio**2 * std
 
     @property
     def coulomb(self) -> tuple[float, float]:
-        """Coulomb friction f of thesis table 4.3, at the joint, and its standard deviation [Nm]."""
+        """Coulomb friction f of thesis table 4.3 at the joint, with its standard deviation [Nm]."""
         return self.scale * self.friction.coulomb, self.scale * float(self.friction.std[1])
 
     @property
     def torque_constant(self) -> tuple[float, float] | None:
-        """K_i [Nm/A] and its standard deviation, None if not measured."""
+        """Torque constant K_i [Nm/A] with its standard deviation, None if not measured."""
         if self.torque_ratio is None:
             return None
         stated = self.torque_constant_stated
@@ -79,7 +80,7 @@ class MotorResult:
 
     @property
     def rotor_inertia(self) -> tuple[float, float] | None:
-        """J_m [kg m^2], motor side, and its standard deviation; None if not measured."""
+        """Motor-side rotor inertia J_m [kg m^2], with standard deviation; None if not measured."""
         if self.inertia is None:
             return None
         (total, std), (carried, carried_std) = self.inertia, self.carried_inertia

@@ -1,6 +1,6 @@
-"""What a bag says of an arm's motion, and which part of it can be trusted.
+"""Recordings of arm motion, with selection and checks of usable data.
 
-In come joint states as a bag reader returns them; out go recordings: checked, with joints in the
-arm's order, cut to the stretch in which the arm follows commands, without the messages whose
-stamps or efforts tell nothing. A recording that can't be used is an `IdentificationError`.
+The input is the joint states of a bag. A recording contains checked values with joints in the arm's
+order, restricted to the time in which the arm follows commands. Messages with invalid stamps or
+efforts are removed. An unusable recording raises `IdentificationError`.
 """

@@ -1,4 +1,4 @@
-"""One recorded motion of an arm, checked."""
+"""Checked recording of one arm motion."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,23 +17,24 @@ from aerarm_ros.identification.recording.signal_checks import (
 )
 from aerarm_ros.motion.signals import Array
 
-_MISSED_MAX = 0.01  # share of the bridge's cycles; single long steps are filtered away
+# fraction of the bridge's cycles; filters remove the effect of single long steps
+_MISSED_MAX = 0.01
 
 
 @dataclass(frozen=True)
 class BagFacts:
-    """How a bag was used and how well it was recorded.
+    """Use and quality of a recorded bag.
 
     Attributes
     ----------
     used : str
-        Which part of it, in words.
+        Description of the used part.
     lost : int or None
-        Joint states missing between the first and the last; None without numbers.
+        Number of missing joint states between first and last; None without sequence numbers.
     missed_cycles : int or None
-        Cycles the bridge missed meanwhile; None if the bag has no diagnostics.
+        Number of cycles that the bridge missed; None if the bag has no diagnostics.
     columns : str
-        Columns of each joint in a table; empty for a bag.
+        Table columns of each joint; empty for a bag.
     """
 
     used: str
@@ -43,7 +44,7 @@ class BagFacts:
 
     @property
     def text(self) -> str:
-        """One line for a terminal."""
+        """Description in one line, for a terminal."""
         parts = [f'used {self.used}']
         if self.lost is not None:
             parts.append(f'{self.lost} states lost')
@@ -58,9 +59,9 @@ class BagFacts:
         Parameters
         ----------
         name : str
-            Of the bag.
+            Name of the bag.
         states : int
-            Joint states in the bag, one for each cycle that was not missed.
+            Number of joint states in the bag, one per executed cycle.
         """
         missed = self.missed_cycles or 0
         share = missed / max(states + (self.lost or 0) + missed, 1)
@@ -68,7 +69,7 @@ class BagFacts:
             return []
         return [
             f'{name}: {100.0 * share:.2g} % of the cycles were missed, so torque and velocity '
-            'belong to longer steps: give the bridge real-time priority (as in '
+            'are sampled at irregular steps; give the bridge real-time priority (as in '
             'config/parameters_spi.yaml), or end other processes'
         ]
 
@@ -80,9 +81,9 @@ class DesiredVelocity:
     Attributes
     ----------
     time : (K,) ndarray
-        [s] since the bag's beginning, increasing.
+        Increasing time [s] since the bag's start.
     dq : (K, n) ndarray
-        [rad/s]
+        Commanded joint velocities [rad/s].
     """
 
     time: Array
@@ -92,24 +93,24 @@ class DesiredVelocity:
 RUNNING = 'running'
 """Mode in which the bridge follows commands."""
 
-_SMALLEST_MOTION = 1e-3  # [rad], as far as a joint that rests may stray
-_MARGIN = 0.5  # [s] kept at both ends of a motion, as the filters' past
+_SMALLEST_MOTION = 1e-3  # [rad] within which a joint counts as resting
+_MARGIN = 0.5  # [s] kept at both ends of a motion, for the filters' transients
 _LONGEST_PAUSE = 0.5  # [s] between two commands of one motion
-_LOOKS = 1000  # positions that measure a motion: with every one, noise would add up
+_LOOKS = 1000  # positions used to measure travel; with all of them, noise would add up
 
 
 @dataclass(frozen=True)
 class UsedSpan:
-    """The part of a bag that is used.
+    """Used part of a bag.
 
     Attributes
     ----------
     first, last : float
-        Its ends [s], since the bag's first state.
+        Start and end [s] since the bag's first state.
     whole : float
         Duration of the bag [s].
     reason : str
-        What it was chosen by.
+        Criterion of the choice.
     """
 
     first: float
@@ -119,37 +120,37 @@ class UsedSpan:
 
     @property
     def text(self) -> str:
-        """Short text for reports."""
+        """Short description for reports."""
         return f'{self.first:.1f} .. {self.last:.1f} s of {self.whole:.1f} s ({self.reason})'
 
 
 def running_span(
     time: Array, q: Array, modes: Sequence[tuple[float, str]]
 ) -> tuple[slice, str] | None:
-    """Return the rows in which an arm follows commands, by the modes its bridge announced.
+    """Return the rows in which the arm follows commands, by the modes that the bridge published.
 
-    Idle, aligning, ready and damping arms rest, are moved by the boards, or sink: none of
-    that is the motion that was commanded.
+    In the modes idle, aligning, ready and damping the arm rests, is moved by the boards, or sinks.
+    None of this is commanded motion.
 
     Parameters
     ----------
     time : (M,) ndarray
-        Reception of the joint states [s].
+        Receipt time of the joint states [s].
     q : (M, n) ndarray
-        [rad]
+        Joint positions [rad].
     modes : sequence of (time, mode)
-        Reception [s], in order, and mode.
+        Receipt time [s], in order, and mode.
 
     Returns
     -------
-    slice and reason, or None if no mode is known or the arm never ran. Of several runs the
-    one with most motion.
+    slice and reason, or None if no mode is known or the arm never followed commands. Of several
+    sections the one with most motion is chosen.
     """
     runs = []
     for index, (begin, mode) in enumerate(modes):
         if mode != RUNNING:
             continue
-        # The first mode is the one that was in force when recording began.
+        # The first mode was active when recording began.
         first = 0 if index == 0 else int(np.searchsorted(time, begin))
         end = modes[index + 1][0] if index + 1 < len(modes) else np.inf
         last = int(np.searchsorted(time, end))
@@ -159,14 +160,14 @@ def running_span(
 
 
 def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str] | None:
-    """Return the rows while commands came.
+    """Return the rows during which commands arrived.
 
     Parameters
     ----------
     stamp : (M,) ndarray
-        Of the joint states [s].
+        Stamps of the joint states [s].
     q : (M, n) ndarray
-        [rad]
+        Joint positions [rad].
     commands : (K,) ndarray
         Stamps of the commands [s].
     """
@@ -186,8 +187,8 @@ def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str]
 
 
 def moving_span(time: Array, q: Array) -> tuple[slice, str]:
-    """Return the rows from first to last motion, with a short rest before and after."""
-    time = np.maximum.accumulate(time)  # what runs backwards is judged by others
+    """Return the rows from first to last motion, with a short margin before and after."""
+    time = np.maximum.accumulate(time)  # other checks report times that run backwards
     ends = [end for column in q.T if (end := _ends_of_motion(column)) is not None]
     if not ends:
         return slice(0, len(q)), 'whole bag'
@@ -199,7 +200,7 @@ def moving_span(time: Array, q: Array) -> tuple[slice, str]:
 
 
 def _ends_of_motion(q: Array) -> tuple[int, int] | None:
-    """Return when a joint has left its first position and not yet reached its last one."""
+    """Return when the first joint leaves its start and the last joint reaches its end."""
     finite = np.isfinite(q)
     if not finite.any():
         return None
@@ -212,11 +213,11 @@ def _ends_of_motion(q: Array) -> tuple[int, int] | None:
 
 
 def _liveliest(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str] | None:
-    """Return the run that moves farthest; None if none moves."""
+    """Return the run with the longest travel; None if no run moves."""
     travel = [_travel(q[run]) for run in runs]
     if not travel or max(travel) < _SMALLEST_MOTION:
         return None
-    others = f', the liveliest of {len(runs)}' if len(runs) > 1 else ''
+    others = f', the fastest of {len(runs)}' if len(runs) > 1 else ''
     return runs[int(np.argmax(travel))], reason + others
 
 
@@ -225,14 +226,14 @@ def _travel(q: Array) -> float:
     return float(np.nansum(np.abs(np.diff(thinned, axis=0))))
 
 
-# An encoder count of a coarse drive is about 1e-4 rad: less than this is no motion.
-_LOCKED_MOTION = 0.05  # [rad] or [m]: a held joint sags, fingers close a little
+# An encoder count of a coarse drive is about 1e-4 rad; smaller changes are not motion.
+_LOCKED_MOTION = 0.05  # [rad] or [m]: a locked joint yields, fingers close slightly
 _FEWEST_MESSAGES = 20
-_LARGEST = 1e6  # [rad], [rad/s], [Nm]: no arm gets there, and squares stay finite
+_LARGEST = 1e6  # [rad], [rad/s], [Nm]: beyond any arm, with finite squares
 
 
 class JointStates(Protocol):
-    """Messages of one topic as arrays; fields that a message leaves empty are NaN."""
+    """Messages of one topic as arrays, with NaN for empty fields."""
 
     @property
     def names(self) -> Sequence[str]:
@@ -240,37 +241,37 @@ class JointStates(Protocol):
 
     @property
     def stamp(self) -> Array:
-        """(M,) header stamps [s]."""
+        """Header stamps (M,) of the messages [s]."""
 
     @property
     def position(self) -> Array:
-        """(M, n) [rad]."""
+        """(M, n) joint positions [rad]."""
 
     @property
     def velocity(self) -> Array:
-        """(M, n) [rad/s]."""
+        """(M, n) joint velocities [rad/s]."""
 
     @property
     def effort(self) -> Array:
-        """(M, n) [Nm]."""
+        """(M, n) joint efforts [Nm]."""
 
 
 @dataclass(frozen=True)
 class JointMapping:
-    """How the joints of a bag become those of the URDF.
+    """Mapping of the joints of a bag to those of the URDF.
 
     Attributes
     ----------
     rename : mapping
-        Name in the bag to name in the URDF.
+        URDF name by name in the bag.
     ignored : tuple of str
-        Joints of the bag (after renaming) that the arm doesn't have.
+        Joints of the bag (after renaming) that the arm lacks.
     locked : tuple of str
-        Joints of the URDF that don't move; the bag may have them or not.
+        Immobile joints of the URDF; the bag may contain them.
     prefix : str
-        What joints of the bag have before their names in the URDF.
+        Prefix of the joint names in the bag that the URDF lacks.
     effort_gain : mapping
-        Joint to the factor that turns its recorded effort into torque [Nm], e.g. Nm/A.
+        Factor by joint name that converts recorded effort to torque [Nm], for example in Nm/A.
     """
 
     rename: Mapping[str, str]
@@ -280,33 +281,33 @@ class JointMapping:
     prefix: str = ''
 
     def own_name(self, name: str) -> str:
-        """Return the name in the URDF of a joint of the bag."""
+        """Return the URDF name of a joint in the bag."""
         return self.rename.get(name, name.removeprefix(self.prefix))
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Motion and torque of an arm's n joints, in the order of its chain.
+    """Motion and torque of an arm's n joints, in chain order.
 
     Attributes
     ----------
     name : str
-        For tables and messages.
-    joint_names : tuple of str
+        Name in tables and messages.
     time : (M,) ndarray
-        [s] since the bag's beginning, strictly increasing.
+        Strictly increasing time [s] since the bag's start.
     q, dq, tau : (M, n) ndarray
-        [rad], [rad/s], [Nm]. `dq` is None if the bag has no velocities.
+        Positions [rad], velocities [rad/s], torques [Nm]. `dq` is None if the bag has no
+        velocities.
     dead_effort : (n,) ndarray of bool
-        Joints whose recorded torque never changes: their rows carry no information.
+        Joints with constant recorded torque, whose rows carry no information.
     warnings : tuple of str
-        What was left out or looks odd.
+        Warnings about excluded or implausible data.
     start : float
         Stamp of time 0 [s].
     span : UsedSpan or None
-        Part of the bag that this is; None for the whole of it.
+        Used part of the bag; None for the whole bag.
     saturated : (M, n) ndarray of bool or None
-        Where the effort stays at its limit; None if it never does.
+        Samples with effort at its limit; None without any.
     """
 
     name: str
@@ -323,11 +324,11 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Time from first to last sample [s]."""
+        """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
     def part(self, first: float, last: float, suffix: str) -> 'Recording':
-        """Return the samples between two shares (0..1) of the duration."""
+        """Return the samples between two fractions (0..1) of the duration."""
         low, high = (self.time[0] + share * self.duration for share in (first, last))
         end = None if last >= 1.0 else int(np.searchsorted(self.time, high))
         inside = slice(int(np.searchsorted(self.time, low)), end)
@@ -356,31 +357,31 @@ def recording_from_states(
     Parameters
     ----------
     name : str
-        Of the bag, for messages.
+        Name of the bag, for messages.
     states : JointStates
-        As read from the bag.
+        Joint states read from the bag.
     joint_names : sequence of str
-        The arm's joints, from base to tool.
+        Joints of the arm, from base to tool.
     mapping : JointMapping
-        Renaming, joints to leave out, effort gains.
+        Renaming, excluded joints, effort gains.
     commanded : slice and reason, optional
-        Messages while the arm followed commands; the others aren't looked at. What lies
-        before and after the motion is left out in any case.
+        Messages received while the arm followed commands; other messages are ignored. Rest before
+        and after the motion is excluded as well.
     whole : bool
-        Use all messages, rest included; then no joint has to move.
+        Whether to use all messages, including rest; then no joint has to move.
 
     Raises
     ------
     IdentificationError
-        If there are too few messages, a joint is missing or unknown, a locked one moves, stamps
-        repeat, jump or are no seconds, position or effort is missing or NaN, nothing moves, or
-        units are wrong.
+        If there are too few messages, or a joint is missing, unknown, or locked and moving. Also if
+        stamps repeat, jump or are not in seconds, if position or effort is missing or NaN, if
+        nothing moves, or if units are wrong.
     """
     order = np.array(_columns(name, states.names, joint_names, mapping))
     if len(states.stamp) < _FEWEST_MESSAGES:
         raise IdentificationError(
-            f'{name}: only {len(states.stamp)} joint states: too short to identify anything from, '
-            'record a longer motion'
+            f'{name} contains only {len(states.stamp)} joint states, too few for an '
+            'identification: record a longer motion'
         )
     check_stamp_unit(name, states.stamp)
     rows, reason = slice(0, len(states.stamp)), 'whole bag'
@@ -406,7 +407,7 @@ def recording_from_states(
     tau, spikes = without_spikes(name, joint_names, tau)
     saturated, limits = saturated_effort(name, joint_names, q, tau)
     warnings += spikes + limits
-    # Times are those since the bag's beginning, whatever part of it is used.
+    # Times count from the bag's start, independent of the used part.
     start = float(states.stamp[0])
     time = stamp - start
     span = UsedSpan(float(time[0]), float(time[-1]), float(states.stamp[-1]) - start, reason)
@@ -418,7 +419,7 @@ def recording_from_states(
 def _used_rows(
     states: JointStates, order: Array, commanded: tuple[slice, str] | None
 ) -> tuple[slice, str]:
-    """Return the messages of the motion, and what they were chosen by."""
+    """Return the messages of the motion, and the criterion of the choice."""
     part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
     moving, how = moving_span(states.stamp[part], states.position[part][:, order])
     if how != 'motion' and commanded is None:
@@ -427,19 +428,19 @@ def _used_rows(
 
 
 def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: JointMapping) -> None:
-    """Refuse a bag whose arm isn't the one that the locked joints make of the URDF."""
+    """Reject a bag in which a locked joint of the URDF moves."""
     for name, q in zip(names, position.T, strict=True):
         joint = mapping.own_name(name)
         q = q[np.abs(q) < _LARGEST]
         if joint in mapping.locked and len(q) and np.ptp(q) > _LOCKED_MOTION:
             raise IdentificationError(
                 f'joint {joint} is locked (--lock) but moves by {np.ptp(q):.3g} rad in {bag}: '
-                f'leave out --lock {joint}, or cut the bag to where it rests'
+                f'remove --lock {joint}, or cut the bag to where the joint rests'
             )
 
 
 def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
-    """Return rows and columns; without copying if these are all, in order."""
+    """Return rows and columns, without copying if all are selected in order."""
     whole = all(
         np.array_equal(index, np.arange(size))
         for index, size in zip((rows, columns), values.shape, strict=True)
@@ -453,34 +454,34 @@ def _columns(
     unknown = [name for name in mapping.rename if name not in names]
     if unknown:
         raise IdentificationError(
-            f'{bag}: no joint {", ".join(unknown)} to rename: the bag has {", ".join(names)}'
+            f'joint {", ".join(unknown)} (--rename) is not in {bag}: choose from {", ".join(names)}'
         )
     renamed = [mapping.own_name(name) for name in names]
     missing = [name for name in joint_names if name not in renamed]
     if missing:
         raise IdentificationError(
-            f'{bag}: joints {", ".join(missing)} of the URDF are not in the bag, which has '
-            f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), lock "
-            'joints of the URDF (--lock JOINT), or pass the URDF of the recorded arm'
+            f'joints {", ".join(missing)} of the URDF are not in {bag}, which has '
+            f"{', '.join(names)}: rename the bag's joints (--tf-prefix, --rename BAG=URDF), "
+            'lock joints of the URDF (--lock JOINT), or pass the URDF of the recorded arm'
         )
     twice = [name for name in dict.fromkeys(renamed) if renamed.count(name) > 1]
     if twice:
         raise IdentificationError(
-            f'{bag}: more than one joint of the bag is called {", ".join(twice)} after renaming: '
-            'check --rename'
+            f'several joints of {bag} are called {", ".join(twice)} after renaming: check --rename'
         )
     known = (*joint_names, *mapping.ignored, *mapping.locked)
     extra = [name for name in renamed if name not in known]
     if extra:
         raise IdentificationError(
-            f'{bag}: joints {", ".join(extra)} of the bag are missing from the URDF, which has '
-            f'{", ".join(joint_names)}: pass the URDF of the recorded arm, or ignore these joints '
-            '(--ignore JOINT)'
+            f'joints {", ".join(extra)} of {bag} are missing from the URDF, which has '
+            f'{", ".join(joint_names)}: pass the URDF of the recorded arm, or ignore these '
+            'joints (--ignore JOINT)'
         )
     absent = [name for name in mapping.ignored if name not in renamed]
     if absent:
         raise IdentificationError(
-            f'{bag}: no joint {", ".join(absent)} to ignore: the bag has {", ".join(renamed)}'
+            f'joint {", ".join(absent)} (--ignore) is not in {bag}: choose from '
+            f'{", ".join(renamed)}'
         )
     return [renamed.index(name) for name in joint_names]
 
@@ -488,36 +489,39 @@ def _columns(
 def _check_complete(
     bag: str, field: str, values: Array, joints: Sequence[str], stamp: Array
 ) -> None:
-    """Refuse values that are missing, not finite, or that no arm could have."""
+    """Reject missing, non-finite or impossible values."""
     bad = ~(np.abs(values) < _LARGEST)
     if not bad.any():
         return
     names = ', '.join(joint for joint, column in zip(joints, bad.T, strict=True) if column.any())
     if np.isnan(values).all(axis=0).any():
         raise IdentificationError(
-            f'{bag}: no {field} recorded of joints {names}: check what publishes the topic, or '
-            'choose another with --topic'
+            f'{bag} has no {field} of joints {names}: check the publisher of the topic, or '
+            'choose another topic with --topic'
         )
     rows = np.flatnonzero(bad.any(axis=1))
     if np.isfinite(values).all():
         raise IdentificationError(
-            f'{bag}: {field} of joints {names} reaches {np.abs(values).max():.3g} in {len(rows)} '
-            f'of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start '
-            'of the motion: check units and the driver that published it'
+            f'{field} of joints {names} in {bag} reaches {np.abs(values).max():.3g} in '
+            f'{len(rows)} of {len(values)} messages, first {stamp[rows[0]] - stamp[0]:.3f} s '
+            'after the start of the motion: check units and the driver that published the '
+            'messages'
         )
     raise IdentificationError(
-        f'{bag}: {field} of joints {names} is NaN or infinite in {len(rows)} of {len(values)} '
+        f'{field} of joints {names} in {bag} is NaN or infinite in {len(rows)} of {len(values)} '
         f'messages, first {stamp[rows[0]] - stamp[0]:.3f} s after the start of the motion: check '
-        'the driver that published it, or record again'
+        'the driver that published the messages, or record again'
     )
 
 
 def _velocity(bag: str, dq: Array, warnings: list[str]) -> Array | None:
     if not (np.abs(dq) < _LARGEST).all():
-        warnings.append(f'{bag}: velocities missing or NaN; positions are differentiated instead')
+        warnings.append(
+            f'{bag}: velocities are missing or NaN, so positions are differentiated instead'
+        )
         return None
     if not dq.any():
-        warnings.append(f'{bag}: velocities are all zero; positions are differentiated instead')
+        warnings.append(f'{bag}: velocities are all zero, so positions are differentiated instead')
         return None
     return dq
 
@@ -528,17 +532,17 @@ def _check_content(
     still = np.ptp(q, axis=0) < _SMALLEST_MOTION
     if still.all():
         raise IdentificationError(
-            f'{bag}: no joint moves: record an excitation trajectory, with the drives enabled'
+            f'no joint moves in {bag}: record an excitation trajectory, with the drives enabled'
         )
     dead = np.ptp(tau, axis=0) == 0.0
     if dead.all():
         raise IdentificationError(
-            f'{bag}: the effort of every joint is constant: check that the drives report torque '
-            'or current'
+            f'the effort of every joint in {bag} is constant: check that the drives report '
+            'torque or current'
         )
     for states, text in (
-        (still, 'does not move: its friction cannot be identified'),
-        (dead, 'has a constant effort: its equation is left out'),
+        (still, 'does not move, so its friction cannot be identified'),
+        (dead, 'has a constant effort, so its equation is ignored'),
     ):
         warnings += [
             f'{bag}: joint {joint} {text}'

@@ -10,15 +10,15 @@ from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]
 
-# A spike leaves its neighbours by this many times the range of all of the joint's efforts, and
-# comes back: dry friction or a contact stay within about one range.
+# A spike deviates from its neighbours by this multiple of the range of the joint's efforts, and
+# returns. Dry friction and contacts stay within about one range.
 _SPIKE = 3.0
-_NEIGHBOURS = 5  # samples whose median a spike does not move, two in a row neither
-_RARE = 0.01  # share of the samples: what is more frequent is no spike but the signal
-# A drive at its limit reports the same number, the largest, this often and in a row.
+_NEIGHBOURS = 5  # number of samples whose median up to two consecutive spikes do not change
+_RARE = 0.01  # fraction of samples; more frequent deviations belong to the signal
+# A saturated drive reports its largest value at least this often in a row.
 _HELD = 10
 _HELD_SHARE = 2e-3
-_SMALLEST_MOTION = 1e-3  # [rad]: an effort that rests with its joint is not saturated
+_SMALLEST_MOTION = 1e-3  # [rad] least motion; constant effort of a resting joint is not saturation
 
 
 def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, list[str]]:
@@ -28,9 +28,8 @@ def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, 
     ----------
     bag : str
         Name for warnings.
-    joints : sequence of n str
     tau : (M, n) ndarray
-        [Nm]; not changed.
+        Efforts [Nm]; not modified.
     """
     warnings = []
     for index, joint in enumerate(joints):
@@ -41,7 +40,7 @@ def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, 
         tau = tau.copy()
         tau[spikes, index] = np.interp(rows[spikes], rows[~spikes], tau[~spikes, index])
         warnings.append(
-            f'{bag}: {spikes.sum()} spikes in the effort of {joint} bridged by their neighbours'
+            f'{bag}: {spikes.sum()} spikes in the effort of {joint} are replaced by interpolation'
         )
     return tau, warnings
 
@@ -55,9 +54,8 @@ def saturated_effort(
     ----------
     bag : str
         Name for warnings.
-    joints : sequence of n str
     q, tau : (M, n) ndarray
-        [rad], [Nm]
+        Positions [rad] and efforts [Nm].
 
     Returns
     -------
@@ -71,12 +69,12 @@ def saturated_effort(
         for limit in (column.min(), column.max()):
             mask[:, index] |= _held(column == limit, q[:, index])
         share = float(mask[:, index].mean())
-        if share > 0.5:  # a torque of two values only is odd, but no drive at its limit
+        if share > 0.5:  # an effort of two values only is odd, but not a saturated drive
             mask[:, index] = False
         elif share > 0.0:
             warnings.append(
-                f'{bag}: effort of {joint} is saturated for {100.0 * share:.2g} % of the time: '
-                'left out; record a slower motion'
+                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the '
+                'time and ignored then; record a slower motion'
             )
     return (mask if mask.any() else None), warnings
 
@@ -94,7 +92,7 @@ def _spikes(column: Array) -> Mask:
 
 
 def _held(at_limit: Mask, q: Array) -> Mask:
-    """Return the long runs at the limit in which the joint moves."""
+    """Return the long runs at the limit during which the joint moves."""
     held = np.zeros(len(at_limit), dtype=bool)
     if at_limit.sum() < max(_HELD, _HELD_SHARE * len(at_limit)):
         return held
@@ -104,14 +102,14 @@ def _held(at_limit: Mask, q: Array) -> Mask:
     return held
 
 
-# A middleware may deliver a message twice or swap two; more than this is a faulty clock.
+# A middleware may duplicate or swap a message; a higher fraction means a faulty clock.
 _TOLERATED_SHARE = 1e-3
-# A gap up to this is bridged by interpolation: arms move little in it.
+# Gaps up to this are interpolated, because arms move little within them.
 _LONGEST_GAP = 0.1  # [s]
-# Messages in a row behind one that came before: more are a clock set back, not a late message.
+# Consecutive messages older than a previous one; more of them mean that the clock was set back.
 _LATE_IN_A_ROW = 2
 _LONGEST_GAP_PERIODS = 5.0
-# Between two messages, usually: so few would show no motion, so it is another unit. 1 ms are 1.0.
+# Largest typical interval of messages. Longer ones mean another unit; 1 ms then appears as 1.0.
 _LONGEST_STEP = 0.5  # [s]
 _OTHER_UNITS = ((5e2, 'milliseconds'), (5e5, 'microseconds'), (np.inf, 'nanoseconds'))
 
@@ -119,7 +117,7 @@ _ADVICE = 'check the clock of the node that stamps the topic, or record again'
 
 
 def check_stamp_unit(bag: str, stamp: Array) -> None:
-    """Refuse stamps that are so far apart that they can't be seconds.
+    """Reject stamps whose intervals are too long for seconds.
 
     Parameters
     ----------
@@ -131,33 +129,34 @@ def check_stamp_unit(bag: str, stamp: Array) -> None:
     Raises
     ------
     IdentificationError
-        If they are; what they seem to be is named.
+        If the intervals are too long; the message names the probable unit.
     """
     steps = np.diff(stamp)
     step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
     if step >= _LONGEST_STEP:
         unit = next(name for largest, name in _OTHER_UNITS if step < largest)
         raise IdentificationError(
-            f'{bag}: joint states are {step:.3g} s apart: stamps look like {unit} and must be in '
-            's; a table column may state its unit, as time [ms]'
+            f'joint states of {bag} are {step:.3g} s apart, so their stamps look like {unit} '
+            'instead of s: state the unit in the column name, for example time [ms]'
         )
 
 
 def sound_messages(
     bag: str, stamp: Array, begin: float | None = None
 ) -> tuple[npt.NDArray[np.intp], list[str]]:
-    """Return which messages to use, in the order of their stamps, and warnings.
+    """Return the messages to use, in the order of their stamps, and warnings.
 
-    A rare message delivered twice or out of order is dropped or put in its place.
+    Rare duplicates are dropped, and rare messages out of order are sorted.
 
     Parameters
     ----------
     bag : str
         Name for messages.
     stamp : (M,) ndarray
-        Header stamps [s] of the part that is used.
+        Header stamps [s] of the used part.
     begin : float, optional
-        First stamp of the whole bag [s], from which messages count; by default that of the part.
+        First stamp of the whole bag [s], from which messages are timed; by default that of the
+        part.
 
     Raises
     ------
@@ -165,21 +164,21 @@ def sound_messages(
         If stamps are not finite, repeat, run backwards or jump.
     """
     if not np.isfinite(stamp).all():
-        raise IdentificationError(f'{bag}: stamps that are not finite: {_ADVICE}')
+        raise IdentificationError(f'stamps of {bag} are not finite: {_ADVICE}')
     if np.ptp(stamp) == 0.0:
-        raise IdentificationError(f'{bag}: every message has the same stamp: {_ADVICE}')
+        raise IdentificationError(f'all messages of {bag} have the same stamp: {_ADVICE}')
     order = np.argsort(stamp, kind='stable')
     step = np.diff(stamp[order])
     repeated = int(np.sum(step <= 0.0))
     if repeated > _TOLERATED_SHARE * len(stamp):
         first = _when(stamp[order[np.flatnonzero(step <= 0.0)[0]]], stamp, begin)
         raise IdentificationError(
-            f'{bag}: {repeated} of {len(stamp)} stamps are repeated, first at {first}: {_ADVICE}'
+            f'{repeated} of {len(stamp)} stamps of {bag} are repeated, first at {first}: {_ADVICE}'
         )
     warnings = _check_order(bag, stamp)
     _check_gaps(bag, stamp[order], step, begin)
     if repeated:
-        warnings.append(f'{bag}: {repeated} messages with a repeated stamp left out')
+        warnings.append(f'{bag}: {repeated} messages with a repeated stamp are ignored')
     return order[np.concatenate(([True], step > 0.0))], warnings
 
 
@@ -193,10 +192,10 @@ def _check_order(bag: str, stamp: Array) -> list[str]:
     set_back = np.convolve(behind, window).max() > _LATE_IN_A_ROW
     if len(back) > _TOLERATED_SHARE * len(stamp) or farthest > _LONGEST_GAP or set_back:
         raise IdentificationError(
-            f'{bag}: stamps jump back {len(back)} times, by up to {farthest:.3f} s, first at '
+            f'stamps of {bag} jump back {len(back)} times, by up to {farthest:.3f} s, first at '
             f'message {back[0] + 1}: {_ADVICE}'
         )
-    return [f'{bag}: {len(back)} messages out of order put in their place']
+    return [f'{bag}: {len(back)} messages were out of order and are sorted by their stamps']
 
 
 def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> None:
@@ -205,24 +204,24 @@ def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> Non
     if step[worst] > limit:
         when = _when(float(stamp[worst]), stamp, begin)
         raise IdentificationError(
-            f'{bag}: no joint states for {step[worst]:.3f} s at {when}: '
-            'the recorder lost messages or the clock was set; record again'
+            f'{bag} has no joint states for {step[worst]:.3f} s at {when}, because the recorder '
+            'lost messages or the clock was set: record again'
         )
 
 
 def _when(instant: float, stamp: Array, begin: float | None) -> str:
-    """Return where in the bag something is, and where in the part of it that is used."""
+    """Return the time of an event in the bag, and in its used part."""
     used = f'{instant - stamp[0]:.2f} s'
     if begin is None or begin == stamp[0]:
         return f'{used} of the bag'
     return f'{instant - begin:.2f} s of the bag ({used} of the used part)'
 
 
-_LARGEST_TURN = 6.0 * np.pi  # [rad] of a joint from end to end: three turns, more than arms have
-_AGREES = 0.95  # correlation of measured and differentiated velocities that are the same motion
-_FACTOR = 1.5  # by which they may differ in size: filters and delays make less of them
-# What velocities may be: name, how many times the rate of the positions, and how nearly. Turns per
-# minute are not far from stamps ten times too slow.
+_LARGEST_TURN = 6.0 * np.pi  # [rad] three turns, more than the range of any arm joint
+_AGREES = 0.95  # correlation of measured and differentiated velocities of the same motion
+_FACTOR = 1.5  # tolerated ratio of their magnitudes, because filters and delays reduce them
+# Possible velocity units: name, multiple of the rate of the positions, and tolerance. Revolutions
+# per minute are close to stamps that are ten times too slow.
 _VELOCITY_UNITS = (
     ('degrees per second', 180.0 / np.pi, 0.1),
     ('turns per minute', 30.0 / np.pi, 0.02),
@@ -230,31 +229,30 @@ _VELOCITY_UNITS = (
 
 
 def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Array | None) -> None:
-    """Refuse positions in degrees, and velocities that are not the rate of the positions.
+    """Reject positions in degrees, and velocities that do not match the rate of the positions.
 
     Parameters
     ----------
     bag : str
         Name for messages.
-    joints : sequence of n str
     time : (M,) ndarray
-        [s], increasing.
+        Increasing time [s].
     q : (M, n) ndarray
-        [rad] if all is well.
+        Positions, expected in [rad].
     dq : (M, n) ndarray or None
-        [rad/s] if all is well.
+        Velocities, expected in [rad/s].
 
     Raises
     ------
     IdentificationError
-        If they are not; what they seem to be is named.
+        If a unit is wrong; the message names the probable unit.
     """
     ranges = np.ptp(q, axis=0)
     if ranges.max() > _LARGEST_TURN:
         joint, turns = joints[int(np.argmax(ranges))], ranges.max() / (2.0 * np.pi)
         raise IdentificationError(
-            f'{bag}: {joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns: positions look '
-            'like degrees; for a table pass --degrees (degrees= of read_bag, or a column q1 '
+            f'{joint} moves by {ranges.max():.0f} rad, {turns:.0f} turns, in {bag}, so positions '
+            'look like degrees: for a table pass --degrees (degrees= of read_bag, or a column q1 '
             '[deg]), else check the node that publishes the topic'
         )
     ratio = None if dq is None else _speed_ratio(time, q, dq)
@@ -263,18 +261,18 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
     text = f'{bag}: velocities are {ratio:.3g} times the rate at which positions change'
     unit = next((u for u, of, near in _VELOCITY_UNITS if abs(ratio / of - 1.0) < near), None)
     if unit is not None:
-        text += f': they look like {unit}, and positions are in rad'
+        text += f', so they look like {unit}, while positions are in rad'
     elif ratio > 1.0:
-        text += f': stamps run {ratio:.3g} times too slow'
+        text += f', so stamps run {ratio:.3g} times too slow'
     else:
-        text += f': stamps run {1.0 / ratio:.3g} times too fast'
+        text += f', so stamps run {1.0 / ratio:.3g} times too fast'
     raise IdentificationError(
         f'{text}; check the column of the table, or the node that publishes the topic'
     )
 
 
 def _speed_ratio(time: Array, q: Array, dq: Array) -> float | None:
-    """Return measured over differentiated velocities; None where they aren't the same motion."""
+    """Return measured over differentiated velocity; None if they show different motions."""
     slope = np.gradient(q, time, axis=0)
     size, found = float(np.linalg.norm(slope)), float(np.linalg.norm(dq))
     if min(size, found) == 0.0:

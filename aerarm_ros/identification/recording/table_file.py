@@ -1,4 +1,4 @@
-"""Joint states from a table: CSV, or arrays in an .npz file."""
+"""Joint states from a table: a CSV file, or arrays in an .npz file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.motion.signals import Array
 
 TIME = ('time', 'times', 't', 'stamp', 'stamps', 'timestamp', 'time_s', '__time')
-"""Names of the time."""
+"""Accepted names of the time column."""
 
 WORDS = {
     'position': ('position', 'positions', 'pos', 'q', 'angle', 'actual_q'),
@@ -23,10 +23,10 @@ WORDS = {
     'effort': ('effort', 'efforts', 'eff', 'torque', 'torques', 'tau'),
     'current': ('current', 'currents', 'actual_current', 'i'),
 }
-"""Names of what is recorded of joints; currents are efforts where there are no others."""
+"""Accepted names of joint quantities; currents serve as efforts if there are no others."""
 
 _DEGREE = np.pi / 180.0
-# To s, rad or m, rad/s or m/s, Nm or N; of currents to A.
+# Factors to s, rad or m, rad/s or m/s, Nm or N; to A for currents.
 _UNITS = {
     'time': {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9},
     'position': {'rad': 1.0, 'mrad': 1e-3, 'deg': _DEGREE, 'm': 1.0, 'mm': 1e-3},
@@ -37,7 +37,7 @@ _UNITS = {
         'rpm': np.pi / 30.0,
         'm/s': 1.0,
         'mm/s': 1e-3,
-        'rad': 1.0,  # of a velocity only per second can be meant
+        'rad': 1.0,  # for velocities this means per second
         'deg': _DEGREE,
     },
     'effort': {'nm': 1.0, 'mnm': 1e-3, 'n': 1.0, 'a': 1.0, 'ma': 1e-3},
@@ -57,22 +57,22 @@ _NUMBER = re.compile(r'[_.]?(?:(\d+)|[\[(](\d+)[\])])')
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column that belongs to a motion.
+    """Meaning of one table column that belongs to a motion.
 
     Attributes
     ----------
     quantity : str
         'time', or a key of `WORDS`.
     joint : str
-        Empty for the time, and for a number until `named` has been called.
+        Name of the joint; empty for the time, and for a numbered joint before `named` is called.
     number : int or None
-        The joint's number, counted from 0 or 1.
+        Number of the joint, counted from 0 or 1.
     is_index : bool
         Whether the number is in brackets.
     factor : float
         Factor from the stated unit to SI units.
     unit : str
-        As the name states it; empty if it does not.
+        Unit stated in the column name; empty if none.
     """
 
     quantity: str
@@ -83,23 +83,23 @@ class TableColumn:
     unit: str = ''
 
     def named(self, joint: str) -> TableColumn:
-        """Return the column of the joint that its number means."""
+        """Return the column with the name of its numbered joint."""
         return replace(self, joint=joint, number=None)
 
 
 def accepted_names() -> str:
-    """Return the accepted names of columns, in words."""
+    """Return a description of the accepted column names."""
     words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
     return f"time: {'/'.join(TIME)}, {words}; each followed by _JOINT or the joint's number"
 
 
 def first_number(numbers: Iterable[int], joints: int) -> int | None:
-    """Return whether numbered columns count from 0 or 1; None if the numbers do not show it.
+    """Return whether numbered columns count from 0 or 1; None if undetermined.
 
     Parameters
     ----------
     numbers : iterable of int
-        Of all columns of a table.
+        Numbers of all columns of a table.
     joints : int
         Number of joints of the arm.
     """
@@ -112,18 +112,18 @@ def first_number(numbers: Iterable[int], joints: int) -> int | None:
 def table_column(name: str) -> TableColumn | None:
     """Return the meaning of a column, None for an unknown name.
 
-    Known are `q_elbow`, `elbow.position`, `q1`, `q_1` and `q[0]`, each with or without a unit, as
-    in `q1 [deg]`, and each with or without a path, as in `/joint_states/elbow/position`.
+    Recognized names are `q_elbow`, `elbow.position`, `q1`, `q_1` and `q[0]`, each with or without a
+    unit, as in `q1 [deg]`, and with or without a path, as in `/joint_states/elbow/position`.
 
     Parameters
     ----------
     name : str
-        As in the first line.
+        Column name in the first line.
 
     Raises
     ------
     IdentificationError
-        If it states a unit that is not known.
+        If the name states an unknown unit.
     """
     stated = _UNIT.search(name)
     if stated is None or stated[1].strip().isdigit():
@@ -147,13 +147,13 @@ def unit_factor(name: str, quantity: str, unit: str) -> float:
         short = re.sub(spelling, usual, short)
     if short and short not in known:
         raise IdentificationError(
-            f'column {name}: unit {unit} is not known: give one of {", ".join(known)}'
+            f'column {name} has the unknown unit {unit}: use one of {", ".join(known)}'
         )
     return known.get(short, 1.0)
 
 
 def _without_path(name: str) -> Iterator[str]:
-    """Yield what may be meant: of a name that begins as a topic does, its end."""
+    """Yield candidate column names: the whole name, and the end of a topic-like path."""
     parts = name.split('/')
     if name.startswith('/'):
         yield parts[-1]
@@ -163,7 +163,7 @@ def _without_path(name: str) -> Iterator[str]:
 
 
 def _of_joint(name: str) -> TableColumn | None:
-    """Return quantity and joint, by its name or its number."""
+    """Return quantity and joint of a column, with the joint's name or number."""
     for quantity, words in WORDS.items():
         for word in words:
             front, back = name[: len(word)].lower(), name[-len(word) :].lower()
@@ -181,26 +181,26 @@ def _of_joint(name: str) -> TableColumn | None:
 
 
 TABLES = ('.csv', '.npz')
-"""Suffixes of files that are tables."""
+"""File suffixes of tables."""
 
-_LARGEST = 2**30  # bytes of a file, unpacked: 40 min of 7 joints at 1 kHz, thrice
+_LARGEST = 2**30  # bytes of an unpacked file: three times 40 min of 7 joints at 1 kHz
 _NAMES = ('joint_names', 'names', 'joints')
-_ANGLES = ('position', 'velocity')  # of which an array `unit` states the unit
-_SHOWN = 40  # columns of a table that an error lists
+_ANGLES = ('position', 'velocity')  # quantities whose unit an array `unit` states
+_SHOWN = 40  # largest number of columns listed in an error
 
 
 @dataclass(frozen=True)
 class TableOptions:
-    """Properties of a table that its columns do not state.
+    """Properties of a table that its columns do not specify.
 
     Attributes
     ----------
     rate : float or None
-        Of the rows [Hz], for tables without a column of time.
+        Row rate [Hz], for tables without a time column.
     degrees : bool
         Whether positions and velocities are in degrees, where their names state no unit.
     numbered_from : {0, 1} or None
-        Number of the first joint; None to recognize it from the columns.
+        Number of the first joint; None to derive it from the columns.
     """
 
     rate: float | None = None
@@ -208,7 +208,7 @@ class TableOptions:
     numbered_from: int | None = None
 
     def __post_init__(self) -> None:
-        """Check the rate."""
+        """Validate the rate."""
         if self.rate is not None and not (np.isfinite(self.rate) and self.rate > 0.0):
             raise IdentificationError(f'--rate {self.rate:g} must be a positive frequency [Hz]')
 
@@ -219,13 +219,12 @@ class TableStates:
 
     Attributes
     ----------
-    names : tuple of n str
     stamp : (M,) ndarray
-        [s]
+        Time [s].
     position, velocity, effort : (M, n) ndarray
-        [rad], [rad/s], [Nm] or as recorded.
+        Values [rad], [rad/s], [Nm], or efforts as recorded.
     columns : str
-        Which columns of the table each joint has; empty for a bag.
+        Table columns of each joint; empty for a bag.
     """
 
     names: tuple[str, ...]
@@ -236,7 +235,7 @@ class TableStates:
     columns: str = ''
 
     def __repr__(self) -> str:
-        """Return what they are of, without the numbers."""
+        """Return a summary without the values."""
         seconds = float(np.ptp(self.stamp)) if len(self.stamp) else 0.0
         return f'<{len(self.stamp)} states over {seconds:.3g} s of {", ".join(self.names)}>'
 
@@ -244,46 +243,50 @@ class TableStates:
 def read_table(
     path: Path, joint_names: Sequence[str], options: TableOptions | None = None
 ) -> TableStates:
-    """Read positions, velocities and efforts of joints.
+    """Read positions, velocities and efforts of joints from a table.
 
-    The first line of a CSV file names its columns, as `time, q_elbow, dq_elbow, tau_elbow` or
-    `elbow.position [deg]`, see `table_column`. An .npz file has arrays
-    `time` (M,), `q`, `dq` and `tau` (M, n), or `position` and so on, and may have `joint_names`
-    and `unit`, the unit of the angles.
+    The first line of a CSV file contains column names, for example `time, q_elbow, dq_elbow,
+    tau_elbow` or `elbow.position [deg]`; see `table_column`. An .npz file contains arrays `time`
+    (M,), `q`, `dq` and `tau` (M, n), or `position` and so on. It may contain `joint_names` and
+    `unit`, the unit of the angles.
 
     Parameters
     ----------
-    path : Path
     joint_names : sequence of n str
-        The arm's joints, from base to tool: what numbers, and arrays without names, stand for.
-    options : TableOptions, optional
+        Joints of the arm, from base to tool, for numbered columns and arrays without names.
 
     Raises
     ------
     IdentificationError
-        If it can't be read, lacks what identification needs, or is too large.
+        If the file cannot be read, lacks required columns, or is too large.
     """
     options = options or TableOptions()
     try:
         if path.stat().st_size > _LARGEST:
-            raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB: cut it')
+            raise IdentificationError(
+                f'{path} is larger than {_LARGEST >> 20} MB: shorten the file'
+            )
         read = _npz if path.suffix.lower() == '.npz' else _csv
         columns, sources = read(path, joint_names, options)
         columns = _without_currents(columns)
     except OSError as error:
-        raise IdentificationError(f'{path}: {error.strerror or error}: check the path') from None
+        raise IdentificationError(
+            f'{path} cannot be read ({error.strerror or error}): check the path'
+        ) from None
     except (ValueError, zipfile.BadZipFile) as error:
         if isinstance(error, IdentificationError):
             raise
         reason = ' '.join(str(error).split())
-        raise IdentificationError(f'{path}: is no table of numbers ({reason})') from None
+        raise IdentificationError(
+            f'{path} is not a table of numbers ({reason}): check the file format'
+        ) from None
     return _states(path, columns, sources, joint_names, options)
 
 
 _Columns = dict[tuple[str, str], Array]
-"""Quantity and joint to values in SI units; ('time', '') to the time."""
+"""Values in SI units by quantity and joint; the time has the key ('time', '')."""
 _Sources = dict[tuple[str, str], str]
-"""The same keys to what they are called in the file."""
+"""Names in the file by quantity and joint."""
 
 
 def _csv(
@@ -296,8 +299,8 @@ def _csv(
         names = [name.strip().strip('"') for name in header.split(delimiter)]
         if all(_is_number(name) for name in names):
             raise IdentificationError(
-                f'{path}: the first line must name the columns, as time, q_{joint_names[0]}, '
-                f'dq_{joint_names[0]}, tau_{joint_names[0]}'
+                f'the first line of {path} must name the columns, for example time, '
+                f'q_{joint_names[0]}, dq_{joint_names[0]}, tau_{joint_names[0]}'
             )
         meanings = _meanings(path, names, joint_names, options)
         first = file.readline()
@@ -306,8 +309,8 @@ def _csv(
             raise ValueError(f'{len(names)} names for {count} columns')
         if not meanings:
             raise IdentificationError(
-                f'{path}: no position of any joint: its columns are {_some(names)}; '
-                f'accepted names are {accepted_names()}'
+                f'{path} has no position of any joint (its columns are {_some(names)}): name the '
+                f'columns {accepted_names()}'
             )
         rows = itertools.chain([first], file)
         values = np.loadtxt(rows, delimiter=delimiter, ndmin=2, usecols=list(meanings))
@@ -323,7 +326,7 @@ def _csv(
 def _meanings(
     path: Path, names: Sequence[str], joint_names: Sequence[str], options: TableOptions
 ) -> dict[int, TableColumn]:
-    """Return the meanings of the columns that have one, by place; others may hold anything."""
+    """Return the meaning of each recognized column by its index; other columns are ignored."""
     try:
         found = {place: table_column(name) for place, name in enumerate(names)}
     except IdentificationError as error:
@@ -334,12 +337,12 @@ def _meanings(
     numbered = _numbered(path, columns, names, joint_names, options)
     for place, meaning in (columns | numbered).items():
         if meaning.number is not None:
-            continue  # of a joint that the arm does not have
+            continue  # belongs to a joint that the arm lacks
         key = meaning.quantity, meaning.joint
         if key in known:
             raise IdentificationError(
-                f'{path}: columns {known[key]} and {names[place]} are both the '
-                f'{" of ".join(filter(None, key))}: leave one out'
+                f'columns {known[key]} and {names[place]} of {path} are both the '
+                f'{" of ".join(filter(None, key))}: remove one'
             )
         known[key] = names[place]
         meanings[place] = meaning
@@ -368,9 +371,9 @@ def _numbered(
             first = first_number((number for _, number in group.values()), len(joint_names))
         if first is None:
             raise IdentificationError(
-                f'{path}: {_some([names[place] for place in group])} may count from 0 or from 1 '
-                f'for {len(joint_names)} joints: state the number of {joint_names[0]} '
-                '(--numbered-from 0 or 1, or numbered_from= of read_bag)'
+                f'the numbers of {_some([names[place] for place in group])} in {path} may begin '
+                f'at 0 or at 1 for {len(joint_names)} joints: state the number of '
+                f'{joint_names[0]} (--numbered-from 0 or 1, or numbered_from= of read_bag)'
             )
         for place, (column, number) in group.items():
             if 0 <= number - first < len(joint_names):
@@ -379,7 +382,7 @@ def _numbered(
 
 
 def _some(names: Sequence[str]) -> str:
-    """Return names of columns, the first ones of many."""
+    """Return column names as text, truncated after the first ones."""
     shown = [name or "''" for name in names[:_SHOWN]]
     more = len(names) - len(shown)
     return ', '.join(shown) + (f' and {more} more' if more else '')
@@ -390,7 +393,7 @@ def _factor(column: TableColumn, options: TableOptions) -> float:
 
 
 def _unstated(quantity: str, options: TableOptions) -> float:
-    """Return what makes SI units of a quantity whose unit nothing states."""
+    """Return the factor to SI units of a quantity without a stated unit."""
     return np.pi / 180.0 if options.degrees and quantity in _ANGLES else 1.0
 
 
@@ -399,7 +402,9 @@ def _npz(
 ) -> tuple[_Columns, _Sources]:
     with zipfile.ZipFile(path) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
-            raise IdentificationError(f'{path}: larger than {_LARGEST >> 20} MB, unpacked: cut it')
+            raise IdentificationError(
+                f'{path} is larger than {_LARGEST >> 20} MB when unpacked: shorten the file'
+            )
     with np.load(path, allow_pickle=False) as file:
         arrays = {key: np.asarray(file[key]) for key in file.files if _is_wanted(key)}
     given = next((arrays[key] for key in _NAMES if key in arrays), None)
@@ -411,7 +416,7 @@ def _npz(
         same = [key for key in words if key in arrays]
         if len(same) > 1:
             raise IdentificationError(
-                f'{path}: arrays {" and ".join(same)} are the same quantity: leave one out'
+                f'arrays {" and ".join(same)} of {path} are the same quantity: remove one'
             )
     for key, array in arrays.items():
         if key in _NAMES:
@@ -421,7 +426,7 @@ def _npz(
             continue
         values = np.asarray(array, dtype=float)
         if values.ndim != 2 or values.shape[1] != len(names):
-            raise ValueError(f'{key} is {values.shape}, not (M, {len(names)})')
+            raise ValueError(f'{key} has the shape {values.shape} instead of (M, {len(names)})')
         quantity = next(name for name, words in WORDS.items() if key in words)
         if unit and quantity in _ANGLES:
             values = unit_factor(f'{key} (array unit)', quantity, unit) * values
@@ -433,7 +438,7 @@ def _npz(
 
 
 def _without_currents(columns: _Columns) -> _Columns:
-    """Return columns with currents as efforts of the joints that have no others."""
+    """Return the columns, using currents as efforts of joints without other efforts."""
     kept = {key: values for key, values in columns.items() if key[0] != 'current'}
     for (quantity, joint), values in columns.items():
         if quantity == 'current':
@@ -451,26 +456,29 @@ def _states(
     needed = ('position', 'effort')
     names = tuple(dict.fromkeys(joint for quantity, joint in columns if quantity != 'time'))
     complete = [name for name in names if all((quantity, name) in columns for quantity in needed)]
-    if complete:  # a column such as q_desired_elbow is of no joint
+    if complete:  # a column such as q_desired_elbow belongs to no joint
         names = tuple(name for name in names if name in complete or name in joint_names)
     for quantity in needed:
         missing = [name for name in names if (quantity, name) not in columns]
         if missing or not names:
             word = {'position': 'q', 'effort': 'tau'}[quantity]
             raise IdentificationError(
-                f'{path}: no {quantity} of {", ".join(missing) or "any joint"}: name its column '
-                f'{word}_{(missing or ["JOINT"])[0]}, or {word}1, {word}2 ... along the arm; '
-                f'found {_some(list(sources.values()))}'
+                f'{path} has no {quantity} of {", ".join(missing) or "any joint"} (found: '
+                f'{_some(list(sources.values()))}): name the column '
+                f'{word}_{(missing or ["JOINT"])[0]}, or {word}1, {word}2 ... from the base to '
+                'the tool'
             )
     count = len(columns['position', names[0]])
     if any(len(values) != count for values in columns.values()):
-        raise IdentificationError(f'{path}: its arrays differ in length')
+        raise IdentificationError(
+            f'the arrays of {path} differ in length: save arrays of equal length'
+        )
     stamp = columns.get(('time', ''))
     if stamp is None:
         if options.rate is None:
             raise IdentificationError(
-                f'{path}: no column of time: name it time [s], or give the rate of rows (--rate, '
-                'or rate= of read_bag)'
+                f'{path} has no time column: name one time [s], or pass the sampling rate '
+                '(--rate, or rate= of read_bag)'
             )
         stamp = np.arange(count) / options.rate
     unknown = np.full(count, np.nan)

@@ -1,5 +1,5 @@
-"""From samples to one regression: columns that are named, triangular factors, prior and noise.
+"""Regression of the torque model: named columns, triangular factors, prior and noise.
 
-In come samples and the terms of the joints; out goes a small triangular system that any solver
-can take, with its closed solution, and which combinations of parameters the motion identifies.
+Samples and joint terms are reduced to a small triangular system, which all solvers use. The package
+also provides its closed-form solution and the base parameters that a motion identifies.
 """

@@ -1,4 +1,4 @@
-"""Which combinations of parameters a motion identifies, thesis sections 3.2.1 and 5.3."""
+"""Base parameters that a motion identifies, thesis sections 3.2.1 and 5.3, with noise and prior."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,32 +11,32 @@ from aerarm_ros.identification.joint_model import JointModel, TermKind
 from aerarm_ros.identification.regression.regression import ReducedRegression
 from aerarm_ros.motion.signals import Array
 
-# The model's own dependencies are exact up to rounding; any excitation is far above this.
+# Dependencies of the model are exact up to rounding; any excitation exceeds this by far.
 _RANK_TOLERANCE = 1e-8
-# URDFs round angles to five digits (3.1416). A vertical axis then tilts by 1e-5 rad
-# and gravity acts on it: columns below this share of the largest, which no data determine.
+# URDFs round angles to five digits (3.1416), so a vertical axis tilts by 1e-5 rad and gravity acts
+# on it. Columns below this fraction of the largest are not identifiable.
 _NO_EFFECT = 3e-5
 _COEFFICIENT_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """The smallest set of parameters that gives the same torques.
+    """Minimal set of parameters that determines the same torques.
 
     Base parameter i is `theta[independent[i]] + combination[i] @ theta[dependent]`.
 
     Attributes
     ----------
     columns : tuple of str
-        All p parameters.
+        Names of all p parameters.
     independent : (r,) ndarray of int
-        Columns that no earlier columns give.
+        Columns that are linearly independent of earlier columns.
     dependent : (p - r,) ndarray of int
-        The others, columns without any effect included.
+        All other columns, including columns without effect.
     combination : (r, p - r) ndarray
-        What the dependent parameters add to the independent ones.
+        Contribution of the dependent parameters to the independent ones.
     condition_number : float
-        (5.2): largest over smallest singular value of the regressor that isn't zero.
+        Condition number (5.2): largest over smallest nonzero singular value of the regressor.
     """
 
     columns: tuple[str, ...]
@@ -55,21 +55,21 @@ class BaseParameters:
         return np.asarray(theta[self.independent] + self.combination @ theta[self.dependent])
 
     def complete(self, values: Array, reference: Array) -> Array:
-        """Return the parameter vector with these base parameters and a reference's others.
+        """Return the parameter vector with given base parameters and dependent ones of a reference.
 
         Parameters
         ----------
         values : (r,) ndarray
             Base parameters.
         reference : (p,) ndarray
-            Where the dependent parameters are taken from.
+            Parameter vector that provides the dependent parameters.
         """
         theta = np.array(reference, dtype=float)
         theta[self.independent] = values - self.combination @ theta[self.dependent]
         return theta
 
     def expressions(self) -> list[str]:
-        """Return each base parameter as a sum, such as 'Izz_link1 + Ja_joint1'."""
+        """Return each base parameter as a sum, for example 'Izz_link1 + Ja_joint1'."""
         return [
             _expression(self.columns[column], row, [self.columns[d] for d in self.dependent])
             for column, row in zip(self.independent, self.combination, strict=True)
@@ -79,13 +79,13 @@ class BaseParameters:
 def find_base_parameters(factor: Array, columns: Sequence[str]) -> BaseParameters:
     """Separate independent from dependent columns of a triangular factor.
 
-    Columns are taken in their order and orthogonalised: one that the earlier ones give
-    completely is dependent. So the parameters of later links go into those of earlier ones.
+    Columns are orthogonalized in order; a column that is a combination of earlier ones is
+    dependent. So the parameters of later links are combined into those of earlier ones.
 
     Parameters
     ----------
     factor : (p, p) ndarray
-        R of the regressor, unweighted.
+        Triangular factor R of the unweighted regressor.
     columns : sequence of str
         Names of its columns.
     """
@@ -102,7 +102,7 @@ def find_base_parameters(factor: Array, columns: Sequence[str]) -> BaseParameter
 
 
 def _split(factor: Array) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return independent and dependent columns by modified Gram-Schmidt, done twice."""
+    """Return independent and dependent columns by modified Gram-Schmidt, performed twice."""
     norms = np.linalg.norm(factor, axis=0)
     basis = np.zeros((len(factor), 0))
     independent, dependent = [], []
@@ -132,21 +132,21 @@ def _expression(name: str, row: Array, names: Sequence[str]) -> str:
     return ' '.join(parts)
 
 
-_SMALLEST_SHARE = 1e-6  # of a joint's torque: keeps weights finite on data without noise
+_SMALLEST_SHARE = 1e-6  # fraction of a joint's torque; keeps weights finite for data without noise
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Residual torque of each joint.
+    """Residual torque noise of each joint.
 
     Attributes
     ----------
     std : (n,) ndarray
-        [Nm]
+        Standard deviation [Nm].
     correlation : (n,) ndarray
-        Samples that carry the information of one independent sample, at least 1. Filtering
-        and model errors both correlate neighbouring residuals; taking them as independent
-        would make standard deviations too small.
+        Number of correlated samples per independent sample, at least 1. Filtering and model errors
+        both correlate neighbouring residuals; without this factor standard deviations would be too
+        small.
     """
 
     std: Array
@@ -154,33 +154,32 @@ class Noise:
 
     @property
     def weights(self) -> Array:
-        """(n,) factors of the joints' rows for a fit [1/Nm].
+        """Weights (n,) of the joints' rows in a fit [1/Nm].
 
-        One over the noise; the correlation common to all joints lowers the data's weight
-        against the prior's. A joint's own correlation is no reason to trust it less than
-        its noise says.
+        Each factor is one over the noise. The correlation common to all joints lowers the weight of
+        data relative to the prior; a joint's individual correlation does not affect its weight.
         """
         return np.asarray(1.0 / (self.std * np.sqrt(np.median(self.correlation))))
 
     @property
     def information_weights(self) -> Array:
-        """(n,) factors that give unit variance an independent sample, for covariances [1/Nm]."""
+        """(n,) factors for unit variance per independent sample, for covariances [1/Nm]."""
         return np.asarray(1.0 / (self.std * np.sqrt(self.correlation)))
 
 
 def noise_from_residuals(
     residuals: Sequence[Array], usable: Sequence[npt.NDArray[np.bool_]], torque_rms: Array
 ) -> Noise:
-    """Measure the noise.
+    """Estimate the noise from residuals.
 
     Parameters
     ----------
     residuals : sequence of (M, n) arrays
         Measured minus predicted torque of each bag [Nm].
     usable : sequence of (M, n) bool arrays
-        Which of these count.
+        Rows to include.
     torque_rms : (n,) ndarray
-        Size of each joint's torque [Nm].
+        RMS torque of each joint [Nm].
     """
     n = len(torque_rms)
     std, correlation = np.empty(n), np.ones(n)
@@ -197,9 +196,9 @@ def noise_from_residuals(
 
 
 def _correlation_time(residual: Array) -> float:
-    """Return the integrated autocorrelation time [samples], summed to five times itself.
+    """Return the integrated autocorrelation time [samples], summed up to five times itself.
 
-    The window is Sokal's: a longer sum would add noise, a shorter one cut correlation off.
+    The window is Sokal's: a longer sum adds noise, a shorter one truncates the correlation.
     """
     padded = np.fft.rfft(residual, 2 * len(residual))
     covariance = np.fft.irfft(np.abs(padded) ** 2)[: len(residual)]
@@ -211,24 +210,23 @@ def _correlation_time(residual: Array) -> float:
     return float(max(total[last], 1.0))
 
 
-# Relative standard deviation of an inertial parameter: a drawing misses cables, screws and
-# the infill of printed parts, but not half of a link.
+# Relative standard deviation of an inertial parameter. A CAD model lacks cables, screws and the
+# infill of printed parts, but not half of a link.
 LINK_SPREAD = 0.3
-# Of a joint's coefficient, as a share of what would explain all of its torque.
+# Prior of a joint coefficient, relative to the value that would explain all of its torque.
 _TERM_SPREAD = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Independent normal distributions, deliberately wide.
+    """Independent normal distributions of the parameters, deliberately wide.
 
-    They matter for combinations that the motion doesn't excite, which would otherwise be
-    undetermined, and are overruled by data everywhere else.
+    The prior determines combinations that the motion does not excite; data dominate all others.
 
     Attributes
     ----------
     mean, std : (p,) ndarray
-        In the parameters' own units.
+        Mean and standard deviation in the parameters' units.
     """
 
     mean: Array
@@ -245,12 +243,10 @@ def prior_from_cad(
 
     Parameters
     ----------
-    cad : ArmParameters
-    model : JointModel
     regression : ReducedRegression
-        Of the same columns: gives the scale of friction from the size of the torques.
+        Regression with the same columns; its torques determine the scale of friction.
     link_spread : float
-        Standard deviation of the inertial parameters over their natural size.
+        Standard deviation of the inertial parameters relative to their natural size.
     """
     mean = cad.vector(model)
     norms, torque = regression.column_norms(), regression.torque_norms

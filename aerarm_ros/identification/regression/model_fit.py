@@ -1,4 +1,4 @@
-"""A joint model fitted to the identification bags, with the noise that is left."""
+"""Fit of a joint model to the identification bags, with its noise."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -25,17 +25,12 @@ from aerarm_ros.motion.signals import Array
 
 
 def solve_regularised(system: TriangularSystem, prior: Prior) -> Array:
-    """Minimise torque error plus distance from the prior.
+    """Minimize the sum of squared torque error and squared distance from the prior.
 
     Parameters
     ----------
     system : TriangularSystem
-        Weighted to unit variance.
-    prior : Prior
-
-    Returns
-    -------
-    (p,) ndarray
+        System weighted to unit variance.
     """
     rows = np.vstack([system.R * prior.std, np.eye(len(prior.mean))])
     right = np.concatenate([system.z - system.R @ prior.mean, np.zeros(len(prior.mean))])
@@ -49,8 +44,7 @@ def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
     Parameters
     ----------
     system : TriangularSystem
-        Weighted to unit variance an independent sample.
-    prior : Prior
+        System weighted to unit variance per independent sample.
     """
     rows = np.vstack([system.R * prior.std, np.eye(len(prior.mean))])
     inverse = np.linalg.inv(np.linalg.qr(rows, mode='r'))
@@ -58,20 +52,19 @@ def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
 
 
 class RegressionBank:
-    """Reduces the identification bags once; models are then compared without touching samples.
+    """Reduce the identification bags once, to compare models without access to samples.
 
-    A joint's terms act on its own torque only, so its rows need the links' columns and its
-    own candidates: one factor for each joint and each part of the motion.
+    A joint's terms act only on its own torque, so its rows need only the links' columns and its own
+    candidate terms. The bank stores one factor per joint and part of the motion.
 
     Parameters
     ----------
-    bags : sequence of SampleColumns
     terms : sequence of JointTerm
-        Candidates of every joint.
+        Candidate terms of every joint.
     inertial : (10 n,) ndarray, optional
-        Inertial parameters that give the load of terms that depend on it.
+        Inertial parameters that determine the load of load-dependent terms.
     row_weights : sequence of (M, n) arrays, optional
-        Factor of each bag's rows.
+        Factors of each bag's rows.
     """
 
     def __init__(
@@ -115,13 +108,12 @@ class RegressionBank:
     def regression(
         self, model: JointModel, folds: Iterable[int] = range(FOLDS)
     ) -> ReducedRegression:
-        """Return the regression of one model on some parts of the motion.
+        """Return the regression of a model on given parts of the motion.
 
         Parameters
         ----------
         model : JointModel
-            Its terms must be among the bank's.
-        folds : iterable of int
+            Model whose terms are among the candidates.
         """
         folds = list(folds)
         joint_columns = model.joint_columns
@@ -139,26 +131,23 @@ class RegressionBank:
         return ReducedRegression(model.columns, factors, self._rows[:, folds].sum(axis=1))
 
     def factor(self, joint: int, fold: int) -> Array:
-        """Return one joint's factor on one part: links, candidates, torque."""
+        """Return one joint's triangular factor of one part: links, candidates, torque."""
         return self._factors[joint][fold]
 
 
-_ROUNDS = 2  # the noise follows from the fit, the fit from the noise: two rounds settle both
+_ROUNDS = 2  # noise and fit depend on each other; two rounds suffice
 
 
 @dataclass(frozen=True, eq=False)
 class ModelFit:
-    """A regression with prior and noise, ready for any solver.
+    """Regression with prior and noise, for use by any solver.
 
     Attributes
     ----------
-    model : JointModel
-    regression : ReducedRegression
-    prior : Prior
     noise : Noise
-        Of a bag that counts once; weighted bags have theirs over their weight.
+        Noise of a bag with weight one; a weighted bag's noise is divided by its weight.
     theta : (p,) ndarray
-        Weighted, regularised solution without constraints.
+        Weighted, regularized solution without constraints.
     """
 
     model: JointModel
@@ -169,12 +158,12 @@ class ModelFit:
 
     @property
     def inertial(self) -> Array:
-        """(10 n,) inertial parameters of `theta`."""
+        """Inertial parameters (10 n,) of `theta`."""
         return self.theta[: 10 * self.model.n]
 
     @cached_property
     def covariance(self) -> Array:
-        """(p, p) covariance of the parameters given data and prior, constraints left out."""
+        """(p, p) covariance of the parameters given data and prior, without constraints."""
         system = self.regression.system(self.noise.information_weights)
         return posterior_covariance(system, self.prior)
 
@@ -186,18 +175,16 @@ def fit_model(
     cad: ArmParameters,
     noise: Noise | None = None,
 ) -> ModelFit:
-    """Fit a model by least squares weighted by the noise it leaves.
+    """Fit a model by least squares, weighted by its residual noise.
 
     Parameters
     ----------
     bags : sequence of SampleColumns
-        The identification bags.
+        Identification bags.
     bank : RegressionBank
-        Of these bags, with the model's terms.
-    model : JointModel
-    cad : ArmParameters
+        Reduced bags, including the model's terms.
     noise : Noise, optional
-        Of an earlier fit; equal noise relative to the joints' torques otherwise.
+        Noise of an earlier fit; by default equal noise relative to the joints' torques.
     """
     regression = bank.regression(model)
     prior = prior_from_cad(cad, model, regression)

@@ -1,4 +1,4 @@
-"""The regression of a bag: the columns of its samples, reduced by QR."""
+"""Regression of a bag: columns of its samples, reduced by QR decomposition."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -15,12 +15,12 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Torque that a parameter vector predicts for a bag.
+    """Torque of a bag predicted by a parameter vector.
 
     Attributes
     ----------
     filtered, raw : (M, n) ndarray
-        With and without the torque's low-pass [Nm], at the decimated samples.
+        Torque with and without low-pass filter [Nm], at the decimated samples.
     """
 
     filtered: Array
@@ -28,26 +28,23 @@ class Prediction:
 
 
 class SampleColumns:
-    """Regressor (3.6) along one bag, filtered as the torque is ("parallel filtering").
+    """Regressor (3.6) along one bag, filtered like the torque ("parallel filtering").
 
     The torque balance holds for filtered torque only if every column passes the same filter
-    (Gautier, ICRA 1997): products of smooth signals have frequencies above theirs, and dry
-    friction is not smooth at all. Dry friction is evaluated at the fine rate, so that its
-    steps are where they were.
+    (Gautier, ICRA 1997). Products of smooth signals contain higher frequencies, and dry friction is
+    not smooth. Dry friction is evaluated at the fine rate, so that its steps keep their times.
 
     Parameters
     ----------
-    samples : Samples
     regressor : Regressor
-        Of the arm.
+        Regressor of the arm.
 
     Attributes
     ----------
-    samples : Samples
     rigid, rigid_raw : (M, n, 10 n) ndarray
-        The links' columns, with and without the torque's low-pass.
+        Columns of the links, with and without the torque's low-pass filter.
     weights : (n,) ndarray
-        Of each joint's rows among those of other bags.
+        Weight of each joint's rows relative to other bags.
     """
 
     def __init__(self, samples: Samples, regressor: Regressor) -> None:
@@ -58,13 +55,13 @@ class SampleColumns:
         self.weights = np.ones(samples.n)
 
     def with_samples(self, samples: Samples) -> 'SampleColumns':
-        """Return the same columns with other torques: `samples` of the same motion."""
+        """Return the same columns with other torques; `samples` has the same motion."""
         other = copy(self)
         other.samples = samples
         return other
 
     def with_weights(self, weights: Array) -> 'SampleColumns':
-        """Return the same bag that counts more or less, (n,) joint by joint."""
+        """Return the bag with other weights (n,) of its joints."""
         other = copy(self)
         other.weights = weights
         return other
@@ -72,7 +69,7 @@ class SampleColumns:
     def rate(self, term: JointTerm, inertial: Array | None = None) -> Array:
         """Return the time derivative of a term's filtered column for every joint, (M, n) [1/s].
 
-        Not of a term that depends on another joint; parameters are those of `term`.
+        Terms of another driving joint are not supported; parameters are those of `term`.
         """
         samples = self.samples
         if term.kind is TermKind.LOAD and inertial is not None:
@@ -89,9 +86,8 @@ class SampleColumns:
 
         Parameters
         ----------
-        term : JointTerm
         inertial : (10 n,) ndarray, optional
-            Inertial parameters that give the load, for a term that depends on it.
+            Inertial parameters that determine the load of a load-dependent term.
 
         Returns
         -------
@@ -100,7 +96,7 @@ class SampleColumns:
         """
         if term.kind is TermKind.LOAD:
             if inertial is None:
-                raise ValueError('friction that depends on the load needs inertial parameters')
+                raise ValueError('load-dependent friction needs inertial parameters')
             joints = range(self.samples.n)
             return np.column_stack([self._load_column(term, j, inertial) for j in joints])
         if term not in self._cache:
@@ -110,7 +106,7 @@ class SampleColumns:
                 column = samples.coarse_filter(basis)[:, None]
                 self._cache[term] = np.broadcast_to(column, samples.q.shape)
             elif term.smooth:
-                # As the links' columns, so that a rotor's adds up with theirs to the last bit.
+                # Computed like the links' columns, so that rotor and link columns add up exactly.
                 self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
             else:
                 self._cache[term] = samples.fine_filter(
@@ -119,13 +115,12 @@ class SampleColumns:
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
-        """Return the torque of a parameter vector; loads follow from its own links.
+        """Return the torque of a parameter vector; its own links determine the load.
 
         Parameters
         ----------
-        model : JointModel
         theta : (p,) ndarray
-            In the order of `model.columns`.
+            Parameters in the order of `model.columns`.
         """
         samples = self.samples
         inertial = theta[: 10 * samples.n]
@@ -139,7 +134,7 @@ class SampleColumns:
         return Prediction(filtered, raw)
 
     def links_torque(self, inertial: Array) -> Array:
-        """Return the (M, n) torque on the links [Nm], not filtered, of (10 n,) parameters."""
+        """Return the (M, n) unfiltered torque on the links [Nm] for (10 n,) parameters."""
         return np.asarray(self.rigid_raw @ inertial)
 
     def _load_column(
@@ -157,13 +152,14 @@ class SampleColumns:
 
 @dataclass(frozen=True, eq=False)
 class TriangularSystem:
-    """A least-squares problem `min ||R theta - z||` equivalent to one of many more rows.
+    """Least-squares problem `min ||R theta - z||`, equivalent to one with many more rows.
 
     Attributes
     ----------
     R : (p, p) ndarray
-        Upper triangular.
+        Upper triangular matrix.
     z : (p,) ndarray
+        Right-hand side.
     """
 
     R: Array
@@ -171,20 +167,20 @@ class TriangularSystem:
 
 
 class ReducedRegression:
-    """Rows of the stacked regressor (3.8), one triangular factor a joint.
+    """Rows of the stacked regressor (3.8), as one triangular factor per joint.
 
-    A factor R of `[Phi_j tau_j] = Q R` keeps every inner product of its columns, so any
-    weighting of the joints, any fit and any residual norm follow from the factors alone: an
-    80,000-row problem becomes one of n (p + 1) rows, solved exactly as well.
+    A factor R of `[Phi_j tau_j] = Q R` preserves every inner product of its columns. So any
+    weighting of the joints, any fit and any residual norm follow from the factors alone. A problem
+    of 80,000 rows becomes one of n (p + 1) rows with the same solution.
 
     Parameters
     ----------
     columns : sequence of str
         Names of the p parameters.
     factors : sequence of n arrays (rows_j, p + 1)
-        Of the columns and, last, the torque.
+        Factors of the columns and, last, of the torque.
     rows : (n,) array_like of int
-        Samples behind each factor.
+        Number of samples per factor.
     """
 
     def __init__(
@@ -201,20 +197,20 @@ class ReducedRegression:
 
     @property
     def torque_norms(self) -> Array:
-        """(n,) norm of each joint's torque [Nm]."""
+        """Norm (n,) of each joint's torque [Nm]."""
         return np.array([np.linalg.norm(factor[:, -1]) for factor in self.factors])
 
     def column_norms(self) -> Array:
-        """Return the (n, p) norms of each joint's rows of every column."""
+        """Return the (n, p) column norms of each joint's rows."""
         return np.array([np.linalg.norm(factor[:, :-1], axis=0) for factor in self.factors])
 
     def system(self, weights: npt.ArrayLike = 1.0) -> TriangularSystem:
-        """Return the problem of all joints together.
+        """Return the combined problem of all joints.
 
         Parameters
         ----------
         weights : float or (n,) array_like
-            Factor of each joint's rows, usually one over its noise [1/Nm].
+            Factors of each joint's rows, usually one over the noise [1/Nm].
         """
         weights = np.broadcast_to(np.asarray(weights, dtype=float), (self.n,))
         stacked = np.vstack([w * f for w, f in zip(weights, self.factors, strict=True)])
@@ -235,12 +231,12 @@ class ReducedRegression:
         return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(torque))
 
     def select(self, names: Sequence[str]) -> 'ReducedRegression':
-        """Return the regression with some of the columns only."""
+        """Return the regression with a selection of columns."""
         index = [self.columns.index(name) for name in names] + [len(self.columns)]
         factors = [triangular_factor(factor[:, index]) for factor in self.factors]
         return ReducedRegression(names, factors, self.rows)
 
 
 def triangular_factor(matrix: Array) -> Array:
-    """Return R of `matrix = Q R`."""
+    """Return the triangular factor R of `matrix = Q R`."""
     return np.asarray(np.linalg.qr(matrix, mode='r'))

@@ -1,5 +1,4 @@
-"""A result as one HTML page that needs nothing else to be read.
+"""Report of an identification as one self-contained HTML page.
 
-In come an identification's result and what is known besides; out goes the page, made of the pieces
-that `pages` has for all.
+The page is composed of elements from the package `pages`.
 """

@@ -1,4 +1,4 @@
-"""Bags of many arms over time as a page: what drifts, and which arms differ."""
+"""Page with parameters of many arms over time, showing drifts and deviating arms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,26 +15,26 @@ Row = Mapping[str, object]
 STD = '_std'
 _DAY = 86400.0  # [s]
 _CLEAR = 4.0  # standard deviations
-_LEAST_BAGS = 4  # of one arm, for a trend
-_LEAST_ARMS = 4  # to say that one of them differs
-_LEAST_CHANGE = 0.05  # of a parameter's size
-_NORMAL = 1.4826  # standard deviations in a median absolute deviation
-_SHOWN = 12  # parameters with a figure
+_LEAST_BAGS = 4  # bags of one arm, for a trend
+_LEAST_ARMS = 4  # arms, to detect a deviating one
+_LEAST_CHANGE = 0.05  # relative to a parameter's magnitude
+_NORMAL = 1.4826  # standard deviation over median absolute deviation, for normal noise
+_SHOWN = 12  # number of parameters with a figure
 _ERROR = 'validation_sdp_filtered'
 
 
 @dataclass(frozen=True)
 class Drift:
-    """A parameter of one arm that changes with time.
+    """Parameter of one arm that changes with time.
 
     Attributes
     ----------
-    arm, parameter : str
     change : float
-        From the first to the last bag, along the line that fits best.
+        Change from the first to the last bag, along the fitted line.
     mean : float
+        Mean value of the parameter.
     deviations : float
-        The same in its standard deviations.
+        Change in its standard deviations.
     """
 
     arm: str
@@ -46,17 +46,16 @@ class Drift:
 
 @dataclass(frozen=True)
 class OddArm:
-    """A parameter in which an arm differs from the others.
+    """Parameter in which one arm deviates from all others.
 
     Attributes
     ----------
-    arm, parameter : str
     value : float
-        Median of its bags.
+        Median over the arm's bags.
     others : float
-        Median of all arms.
+        Median over all arms.
     deviations : float
-        Difference in standard deviations, of the value and among the other arms.
+        Difference in standard deviations, combined from the value and the other arms.
     """
 
     arm: str
@@ -67,24 +66,24 @@ class OddArm:
 
 
 def fleet_page(rows: Sequence[Row]) -> str:
-    """Return a page that opens offline.
+    """Return the fleet page as HTML that opens offline.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Columns of the table of `identifier --each`.
+        Rows of the table of `identifier --each`.
 
     Raises
     ------
     IdentificationError
-        If the plotting script isn't installed.
+        If the plotting script is not installed.
     """
     good = [row for row in rows if row['status'] == 'ok']
     drifts, odd = find_drifts(good), find_odd_arms(good)
     arms = dict.fromkeys(str(row['arm']) for row in good)
     lead = (
-        f'{len(good)} of {len(rows)} bags of {len(arms)} arms identified; {len(drifts)} parameters '
-        f'drift, {len(odd)} differ from those of the other arms.'
+        f'{len(good)} of {len(rows)} bags of {len(arms)} arms were identified; {len(drifts)} '
+        f'parameters drift, {len(odd)} differ from those of the other arms.'
     )
     parts = [paragraph(lead, 'lead')]
     if failed := [row for row in rows if row['status'] != 'ok']:
@@ -108,14 +107,14 @@ def fleet_page(rows: Sequence[Row]) -> str:
 
 
 _DRIFT = (
-    'Line through the values of one arm over the dates of its bags, weighted by their standard '
-    'deviations; change from first to last bag. Friction that changes with the temperature of the '
-    'gears looks like drift: record at the same temperature.'
+    'Each line is fitted to the values of one arm over the dates of its bags, weighted by their '
+    'standard deviations. The change is from first to last bag. Friction that changes with the '
+    'gear temperature looks like drift, so record at the same temperature.'
 )
 
 
 def find_drifts(rows: Sequence[Row]) -> list[Drift]:
-    """Return trends over time, most significant first."""
+    """Return trends over time, the most significant first."""
     found = []
     for arm in dict.fromkeys(str(row['arm']) for row in rows):
         own = [row for row in rows if row['arm'] == arm and row['date']]
@@ -130,7 +129,7 @@ def find_drifts(rows: Sequence[Row]) -> list[Drift]:
 
 
 def find_odd_arms(rows: Sequence[Row]) -> list[OddArm]:
-    """Return deviations of single arms from the others, most significant first."""
+    """Return deviations of single arms from the others, the most significant first."""
     arms = list(dict.fromkeys(str(row['arm']) for row in rows))
     found = []
     for name in _parameters(rows) if len(arms) >= _LEAST_ARMS else ():
@@ -158,7 +157,7 @@ def _drift(arm: str, name: str, days: Array, values: Array, std: Array) -> Drift
     wanted = values[known] / std[known]
     solved, *_ = np.linalg.lstsq(columns, wanted, rcond=None)
     left = wanted - columns @ solved
-    # Bags differ by more than their own deviations: what is left says by how much.
+    # Bags scatter by more than their own deviations; the residual determines the factor.
     scale = max(1.0, float(np.sqrt(left @ left / max(len(left) - 2, 1))))
     deviation = scale * float(np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1]))
     span, mean = float(np.ptp(age)), float(solved[0])
@@ -178,7 +177,7 @@ def _joint_parameters(rows: Sequence[Row]) -> list[str]:
 
 
 def _column(rows: Sequence[Row], name: str) -> tuple[Array, Array]:
-    """Return values and standard deviations (bags,), NaN where a bag has none."""
+    """Return values and standard deviations (bags,), NaN for bags without the parameter."""
     return tuple(  # type: ignore[return-value]
         np.array([np.nan if row.get(key) is None else row[key] for row in rows], dtype=float)
         for key in (name, name + STD)
@@ -190,7 +189,7 @@ def _days(row: Row) -> float:
 
 
 def _figure(rows: Sequence[Row], name: str, identifier: str) -> Html:
-    """Return the values of each arm over the dates of its bags, or over their number."""
+    """Return the figure of each arm's values over the dates or numbers of its bags."""
     traces = []
     for arm in dict.fromkeys(str(row['arm']) for row in rows):
         own = sorted((row for row in rows if row['arm'] == arm), key=lambda r: str(r['date']))

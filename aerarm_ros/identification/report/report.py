@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs nothing else to be read."""
+"""Report of an identification as one self-contained HTML file."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -36,6 +36,7 @@ from aerarm_ros.identification.report.report_tables import (
     parameter_table,
     payload_table,
     recording_table,
+    residual_table,
     rollout_table,
     truth_table,
 )
@@ -59,13 +60,12 @@ _NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
 
 def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
-    """Return a list of warnings, one entry a kind; the others of it are opened by a click.
+    """Return a list of warnings with one entry per kind; a click expands the others.
 
     Parameters
     ----------
-    warnings : iterable of str
     names : sequence of str
-        Of joints, links and bags: what may differ within a kind.
+        Names of joints, links and bags that may differ within a kind.
     """
     longest_first = sorted((re.escape(name) for name in names if name), key=len, reverse=True)
     name = re.compile('|'.join(longest_first)) if longest_first else None
@@ -75,30 +75,26 @@ def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
         kinds.setdefault(_NUMBER.sub('#', kind), []).append(text)
     items = []
     for texts in kinds.values():
-        more = folded(f'{len(texts) - 1} more like it', bullets(texts[1:])) if texts[1:] else ''
+        more = folded(f'{len(texts) - 1} similar warnings', bullets(texts[1:])) if texts[1:] else ''
         items.append(Html(markup(texts[0]) + more))
     return bullets(items, 'warnings')
 
 
-# Corners of the twelve triangles of a box whose corners are numbered as `corners` does, x slowest.
+# Twelve triangles of a box whose corners are numbered as in `corners`, x slowest.
 _TRIANGLES = np.array(
     [
         *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
         *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
     ]
 )
-_EYE = {'x': 2.9, 'y': 2.9, 'z': 1.0}  # far enough to see all of an upright arm
+_EYE = {'x': 2.9, 'y': 2.9, 'z': 1.0}  # camera position that shows all of an upright arm
 _BEFORE, _AFTER, _ARM = '#d0672b', '#0b62c4', '#1c2430'
 
 
 def inertia_view(result: IdentificationResult) -> Html:
-    """Return the figure: boxes of CAD and of the recommended estimate about the arm's axes.
+    """Return the figure of CAD and estimated inertia boxes along the arm's axes.
 
-    An estimate that no body could have is shown without boxes for the links concerned.
-
-    Parameters
-    ----------
-    result : IdentificationResult
+    Links whose estimate is not physically possible are shown without boxes.
     """
     robot = result.robot
     q = result.identification[0].samples.q.mean(axis=0)
@@ -153,7 +149,7 @@ def _boxes(
 
 
 def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
-    """Return the line from the base through the joints."""
+    """Return the line from the base through all joints."""
     points = np.vstack([np.zeros(3), poses[:, :3, 3]]).round(5)
     x, y, z = points.T.tolist()
     return {
@@ -172,20 +168,19 @@ def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
 
 _ROW = 17  # [px]
 _NAME = 34  # characters of an expression that are shown
-_DEVIATIONS = 2.0  # on either side: 95 %
-_FARTHEST = 6.0  # standard deviations of CAD that are shown
+_DEVIATIONS = 2.0  # standard deviations on both sides: 95 %
+_FARTHEST = 6.0  # largest shown distance in standard deviations of CAD
 
 
 def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return the figure: base parameters of the recommended estimate with their intervals.
+    """Return the figure of base parameters of the recommended estimate with their intervals.
 
-    All on one scale: the distance from CAD, in standard deviations of what CAD leaves open.
+    The common scale is the distance from CAD, in prior standard deviations of the CAD values.
 
     Parameters
     ----------
-    result : IdentificationResult
     truth : Truth or None
-        Of a simulated arm, shown beside.
+        True parameters of a simulated arm, also shown.
     """
     base, prior = result.used_base, result.fit.prior.std
     names = [_short(text) for text in base.expressions()]
@@ -197,7 +192,7 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
     found = base.values(result.recommended.estimate.theta)
     place = (found - cad) / scale
     spread = np.minimum(_DEVIATIONS * result.base_deviations / scale, 1e3)
-    # What the motion says nothing of has bars beyond all others.
+    # Parameters that the motion does not determine have bars longer than all others.
     reach = float(np.clip(1.2 * np.abs(place).max(initial=0.0), 1.0, _FARTHEST))
     traces: list[dict[str, Any]] = [
         {
@@ -229,7 +224,7 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
         'template': 'none',
         'legend': {'orientation': 'h', 'y': 1.0, 'yanchor': 'bottom'},
         'xaxis': {
-            'title': {'text': 'distance from CAD, in its standard deviations'},
+            'title': {'text': 'distance from CAD in standard deviations'},
             'range': [-reach, reach],
         },
         'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
@@ -244,25 +239,26 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """Additional contents of the report.
+    """Additional contents of the identification report.
 
     Attributes
     ----------
     desired : mapping
-        Name of a bag to its commanded velocities.
+        Commanded velocities by bag name.
     truth : Truth or None
         True parameters of a simulated arm.
     truth_errors : sequence of InertialTorqueError
+        Torque errors relative to the true parameters.
     payload : Payload or None
-        What the arm carried in another recording.
+        Payload identified from another recording.
     facts : mapping
-        Name of a bag to what else is known of it.
+        Further facts by bag name.
     energy : mapping
-        Name of a bag to where its energy went.
+        Energy balance by bag name.
     resistances : mapping
-        Name of a joint to the resistance that this was computed with [ohm], as text.
+        Resistance by joint name [ohm] used for the balance, as text.
     exports : sequence of ExportError
-        How well each written file predicts torque.
+        Torque errors of each exported file.
     """
 
     desired: Mapping[str, DesiredVelocity] = field(default_factory=dict)
@@ -276,12 +272,12 @@ class ReportExtras:
 
 
 def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
-    """Return the whole report as HTML, offline and self-contained.
+    """Return the complete report as self-contained HTML that opens offline.
 
     Raises
     ------
     IdentificationError
-        If the plotting script isn't installed.
+        If the plotting script is not installed.
     """
     robot = result.robot
     body = [paragraph(_headline(result), 'lead')]
@@ -296,7 +292,8 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
             error_table(result),
             paragraph(geometry_text(result), 'note'),
         ),
-        section('Torque errors joint by joint', joint_error_table(result)),
+        section('Torque errors per joint', joint_error_table(result)),
+        section('What limits accuracy', paragraph(_RESIDUAL, 'note'), residual_table(result)),
     ]
     if extras.exports:
         body.append(
@@ -309,7 +306,7 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
     if extras.truth_errors:
         body.append(
             section(
-                'Against the true parameters',
+                'Comparison with the true parameters',
                 paragraph(_TRUTH, 'note'),
                 truth_table(extras.truth_errors, robot.joint_names),
             )
@@ -356,91 +353,100 @@ def report_html(result: IdentificationResult, extras: ReportExtras) -> str:
 
 
 _METRIC = (
-    'Thesis (5.3): 100 |τ − Φθ| / |τ| over all joints stacked, in percent. Filtered: measured '
-    'torque and prediction have passed the same zero-phase low-pass. Measured filtered: only the '
-    'measured torque has, as in most publications. Raw: torque as recorded.'
+    'Torque error of thesis (5.3): 100 |τ − Φθ| / |τ| over all joints, in percent. Filtered: '
+    'measured torque and prediction have passed the same zero-phase low-pass. Measured filtered: '
+    'only the measured torque has passed the low-pass, as in most publications. Raw: torque as '
+    'recorded.'
 )
 _THESIS = (
-    'solver of the thesis, (3.11) with (3.9), (3.12), (3.13), which does not ensure bodies that '
-    'can exist'
+    'solver of the thesis, (3.11) with (3.9), (3.12), (3.13), which does not ensure physically '
+    'consistent links'
 )
 _SOLVERS = {
     'cad': 'as drawn',
-    'cad_friction': 'links and rotors as drawn, with identified friction',
+    'cad_friction': 'nominal links and rotors, with identified friction',
     'ols': 'ordinary least squares on the base parameters',
-    'wls': "the same weighted by each joint's noise",
-    'huber': 'as sdp, with outliers weighted down',
+    'wls': "least squares on the base parameters, weighted by each joint's noise",
+    'huber': 'as sdp, with a lower weight of outliers',
     'slsqp': f'{_THESIS}, by sequential quadratic programming',
     'annealing': f'{_THESIS}, by simulated annealing',
-    'entropic': 'as sdp, with an entropic prior, so that links stay solid',
-    'output_error': "sdp with the joints' coefficients fitted to simulated positions",
-    'sdp': 'semidefinite program, every link physically consistent, close to CAD where the motion '
-    'says nothing',
+    'entropic': 'as sdp, with an entropic prior that keeps links solid',
+    'output_error': 'sdp, with joint coefficients fitted to simulated positions',
+    'sdp': 'semidefinite program with physically consistent links, close to CAD where the motion '
+    'gives no information',
 }
 _ENERGY = (
-    'Energy balance of each bag. Winding heat, 3/2 R i², uses the configured resistances; '
-    'friction, lifting and motion use the identified model; the rest is unexplained work, braking '
-    "energy, and the boards' consumption. The sum is the supplied energy. Torque is filtered, so "
-    'ripple above the cut-off is missing.'
+    'Energy balance of each bag. Winding heat, 3/2 R i², uses the configured resistances. '
+    'Friction, lifting and motion use the identified model. The rest is unexplained work, '
+    "braking energy, and the boards' consumption. The sum is the supplied energy. Torque is "
+    'filtered, so ripple above the cutoff is missing.'
+)
+_RESIDUAL = (
+    'Causes of the filtered residual of sdp, in percent of its mean square. Noise: white noise of '
+    'the level measured in the upper half of the recorded spectra, through the same filters. The '
+    'other causes: variance that their pattern explains in parts of the bag that the regression '
+    'has not seen. The residual does not contain causes that the identifier corrects, such as an '
+    'estimated delay.'
 )
 _EXPORTS = (
-    'Torque error of each written file on the same bags, filtered. The formats differ: only '
-    'estimate.yaml contains offsets and friction other than (2.6); URDF has no rotors; URDF and '
-    'SDF have no gravity.'
+    'Filtered torque error of each written file on the same bags. The formats differ: only '
+    'estimate.yaml contains offsets and friction beyond (2.6), URDF has no rotors, URDF and SDF '
+    'have no gravity.'
 )
 _TRUTH = (
-    'Torque that links and rotors need along each motion, against that of the true parameters '
-    'of the simulated arm. Measured torque is current times the nominal torque constant; the '
-    'truth is scaled by what this constant is off, because no data can show it. The last '
-    'column compares without this scaling.'
+    'Torque of links and rotors along each motion, compared with the torque of the simulated '
+    "arm's true parameters. Measured torque is current times the nominal torque constant, and no "
+    'data can reveal an error of this constant. Therefore the true torque is scaled by that '
+    'error; the last column compares without this scaling.'
 )
 _ROLLOUTS = (
-    'Simulation of the arm by the measured torque, from the measured state at the start of each '
-    'window. Columns: RMS position error over the windows, and the RMS over all joints relative '
-    'to their motion. A dash: the simulation diverges.'
+    'Simulation of the arm with the measured torque, from the measured state at the start of '
+    'each window. Columns: RMS position error over the windows, and RMS over all joints relative '
+    'to their motion. A dash means that the simulation diverges.'
 )
 _BOXES = (
     'Homogeneous boxes with the mass and inertia of each link, as in thesis figure 5.2c, in the '
-    'middle of the identification motion: CAD before, sdp after. Drag to turn; click a name to '
-    'hide it.'
+    'middle of the identification motion. Before: CAD. After: sdp. Drag to turn; click a name to '
+    'hide its boxes.'
 )
 _PARAMETERS = (
     "Parameters in the frame of each link's joint, in the order of thesis (3.3), (3.5). From "
-    'data: 0 % means that only the prior about CAD determines the value, 100 % that only the '
-    'measured torque does. In a sum: the torque depends on it together with other parameters '
-    'only, and the prior divides the sum. Unidentifiable parameters of ols are those of CAD.'
+    'data: 0 % if only the CAD prior determines the value, 100 % if only the measured torque '
+    'does. In a sum: the torque depends only on a sum of this and other parameters, which the '
+    'prior divides. Unidentifiable parameters of ols have CAD values.'
 )
 _BASE = (
-    'Combinations that the torque depends on, each named after its first parameter. Standard '
-    'deviations by the data alone, with correlated residuals taken into account. Excitation: how '
-    'many times less that is than what CAD leaves open; below about 3 the motion says little.'
+    'Parameter combinations that determine the torque, each named after its first parameter. '
+    'Standard deviations follow from the data alone and include correlated residuals. Excitation '
+    "is the ratio of the CAD prior's standard deviation to that of the data; below about 3 the "
+    'motion contains little information.'
 )
 _INTERVALS = (
-    'The figure shows the distance from CAD in standard deviations of the prior; bars are 95 % '
-    'intervals from the data alone. A bar from edge to edge: the motion does not excite the '
-    'parameter.'
+    'The figure shows the distance from CAD in standard deviations of the prior. Bars are 95 % '
+    'intervals from the data alone. A bar from edge to edge means that the motion does not '
+    'excite the parameter.'
 )
 _FRICTION = (
-    'Points are measured torque less that of links and rotors, filtered as the torque is, which '
-    'rounds the step at standstill. The line is the model, at the usual load where friction grows '
-    'with it.'
+    'Points are measured torque minus the torque of links and rotors, filtered like the torque, '
+    'which smooths the step at standstill. The line is the model, at the usual load if friction '
+    'depends on the load.'
 )
 _TRUE_PARAMETERS = (
-    'True: of the simulated arm itself. What the torque constants are off is part of what is '
-    'identified, so that even an estimate without any error differs by it.'
+    'True: values of the simulated arm. The identified values include the errors of the torque '
+    'constants, so even an exact estimate differs from the true values.'
 )
 _TRUE_BASE = (
     'True: parameter of the simulated arm. As measured: least squares with the same weights on '
     'the true torque without noise, times the error of each torque constant. A parameter of a '
-    "single joint scales with this joint's factor; a parameter of several joints has no single "
-    'factor. Standard deviations are those of noise. A deviation far beyond 3 means that the '
-    'model lacks a term, for example friction at reversal, or a delay between angle and torque. A '
-    'dash: the true arm has no such parameter.'
+    'single joint scales with the factor of this joint; a parameter of several joints has no '
+    'single factor. Standard deviations include only noise. A deviation far beyond 3 means that '
+    'the model lacks a term, for example friction at reversal, or a delay between angle and '
+    'torque. A dash means that the true arm has no such parameter.'
 )
 _EXCITATION = (
     'Range of each bag relative to the identification motion, and uncertainty of the predicted '
-    'torque caused by the parameters. Above the noise, the bag needs parameters that the '
-    'identification motion has not excited.'
+    'torque due to the parameters. If this uncertainty exceeds the noise, the bag needs '
+    'parameters that the identification motion has not excited.'
 )
 
 
@@ -454,7 +460,7 @@ def _energy(extras: ReportExtras, joint_names: Sequence[str]) -> list[Html]:
 
 def _metric(result: IdentificationResult) -> str:
     solvers = '; '.join(f'{name}: {_SOLVERS[name]}' for name in result.solutions)
-    return f'{_METRIC} {solvers}. sdp is the one written to estimate.yaml and identified.urdf.'
+    return f'{_METRIC} {solvers}. estimate.yaml and identified.urdf contain the result of sdp.'
 
 
 def _headline(result: IdentificationResult) -> str:
@@ -471,24 +477,24 @@ def _headline(result: IdentificationResult) -> str:
     if len(bags) > 1:
         which += f', the worst of {len(bags)} {role} bags'
     better = (
-        f' ({drawn_error / found.filtered:.1f} times as much)'
+        f' ({drawn_error / found.filtered:.1f} times as high)'
         if 0 < found.filtered < drawn_error
         else ''
     )
     consistent = recommended.estimate.physically_consistent
     return (
-        f'Torque error on {which}: {found.filtered:.2f} % filtered '
-        f'({found.filtered_measured:.2f} % with only the measured one filtered, {found.raw:.2f} % '
-        f'raw) with the identified model; {cad_error:.2f} % filtered with the CAD model, '
-        f'{drawn_error:.2f} % with the CAD model and identified friction{better}. '
-        f'The identified model is {"" if consistent else "not "}physically consistent.'
+        f'Torque error of the identified model on {which}: {found.filtered:.2f} % filtered '
+        f'({found.filtered_measured:.2f} % with only the measured torque filtered, '
+        f'{found.raw:.2f} % raw). For comparison, filtered: {cad_error:.2f} % with the CAD '
+        f'model, {drawn_error:.2f} % with the CAD model and identified friction{better}. The '
+        f'identified model is {"" if consistent else "not "}physically consistent.'
     )
 
 
 def _only_prior(result: IdentificationResult) -> str:
     if not result.only_prior:
-        return 'The data say something about every parameter.'
-    return f'Only the prior about CAD determines {", ".join(result.only_prior)}.'
+        return 'The data contain information about every parameter.'
+    return f'Only the CAD prior determines {", ".join(result.only_prior)}.'
 
 
 def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
@@ -511,26 +517,27 @@ def _figures(result: IdentificationResult, extras: ReportExtras) -> list[Html]:
 
 
 _ROW = 17  # [px]
-_NAME = 34  # characters that are shown
-_SOME = 60.0  # standard deviations beyond which a bar is cut
+_NAME = 34  # number of shown characters
+_SOME = 60.0  # standard deviations above which a bar is truncated
 
 
 def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
-    """Return a page that opens offline.
+    """Return the comparison of two results as HTML that opens offline.
 
     Parameters
     ----------
-    comparison : EstimateComparison
     old, new : str
         Names of the two results.
 
     Raises
     ------
     IdentificationError
-        If the plotting script isn't installed.
+        If the plotting script is not installed.
     """
     clear = [change.name for change in comparison.changes if change.is_clear]
-    lead = f'{len(clear)} of {len(comparison.changes)} differ by more than three of their '
+    lead = (
+        f'{len(clear)} of {len(comparison.changes)} parameters differ by more than three of their '
+    )
     lead += f'standard deviations{": " if clear else ""}{", ".join(clear)}.'
     parts = [paragraph(lead, 'lead')]
     for title, changes in (
@@ -544,8 +551,8 @@ def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
     if comparison.unmatched:
         parts.append(
             paragraph(
-                f'{comparison.unmatched} sums of parameters are determined by one of the two '
-                'motions only.',
+                f'{comparison.unmatched} parameter sums are identifiable from only one of the '
+                'two motions.',
                 'note',
             )
         )
@@ -561,7 +568,7 @@ def _table(changes: tuple[EstimateChange, ...], old: str, new: str) -> Html:
 
 
 def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
-    """Return bars: differences in standard deviations."""
+    """Return a bar chart of differences in standard deviations."""
     names = [c.name if len(c.name) <= _NAME else c.name[: _NAME - 1] + '…' for c in changes]
     trace: dict[str, Any] = {
         'type': 'bar',
@@ -574,7 +581,7 @@ def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
         'height': _ROW * len(changes) + 90,
         'margin': {'l': 260, 'r': 15, 't': 10, 'b': 45},
         'template': 'none',
-        'xaxis': {'title': {'text': 'difference, in its standard deviations'}},
+        'xaxis': {'title': {'text': 'difference in standard deviations'}},
         'yaxis': {'autorange': 'reversed', 'tickfont': {'size': 11}, 'type': 'category'},
     }
     return figure_html(identifier, [trace], layout)

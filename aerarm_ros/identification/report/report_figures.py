@@ -1,4 +1,4 @@
-"""Figures of the report, one for each thing that is to be seen of a bag."""
+"""Figures of the report about one bag."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import Html
 from aerarm_ros.pages.plots import figure_html, plain_text
 
-_SEGMENTS = 4  # a motion's length holds this many, the overlapping ones not counted
+_SEGMENTS = 4  # number of disjoint segments in a motion
 
 
 def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
@@ -21,14 +21,14 @@ def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
     Parameters
     ----------
     values : (M,) ndarray
-        Evenly sampled; M at least 8.
+        Evenly sampled values; M at least 8.
     dt : float
-        [s]
+        Sampling time [s].
 
     Returns
     -------
     frequency, density : (K,) ndarray
-        [Hz], and the values' unit over the root of Hz: the squares' integral is the variance.
+        Frequency [Hz], and density [unit/sqrt(Hz)]; its squared integral is the variance.
     """
     length = max(8, len(values) // _SEGMENTS)
     starts = range(0, len(values) - length + 1, max(1, length // 2))
@@ -41,39 +41,39 @@ def amplitude_density(values: Array, dt: float) -> tuple[Array, Array]:
 
 
 MOST_POINTS = 1000
-"""Of a curve: about what a screen shows."""
+"""Largest number of points of a curve, about the resolution of a screen."""
 
-_ROW_HEIGHT = 190  # [px] of one joint's axes
-# What is measured is a broad pale band that stays visible under the thin lines on top of it.
+_ROW_HEIGHT = 190  # [px] height of one joint's axes
+# Measured curves are broad and pale, so that they stay visible under thin lines.
 _LINES = {
     'measured': {'color': '#a9bdd6', 'width': 5.0},
     'predicted': {'color': '#0b4fa3', 'width': 1.3},
     'reference': {'color': '#d0672b', 'width': 1.3},
     'residual': {'color': '#b3261e', 'width': 1.3},
 }
-_CLOUD = {'color': '#7d94b5', 'size': 4}  # of single points
+_CLOUD = {'color': '#7d94b5', 'size': 4}  # markers of single points
 
 
 class StackedFigure:
-    """Curves over time, one pair of axes a joint, under a common time axis.
+    """Curves over time with one pair of axes per joint and a common time axis.
 
     Parameters
     ----------
     rows : sequence of str
         Titles of the axes, top to bottom.
     unit : str
-        Of all vertical axes.
+        Unit of all vertical axes.
     x_title : str
-        Of the common axis.
+        Title of the common axis.
     logarithmic : bool
-        All axes.
+        Whether all axes are logarithmic.
     most : int
-        Points of a curve that are kept, evenly spread.
+        Largest number of points per curve, evenly spread.
 
     Attributes
     ----------
     traces : list of dict
-        The curves so far, as the plotting script takes them.
+        Curves added so far, in the plotting script's format.
     """
 
     def __init__(
@@ -101,22 +101,23 @@ class StackedFigure:
         dash: str = 'solid',
         marked: bool = False,
     ) -> None:
-        """Add a curve.
+        """Add a curve to one pair of axes.
 
         Parameters
         ----------
         row : int
+            Index of the pair of axes.
         x, y : (M,) ndarray
-            Thinned out to `most`.
+            Points, reduced to `most`.
         name : str
-            In the legend, once.
+            Name in the legend, shown once.
         role : str
-            'measured', 'predicted', 'reference' or 'residual': colour and width of the line;
-            'cloud': single points.
+            'measured', 'predicted', 'reference' or 'residual' determine colour and width of the
+            line; 'cloud' means single points.
         dash : str
-            Of the line: 'solid', 'dot', 'dash'.
+            Line style: 'solid', 'dot', 'dash'.
         marked : bool
-            Whether the line's points are shown.
+            Whether to mark the line's points.
         """
         if role == 'cloud':
             look: dict[str, Any] = {'mode': 'markers', 'marker': _CLOUD}
@@ -140,7 +141,7 @@ class StackedFigure:
         )
 
     def html(self, identifier: str) -> Html:
-        """Return the figure as a division and the script that draws it."""
+        """Return the figure as an HTML division with the script that draws it."""
         layout = self._layout()
         return figure_html(identifier, self.traces, layout)
 
@@ -169,7 +170,7 @@ class StackedFigure:
 
 
 def _places(x: Array) -> dict[str, Any]:
-    """Return where points lie: first and distance if that is the same for all."""
+    """Return the positions of points: first and spacing if equidistant, otherwise all."""
     if len(x) > 2 and np.ptp(np.diff(x)) <= 1e-6 * np.ptp(x):
         return {'x0': float(f'{x[0]:.8g}'), 'dx': float(f'{(x[-1] - x[0]) / (len(x) - 1):.8g}')}
     return {'x': _short(x)}
@@ -180,14 +181,14 @@ def _short(values: Array) -> list[float]:
 
 
 _NO_FRICTION = (TermKind.ROTOR, *COUPLED)
-_CURVE = 201  # points of a friction curve, odd: dry friction jumps in the middle
-_CLOUD_SIZE = 600  # measured points behind it
-# Of all bags together, and least of one: a report stays below 3 MB for up to a dozen bags.
+_CURVE = 201  # points of a friction curve, odd, because dry friction jumps in the middle
+_CLOUD_SIZE = 600  # number of measured points in the background
+# Points of all bags together, and least number per bag; up to a dozen bags fit into 3 MB.
 _POINTS, _FEWEST = 2400, 200
 
 
 def points(result: IdentificationResult) -> int:
-    """Return how many points a curve over time may have: the fewer, the more bags there are."""
+    """Return the number of points per curve over time, which falls with the number of bags."""
     bags = len(result.identification) + len(result.validation)
     return max(_FEWEST, min(MOST_POINTS, _POINTS // bags))
 
@@ -195,7 +196,7 @@ def points(result: IdentificationResult) -> int:
 def torque_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array, cad: Array
 ) -> StackedFigure:
-    """Return measured and predicted torque over time, all filtered."""
+    """Return a figure of measured and predicted torque over time, all filtered."""
     figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     time = samples.time[kept]
@@ -209,7 +210,7 @@ def torque_figure(
 def residual_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array
 ) -> StackedFigure:
-    """Return the torque residual over time."""
+    """Return a figure of the torque residual over time."""
     figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     for joint in range(result.robot.n):
@@ -221,7 +222,7 @@ def residual_figure(
 def spectrum_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array
 ) -> StackedFigure:
-    """Return the spectra of measured torque and of its residual."""
+    """Return a figure of the spectra of measured torque and its residual."""
     figure = StackedFigure(
         result.robot.joint_names, 'Nm/√Hz', 'frequency [Hz]', True, points(result)
     )
@@ -243,7 +244,7 @@ def spectrum_figure(
 def velocity_figure(
     result: IdentificationResult, bag: SampleColumns, desired: DesiredVelocity | None
 ) -> StackedFigure:
-    """Return measured and, where it is known, commanded velocity over time."""
+    """Return a figure of measured and, if known, commanded velocity over time."""
     figure = StackedFigure(result.robot.joint_names, 'rad/s', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     time = samples.time[kept]
@@ -256,9 +257,9 @@ def velocity_figure(
 
 
 def friction_figure(result: IdentificationResult) -> StackedFigure:
-    """Return each joint's friction against velocity, by the model and measured.
+    """Return a figure of each joint's modelled and measured friction over velocity.
 
-    Measured is the torque of the identification bags less that of links and rotors.
+    Measured friction is the torque of the identification bags minus that of links and rotors.
     """
     estimate, model = result.recommended.estimate, result.fit.model
     figure = StackedFigure(model.joint_names, 'Nm', 'velocity [rad/s]')
@@ -271,7 +272,7 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
             if j == joint and term.kind not in _NO_FRICTION
         ]
         dq, torque, load = _measured_friction(result, joint, own, inertial)
-        if len(dq):  # of a joint that stands still, or whose effort is dead, nothing is measured
+        if len(dq):  # empty for a joint at rest or with constant effort
             figure.add(joint, dq, torque, 'measured', 'cloud')
         speed = float(np.abs(dq).max(initial=1e-3)) * np.linspace(-1.0, 1.0, _CURVE)
         carried = np.full(_CURVE, float(np.median(load)) if len(load) else 0.0)
@@ -285,7 +286,7 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
 def _measured_friction(
     result: IdentificationResult, joint: int, own: list[tuple[JointTerm, float]], inertial: Array
 ) -> tuple[Array, Array, Array]:
-    """Return velocity, filtered friction and load of some samples of the identification bags."""
+    """Return velocity, filtered friction and load of selected identification samples."""
     parts = []
     assessed = result.recommended.identification
     for bag, errors in zip(result.identification, assessed, strict=True):
@@ -302,7 +303,7 @@ def _measured_friction(
 
 
 def cutoff_figure(result: IdentificationResult) -> StackedFigure:
-    """Return the held-out error of the filters that were tried, against their cut-off."""
+    """Return a figure of the held-out error of the tried filters over their cut-off."""
     figure = StackedFigure(('error',), '%', 'cut-off [Hz]')
     choice = result.filter_choice
     groups: dict[str, list[tuple[float, float]]] = {}

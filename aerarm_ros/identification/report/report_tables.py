@@ -1,4 +1,4 @@
-"""Tables of the report."""
+"""Tables of the identification report."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,6 +15,7 @@ from aerarm_ros.identification.identification_result import (
 from aerarm_ros.identification.joint_model import JointTerm
 from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts
+from aerarm_ros.identification.residual_split import REMEDIES, UNEXPLAINED
 from aerarm_ros.identification.truth import InertialTorqueError, Truth
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.pages.html_text import (
@@ -26,18 +27,19 @@ from aerarm_ros.pages.html_text import (
     table,
 )
 
+_WORTH_NAMING = 0.1  # of a joint's mean square
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
 def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
-    """Return the assessments with the part that each bag plays."""
+    """Return the assessments with the role of each bag."""
     return [('identification', bag) for bag in solution.identification] + [
         ('validation', bag) for bag in solution.validation
     ]
 
 
 def error_table(result: IdentificationResult) -> Html:
-    """Return table 5.1: errors (5.3) of every solver on every bag, of each kind."""
+    """Return table 5.1: torque errors (5.3) of every solver on every bag."""
     bags = bags_of(result.recommended)
     headings: list[object] = ['solver']
     for role, bag in bags:
@@ -60,14 +62,14 @@ def error_table(result: IdentificationResult) -> Html:
 
 
 def export_table(result: IdentificationResult, exports: Sequence[ExportError]) -> Html:
-    """Return the errors (5.3) of each written file on every bag."""
+    """Return the torque errors (5.3) of each exported file on every bag."""
     bags = [f'{bag.bag} ({role}) [%]' for role, bag in bags_of(result.recommended)]
     rows: list[list[object]] = [[e.file, e.contents, *e.filtered] for e in exports]
-    return table(['file', 'as read by', *bags], rows)
+    return table(['file', 'file format', *bags], rows)
 
 
 def joint_error_table(result: IdentificationResult) -> Html:
-    """Return the errors (5.3) of each joint alone; those of other solvers are opened by a click."""
+    """Return the torque errors (5.3) per joint; a click shows those of other solvers."""
     names = [f'{name} [%]' for name in result.robot.joint_names]
     shown: list[list[object]] = []
     rows: list[list[object]] = []
@@ -89,8 +91,23 @@ def joint_error_table(result: IdentificationResult) -> Html:
     return Html(table(headings, shown, best) + others)
 
 
+def residual_table(result: IdentificationResult) -> Html:
+    """Return the causes of the residual, in percent of its mean square per joint."""
+    rows: list[list[object]] = []
+    for split in result.splits:
+        for cause, parts in split.fractions.items():
+            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _WORTH_NAMING else ''
+            rows.append([split.bag, cause, *map(float, (100.0 * parts).round(1)), remedy])
+        rest, above = 100.0 * split.unexplained, 100.0 * split.above_cutoff
+        rows.append([split.bag, 'unexplained', *map(float, rest.round(1)), UNEXPLAINED])
+        rows.append([split.bag, 'raw, above the cut-off', *map(float, above.round(1)), ''])
+        rows.append([split.bag, 'RMS [Nm]', *map(float, split.rms), ''])
+    names = [f'{name} [%]' for name in result.robot.joint_names]
+    return table(['bag', 'cause', *names, 'what reduces it'], rows)
+
+
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return table A.1: every parameter against CAD, with standard deviation."""
+    """Return table A.1: every parameter compared with CAD, with standard deviation."""
     estimate = result.recommended.estimate
     cad, ols = (result.solutions[name].estimate.theta for name in ('cad', 'ols'))
     units = list(_RIGID_UNITS) * result.robot.n
@@ -116,7 +133,7 @@ def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
 
 
 def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return the combinations of parameters that the data determine."""
+    """Return the table of base parameters that the data determine."""
     base = result.used_base
     solutions = result.solutions
     columns = {name: base.values(solutions[name].estimate.theta) for name in ('cad', 'ols', 'sdp')}
@@ -127,7 +144,11 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
     )
     headings = ['base parameter', 'CAD', 'ols', 'sdp', 'standard deviation', 'excitation']
     if truth:
-        headings += ['true', 'true, as measured', 'sdp - that, in standard deviations']
+        headings += [
+            'true',
+            'true, as measured',
+            'sdp minus true as measured, in standard deviations',
+        ]
         true = truth.base_values(result.fit, base)
         shown = truth.measured_base_values(result.fit, base)
     rows = []
@@ -142,12 +163,12 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
 
 
 def conditioning_tables(result: IdentificationResult) -> Html:
-    """Return tables about the motion and the filters."""
+    """Return tables of the motion and the filters."""
     conditioner = result.conditioner
     facts: list[list[object]] = [
         ['samples', str(result.samples)],
         ['period', _period(result)],
-        ['motion lies below', f'{conditioner.band:.3g} Hz'],
+        ['motion is below', f'{conditioner.band:.3g} Hz'],
         ['torque low-pass', f'{conditioner.cutoff:.3g} Hz, zero phase'],
         ['kinematics', result.filter_choice.kinematics.label],
         ['gravity', _gravity(result)],
@@ -159,12 +180,16 @@ def conditioning_tables(result: IdentificationResult) -> Html:
     choice = result.filter_choice
     trials = [[f'{t.cutoff:.3g}', t.kinematics.label, float(t.error)] for t in choice.trials]
     chosen = [i for i, t in enumerate(choice.trials) if t.kinematics == choice.kinematics]
-    headings = ['cut-off tried [Hz]', 'filter of the kinematics', 'held-out raw error [%]']
+    headings = [
+        'tried cutoff [Hz]',
+        'filter of positions, velocities and accelerations',
+        'held-out raw error [%]',
+    ]
     return Html(table(['conditioning', ''], facts) + table(headings, trials, chosen))
 
 
 def recording_table(facts: Mapping[str, BagFacts]) -> Html:
-    """Return which part of each bag was used, and what was lost while recording it."""
+    """Return the table of the used part and the recording losses of each bag."""
     if not facts:
         return Html('')
     rows = [
@@ -189,7 +214,7 @@ def _gravity(result: IdentificationResult) -> str:
     found = result.gravity
     if found is None:
         return 'as stated'
-    share = f'squared error on held-out parts with a tilt: {100.0 * found.error:.0f} %'
+    share = f'squared error on held-out parts, relative to no tilt: {100.0 * found.error:.0f} %'
     if found.tilt == 0.0:
         return f'as stated ({share})'
     return f'{np.degrees(found.tilt):.2f}° off the stated direction ({share})'
@@ -213,7 +238,7 @@ def _delays(result: IdentificationResult) -> str:
 
 
 def payload_table(payload: Payload) -> Html:
-    """Return the payload of the last link, with standard deviations."""
+    """Return the table of the last link's payload, with standard deviations."""
     centre = zip('xyz', payload.centre, payload.centre_std, strict=True)
     rows: list[list[object]] = [
         [f'centre of mass {axis}', Html('m'), float(value), float(std)]
@@ -225,7 +250,7 @@ def payload_table(payload: Payload) -> Html:
 
 
 def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[str]) -> Html:
-    """Return the joules of each bag, by joint and cause."""
+    """Return the table of each bag's energy [J], by joint and cause."""
     headings = ['bag', 'joint', *(f'{name} [J]' for name in EnergyBalance.PARTS)]
     headings += ['supplied [J]', 'mean [W]']
     rows: list[list[object]] = []
@@ -239,7 +264,7 @@ def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[st
 
 
 def excitation_table(result: IdentificationResult) -> Html:
-    """Return the demand of each bag on the model, joint by joint."""
+    """Return the table of each bag's motion range and excitation, per joint."""
     headings = ['bag', 'joint', 'beyond the identified range: q [%]', 'dq [%]', 'ddq [%]']
     headings += ['uncertainty of predicted torque [Nm]', 'noise [Nm]']
     rows: list[list[object]] = []
@@ -256,7 +281,7 @@ def _terms_text(terms: Sequence[JointTerm], names: Sequence[str]) -> str:
 
 
 def friction_tables(result: IdentificationResult) -> Html:
-    """Return the friction model of each joint and the rejected alternatives."""
+    """Return tables of each joint's friction model and the rejected alternatives."""
     names = result.robot.joint_names
     model = result.fit.model
     chosen = table(
@@ -276,7 +301,7 @@ def friction_tables(result: IdentificationResult) -> Html:
         + folded(
             'Comparison by cross-validation within the identification bags',
             paragraph(
-                'Each fifth of the motion predicted from the other four. Emphasised: chosen at '
+                'Each fifth of the motion was predicted from the other four. Bold: chosen in '
                 'that step.',
                 'note',
             ),
@@ -286,7 +311,7 @@ def friction_tables(result: IdentificationResult) -> Html:
 
 
 def rollout_table(result: IdentificationResult) -> Html:
-    """Return how far the simulated arms stray from the recorded one."""
+    """Return the table of position errors of the simulated arms."""
     headings: list[object] = ['bag', 'solver', 'windows', 'error [%]']
     headings += [f'{name} [mrad]' for name in result.robot.joint_names]
     rows: list[list[object]] = [
@@ -304,7 +329,7 @@ def rollout_table(result: IdentificationResult) -> Html:
 
 
 def truth_table(errors: Sequence[InertialTorqueError], joints: Sequence[str]) -> Html:
-    """Return the errors of links' and rotors' torque against the true parameters."""
+    """Return the table of link and rotor torque errors relative to the true parameters."""
     headings = ['bag', 'solver', 'inertial torque error [%]']
     headings += [f'{joint} [%]' for joint in joints] + ['against true torque constants [%]']
     rows = [[e.bag, e.solver, e.total, *map(float, e.per_joint), e.total_absolute] for e in errors]

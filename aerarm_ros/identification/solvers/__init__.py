@@ -1,5 +1,5 @@
-"""From a regression with prior and limits to estimates that a real arm could have.
+"""Solvers that compute parameter estimates from a regression with prior and limits.
 
-In come a fitted regression, CAD's parameters and bounds; out goes an estimate a solver, with what
-the user should know of it. `solvers.py` lists and runs all; a `*_solver.py` is one of them.
+The input is a fitted regression with the CAD parameters and bounds. Each solver returns an estimate
+with notes for the user. `solvers.py` lists and runs all solvers; each `*_solver.py` implements one.
 """

@@ -1,4 +1,4 @@
-"""Convex programs over cones, for Clarabel."""
+"""Convex cone programs for the solver Clarabel."""
 
 from dataclasses import dataclass
 
@@ -17,20 +17,19 @@ from aerarm_ros.motion.signals import Array
 class CompressedColumns:
     """Compressed sparse columns (CSC) of a dense matrix.
 
-    Clarabel reads the attributes below, which are those of `scipy.sparse.csc_matrix`;
-    importing that would take longer than solving the problem.
+    Clarabel reads the attributes below, which equal those of `scipy.sparse.csc_matrix`; importing
+    SciPy's class would take longer than solving the problem.
 
     Attributes
     ----------
     data : (nnz,) ndarray
-        Entries other than zero, column by column.
+        Nonzero entries, column by column.
     indices : (nnz,) ndarray of int
-        Their rows, increasing in each column.
+        Row numbers, increasing in each column.
     indptr : (columns + 1,) ndarray of int
-        Where each column begins.
-    shape : tuple of two ints
+        Index of the first entry of each column.
     has_canonical_format : bool
-        Rows are sorted and none occurs twice.
+        Whether rows are sorted without duplicates.
     """
 
     data: Array
@@ -41,7 +40,7 @@ class CompressedColumns:
 
     @classmethod
     def of(cls, dense: Array) -> 'CompressedColumns':
-        """Return the entries of a dense matrix that aren't zero."""
+        """Return the nonzero entries of a dense matrix."""
         columns, rows = np.nonzero(dense.T)
         counts = np.bincount(columns, minlength=dense.shape[1])
         return cls(
@@ -53,12 +52,12 @@ class CompressedColumns:
 
     @property
     def nnz(self) -> int:
-        """Number of entries."""
+        """Number of nonzero entries."""
         return len(self.data)
 
 
 class ConeProgram:
-    """A quadratic objective over unknowns y such that each `offset - rows y` lies in a cone.
+    """Quadratic objective over unknowns y, with each `offset - rows y` in a cone.
 
     Parameters
     ----------
@@ -75,17 +74,16 @@ class ConeProgram:
     def add(
         self, cone: str, rows: Array, offset: Array, dimension: int | None = None, first: int = 0
     ) -> None:
-        """Add a constraint on the unknowns from `first` on; most cones' dimension is its rows.
+        """Add a constraint on the unknowns starting at `first`.
 
         Parameters
         ----------
         cone : str
-            One of Clarabel's.
-        rows, offset : (m, k), (m,) ndarray
+            Name of a Clarabel cone.
         dimension : int, optional
-            Of the cone, where it is not m.
+            Dimension of the cone; by default the number of rows m.
         first : int
-            Unknown that the first column is for.
+            Index of the unknown of the first column.
         """
         if not len(rows):
             return
@@ -96,19 +94,19 @@ class ConeProgram:
         self._cones.append((cone, None if cone == 'ExponentialConeT' else dimension or len(rows)))
 
     def minimise(self, quadratic: Array, linear: Array) -> Array:
-        """Return the y that minimises `sum(quadratic y^2) / 2 + linear y`.
+        """Return the y that minimizes `sum(quadratic y^2) / 2 + linear y`.
 
         Raises
         ------
         SolverError
-            If there is none, or none was found.
+            If no solution exists, or none was found.
         """
         import clarabel
 
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         if hasattr(settings, 'max_threads'):
-            settings.max_threads = 1  # same input, same bits out
+            settings.max_threads = 1  # reproducible results
         cones = [(getattr(clarabel, name), dimension) for name, dimension in self._cones]
         solver = clarabel.DefaultSolver(
             CompressedColumns.of(np.diag(quadratic)),
@@ -125,7 +123,7 @@ class ConeProgram:
 
 
 def triangle(matrix: Array) -> Array:
-    """Return the upper triangle of a symmetric matrix, column by column, as PSD cones have it."""
+    """Return the upper triangle of a symmetric matrix, column by column, as in PSD cones."""
     rows, columns = np.triu_indices(len(matrix))
     order = np.lexsort((rows, columns))
     rows, columns = rows[order], columns[order]
@@ -133,24 +131,22 @@ def triangle(matrix: Array) -> Array:
 
 
 class PhysicalProgram(ConeProgram):
-    """A program over the parameters of a real arm; the cones of the links are left to its user.
+    """Program over the parameters of a real arm, without the links' cones.
 
-    Unknowns are the deviation x from the prior in its standard deviations and the residual r, so
-    that R is never squared: R (mean + std x) + r = z. Then come those of the user, if any.
+    Unknowns are the deviation x from the prior in standard deviations, and the residual r. R is
+    thus never squared: R (mean + std x) + r = z. Further unknowns of the caller follow.
 
     Parameters
     ----------
     system : TriangularSystem
-        Weighted to unit variance.
-    prior : Prior
-    limits : PhysicalLimits
+        System weighted to unit variance.
     further : int
-        Number of the user's own unknowns.
+        Number of further unknowns of the caller.
 
     Attributes
     ----------
     count : int
-        Number of parameters p: x comes first, r from there on.
+        Number of parameters p; x has the indices below p, r starts at p.
     """
 
     def __init__(
@@ -173,14 +169,14 @@ class PhysicalProgram(ConeProgram):
             self.add('NonnegativeConeT', -rows, offsets)
 
     def scaled_pseudo_inertia(self, link: int) -> tuple[Array, Array]:
-        """Return the pseudo-inertia of a link in units of its mass and size.
+        """Return the pseudo-inertia of a link relative to its mass and size.
 
         Returns
         -------
         columns : (10, 4, 4) ndarray
         constant : (4, 4) ndarray
-            The matrix is `constant` plus the sum of x_i times `columns[i]`, x being the link's
-            deviations from the prior in its standard deviations.
+            The matrix is `constant` plus the sum of x_i times `columns[i]`, where x contains the
+            link's deviations from the prior in standard deviations.
         """
         part = slice(10 * link, 10 * link + 10)
         length = np.array([1.0 / self._limits.size[link]] * 3 + [1.0])
@@ -189,17 +185,17 @@ class PhysicalProgram(ConeProgram):
         return columns, unit * pseudo_inertia(self._prior.mean[part])
 
     def parameters(self, quadratic: Array, linear: Array) -> Array:
-        """Return the (p,) parameters at the minimum, rounding errors of the solver removed.
+        """Return the (p,) parameters at the minimum, without rounding errors of the solver.
 
         Parameters
         ----------
         quadratic, linear : (2 p + further,) ndarray
-            The objective, as `minimise` has it.
+            Objective, as in `minimise`.
 
         Raises
         ------
         IdentificationError
-            If the solver found no solution, or did not keep its constraints.
+            If the solver found no solution, or violated its constraints.
         """
         x = self.minimise(quadratic, linear)[: self.count]
         theta = self._prior.mean + self._prior.std * x
@@ -218,7 +214,7 @@ class PhysicalProgram(ConeProgram):
 
 
 def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which keeps the masses within their factor of CAD."""
+    """Return G, h of G x + h >= 0, which limits the masses to a factor of CAD."""
     n = len(limits.mass)
     rows, offsets = np.zeros((2, n, len(prior.mean))), np.empty((2, n))
     links, masses = np.arange(n), 10 * np.arange(n)
@@ -229,7 +225,7 @@ def _mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
 
 
 def _total_mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which keeps the sum of the masses in its range (3.13)."""
+    """Return G, h of G x + h >= 0, which limits the sum of the masses to its range (3.13)."""
     masses, unit = 10 * np.arange(len(limits.mass)), limits.mass.sum()
     row = np.zeros(len(prior.mean))
     row[masses] = prior.std[masses] / unit
@@ -239,7 +235,7 @@ def _total_mass_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Arr
 
 
 def _centre_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which keeps centres of mass in their boxes (3.12)."""
+    """Return G, h of G x + h >= 0, which limits centres of mass to their boxes (3.12)."""
     rows, offsets = [], []
     for sign, box in zip((1.0, -1.0), limits.centre_box, strict=True):
         for link, corner in enumerate(box):
@@ -253,7 +249,7 @@ def _centre_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
 
 
 def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which keeps friction and rotor inertia from being negative."""
+    """Return G, h of G x + h >= 0, which keeps friction and rotor inertia non-negative."""
     index = 10 * len(limits.mass) + np.flatnonzero(limits.nonnegative)
     rows = np.zeros((len(index), len(prior.mean)))
     rows[np.arange(len(index)), index] = 1.0
@@ -263,7 +259,7 @@ def _sign_bounds(prior: Prior, limits: PhysicalLimits) -> tuple[Array, Array]:
 def _load_bounds(
     prior: Prior, limits: PhysicalLimits, load: npt.NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Return G, h of G x + h >= 0, which keeps a gear from losing more than it carries."""
+    """Return G, h of G x + h >= 0, which limits a gear's loss to its transmitted torque."""
     index = 10 * len(limits.mass) + np.flatnonzero(load)
     rows = np.zeros((len(index), len(prior.mean)))
     rows[np.arange(len(index)), index] = -prior.std[index]

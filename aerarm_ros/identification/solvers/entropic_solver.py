@@ -1,4 +1,4 @@
-"""Consistent least squares with an entropic prior, by Lee, Wensing and Park (T-RO 2020)."""
+"""Consistent least squares with an entropic prior, after Lee, Wensing and Park (T-RO 2020)."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from aerarm_ros.identification.solvers.cone_program import ConeProgram, Physical
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.motion.signals import Array
 
-_FLAT = 1e-6  # eigenvalue of a scaled pseudo-inertia that no solid body has
+_FLAT = 1e-6  # eigenvalue of a scaled pseudo-inertia below which the body has no volume
 _ROWS, _COLUMNS = np.tril_indices(4)
 _DIAGONAL = np.flatnonzero(_ROWS == _COLUMNS)
 
@@ -17,36 +17,32 @@ _DIAGONAL = np.flatnonzero(_ROWS == _COLUMNS)
 def solve_entropic(
     system: TriangularSystem, prior: Prior, limits: PhysicalLimits, spread: float = LINK_SPREAD
 ) -> Array:
-    """Minimise torque error plus the entropic divergence of the links from the prior.
+    """Minimize torque error plus the entropic divergence of the links from the prior.
 
-    Of a link with pseudo-inertia P, and P0 in the drawing, it is `tr(P P0^-1) - log det(P P0^-1)
-    - 4`, over the squared spread: twice the relative entropy of normal distributions with these
-    covariances. It doesn't depend on the frame or the unit of length, near the drawing it is half
-    the squared relative deviation, and it grows without bound towards bodies that cannot be, so the
-    links come out solid. Joints have the normal prior of `solve_semidefinite`. Convex.
+    For a link with pseudo-inertia P, and P0 in the CAD model, the divergence is
+    ``tr(P P0^-1) - log det(P P0^-1) - 4``, divided by the squared spread. It equals twice the
+    relative entropy of normal distributions with these covariances. The divergence is independent
+    of the frame and the unit of length. Near CAD it is half the squared relative deviation, and it
+    tends to infinity at impossible bodies, so all links are physically consistent. Joint
+    coefficients have the normal prior of `solve_semidefinite`. The problem is convex.
 
     Parameters
     ----------
     system : TriangularSystem
-        Weighted to unit variance.
+        System weighted to unit variance.
     prior : Prior
-        Of the links only the mean is used: their inertial parameters in the drawing.
-    limits : PhysicalLimits
+        Prior, of which only the mean of the links' inertial parameters is used.
     spread : float
-        Relative deviation of a link from the drawing that counts as one standard deviation.
-
-    Returns
-    -------
-    (p,) ndarray
+        Relative deviation of a link from CAD that equals one standard deviation.
 
     Raises
     ------
     IdentificationError
-        If a link of the drawing has no extent, or the solver finds no solution.
+        If a link of the CAD model has no extent, or the solver finds no solution.
     """
     count, links = len(prior.mean), len(limits.mass)
-    # Own unknowns: for each link a lower triangle L and t <= log diag(L). With
-    # [S L; L' diag(L)] >= 0 the sum of t is at most log det S.
+    # Further unknowns: for each link a lower triangle L and t <= log diag(L). With [S L; L'
+    # diag(L)] >= 0 the sum of t is at most log det S.
     first, own = 2 * count, len(_ROWS) + 4
     program = PhysicalProgram(system, prior, limits, own * links)
     quadratic = np.zeros(first + own * links)
@@ -71,7 +67,7 @@ def solve_entropic(
 def _add_determinant(
     program: ConeProgram, columns: Array, constant: Array, first: int, lower: int
 ) -> None:
-    """Add the cones of one link, whose x begins at `first` and whose L and t at `lower`."""
+    """Add the cones of one link, with x starting at `first`, and L and t at `lower`."""
 
     def block(upper_left: Array, triangular: Array) -> Array:
         corner = np.diag(np.diag(triangular))

@@ -1,4 +1,4 @@
-"""The result of one solver."""
+"""Estimate of one solver, and limits of physically possible parameters."""
 
 from dataclasses import dataclass, field
 
@@ -10,33 +10,34 @@ from aerarm_ros.identification.joint_model import JointModel
 from aerarm_ros.model.inertia import minimum_eigenvalue
 from aerarm_ros.motion.signals import Array
 
-# A printed link with motor, screws and cables weighs between half and twice its drawing.
+# A printed link with motor, screws and cables weighs half to twice its CAD mass.
 MASS_FACTOR = 2.0
-# ... and a gear loses no more of the torque than it carries.
+# A gear loses at most the torque that it transmits.
 LARGEST_LOAD_FRICTION = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class PhysicalLimits:
-    """Constraints of physical consistency.
+    """Limits that physically consistent parameters satisfy.
 
     Attributes
     ----------
     mass : (n,) ndarray
         Masses according to CAD [kg].
     size : (n,) ndarray
-        Lengths that make the pseudo-inertia's entries comparable [m].
+        Lengths that scale the pseudo-inertia's entries [m].
     nonnegative : (p - 10 n,) ndarray of bool
-        Which of the joints' coefficients cannot be negative.
+        Joint coefficients that are non-negative.
     load : (p - 10 n,) ndarray of bool, optional
-        Which of them are friction per torque: a gear loses no more than it carries, so not above 1.
+        Joint coefficients of load-dependent friction, at most 1, because a gear loses at most the
+        torque that it transmits.
     mass_factor : float
-        Masses lie within this factor of `mass`, thesis (3.11).
+        Largest factor between masses and `mass`, thesis (3.11).
     centre, reach : (n, 3) ndarray, optional
-        Centres of mass according to CAD, and how far from there they may lie along each axis of
-        the link's frame [m]. By default within `size` of the frame's origin.
+        Centres of mass according to CAD, and tolerance along each axis of the link's frame [m]. By
+        default within `size` of the frame's origin.
     bounds : LinkBounds
-        Which further constraints the program has.
+        Further constraints of the program.
     """
 
     mass: Array
@@ -50,21 +51,21 @@ class PhysicalLimits:
 
     @property
     def centre_box(self) -> tuple[Array, Array]:
-        """(n, 3) least and largest coordinates of the centres of mass (3.12) [m]."""
+        """Lower and upper bounds (n, 3) of the centres of mass (3.12) [m]."""
         centre = np.zeros((len(self.mass), 3)) if self.centre is None else self.centre
         reach = np.repeat(self.size[:, None], 3, axis=1) if self.reach is None else self.reach
         return centre - reach, centre + reach
 
     @property
     def total_mass(self) -> Array:
-        """(2,) least and largest mass of all links together (3.13) [kg]."""
+        """Lower and upper bound (2,) of the total mass of all links (3.13) [kg]."""
         if self.bounds.total_mass is not None:
             return np.array(self.bounds.total_mass)
         return self.total_of_links
 
     @property
     def total_of_links(self) -> Array:
-        """(2,) mass of all links where each is as light, or as heavy, as it may be [kg]."""
+        """(2,) sum of the least and of the largest allowed masses of all links [kg]."""
         return np.asarray(self.mass.sum() * np.array([1.0 / self.mass_factor, self.mass_factor]))
 
 
@@ -73,24 +74,24 @@ _NEGLIGIBLE = 1e-3  # standard deviations
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Dynamic parameters and how well they are known.
+    """Dynamic parameters with their uncertainty.
 
     Attributes
     ----------
     solver : str
-        A name in `solvers.SOLVERS`.
+        Name in `solvers.SOLVERS`.
     model : JointModel
-        Gives the meaning of the columns.
+        Model that defines the columns.
     theta : (p,) ndarray
-        In the order of `model.columns`.
+        Parameters in the order of `model.columns`.
     std : (p,) ndarray or None
         Standard deviations; None if the solver has none.
     determined : (p,) ndarray or None
-        Share of each parameter that comes from data (1) rather than from the prior (0).
+        Fraction of each parameter determined by data (1) as opposed to the prior (0).
     seconds : float
-        Time the solver took.
+        Computing time of the solver [s].
     notes : tuple of str
-        What the user should know.
+        Notes for the user.
     """
 
     solver: str
@@ -103,20 +104,20 @@ class Estimate:
 
     @property
     def inertial(self) -> Array:
-        """(n, 10) inertial parameters of the links, thesis (3.3)."""
+        """Inertial parameters (n, 10) of the links, thesis (3.3)."""
         return np.asarray(self.theta[: 10 * self.model.n].reshape(-1, 10))
 
     @property
     def min_pseudo_inertia_eigenvalue(self) -> float:
-        """Smallest eigenvalue of all links' pseudo-inertia matrices."""
+        """Smallest eigenvalue of the pseudo-inertia matrices of all links."""
         return minimum_eigenvalue(self.inertial)
 
     @property
     def physically_consistent(self) -> bool:
-        """Whether real links and joints could have these parameters.
+        """Whether the parameters are possible for real links and joints.
 
-        Every pseudo-inertia matrix is positive semidefinite (zero mass is none), and friction
-        and rotor inertia are not negative.
+        Every pseudo-inertia matrix is positive semidefinite (also for zero mass), and friction and
+        rotor inertia are non-negative.
         """
         joint_values = self.theta[10 * self.model.n :]
         signs = [term.nonnegative for _, term in self.model.joint_columns]
@@ -128,7 +129,7 @@ class Estimate:
 
     @property
     def held_at_zero(self) -> npt.NDArray[np.bool_]:
-        """(p,) which coefficients of a joint lie at their bound 0; none without deviations."""
+        """(p,) whether a joint coefficient lies at its bound 0; False without deviations."""
         start = 10 * self.model.n
         held = np.zeros(len(self.theta), dtype=bool)
         if self.std is not None:
@@ -138,7 +139,7 @@ class Estimate:
         return held
 
     def joint_values(self, symbol: str) -> Array:
-        """Return the (n,) coefficients of one kind of term, 0 where a joint lacks it."""
+        """Return the (n,) coefficients of one kind of term, 0 for joints without the term."""
         values = np.zeros(self.model.n)
         start = 10 * self.model.n
         for index, (joint, term) in enumerate(self.model.joint_columns, start=start):

@@ -1,4 +1,4 @@
-"""The semidefinite program with outliers weighted down (Huber), iteratively re-weighted."""
+"""Semidefinite program with Huber weights for outliers, iteratively re-weighted."""
 
 from collections.abc import Sequence
 
@@ -15,32 +15,34 @@ from aerarm_ros.identification.solvers.semidefinite_solver import solve_relaxed
 from aerarm_ros.motion.signals import Array
 
 _ROUNDS = 8
-_BEND = 1.345  # standard deviations: 95 % as efficient as least squares on normal noise
-_NORMAL = 1.4826  # standard deviation of normal noise over its median magnitude
+_BEND = 1.345  # standard deviations: 95 % of the efficiency of least squares for normal noise
+_NORMAL = 1.4826  # standard deviation over median magnitude of normal noise
 
 
 def solve_huber(
     fit: ModelFit, bags: Sequence[SampleColumns], limits: PhysicalLimits
 ) -> tuple[Array, tuple[str, ...]]:
-    """Minimise Huber's loss of the torque error over all possible bodies.
+    """Minimize Huber's loss of the torque error over all possible bodies.
 
-    Samples further off than the bend count linearly instead of squared. The weights are found
-    without constraints, which is quick, and then used in the semidefinite program.
+    Samples beyond the threshold count linearly instead of quadratically. The weights are computed
+    without constraints, which is fast, and then used in the semidefinite program.
 
     Parameters
     ----------
     fit : ModelFit
-        Of the bags: where the iteration starts.
+        Fit to the bags, as the initial value of the iteration.
     bags : sequence of SampleColumns
-        To identify from: weights belong to samples, so the rows are reduced again each round.
+        Identification bags; their rows are reduced again in each round, because weights belong to
+        samples.
     limits : PhysicalLimits
-        Bounds of the user are given up where they contradict, as for the recommended solver.
+        Physical limits; contradictory user bounds are dropped, as for the recommended solver.
 
     Returns
     -------
     (p,) ndarray
+        Parameters.
     tuple of str
-        Bounds that had to be given up.
+        Notes on dropped bounds.
 
     Raises
     ------
@@ -55,7 +57,7 @@ def solve_huber(
 
 
 def _reweighted(fit: ModelFit, bags: Sequence[SampleColumns], theta: Array) -> TriangularSystem:
-    """Return the problem with each row weighted by how far off it is at `theta`."""
+    """Return the problem with each row weighted by its residual at `theta`."""
     residuals = [
         bag.weights * np.abs(bag.samples.tau - bag.predict(fit.model, theta).filtered)
         for bag in bags
@@ -71,7 +73,7 @@ def _reweighted(fit: ModelFit, bags: Sequence[SampleColumns], theta: Array) -> T
 def _scale(
     fit: ModelFit, bags: Sequence[SampleColumns], residuals: Sequence[Array], joint: int
 ) -> float:
-    """Return a joint's noise [Nm] from the median, which outliers don't move."""
+    """Return a joint's noise [Nm] from the median, which outliers do not affect."""
     usable = [
         r[bag.samples.usable[:, joint], joint] for bag, r in zip(bags, residuals, strict=True)
     ]

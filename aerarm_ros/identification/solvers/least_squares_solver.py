@@ -1,4 +1,4 @@
-"""Least squares on the base parameters, thesis section 3.2."""
+"""Least-squares solver for the base parameters, thesis section 3.2."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,19 +11,18 @@ from aerarm_ros.motion.signals import Array
 def solve_least_squares(
     regression: ReducedRegression, reference: Array, weights: npt.ArrayLike = 1.0
 ) -> Array:
-    """Minimise the torque error without constraints.
+    """Minimize the torque error without constraints.
 
-    Only base parameters have a unique solution. Of all parameter vectors that give it, the
-    one is returned whose other parameters are those of the reference. It fits best and may be
+    Only base parameters have a unique solution. The returned vector has these base parameters and
+    takes all other parameters from the reference. The solution has the least error and may be
     physically impossible.
 
     Parameters
     ----------
-    regression : ReducedRegression
     reference : (p,) ndarray
-        Usually CAD.
+        Reference parameters, usually CAD.
     weights : float or (n,) array_like
-        Of each joint's rows, one over its noise [1/Nm]; 1 is ordinary least squares.
+        Factors of each joint's rows, one over its noise [1/Nm]; 1 is ordinary least squares.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Coefficients of the joints by simulated positions (output error), the links left as they are."""
+"""Joint coefficients from simulated positions (output error), with fixed links."""
 
 import numpy as np
 
@@ -8,30 +8,29 @@ from aerarm_ros.identification.rollout import Rollout, RolloutWindows
 from aerarm_ros.motion.signals import Array
 
 _ROUNDS = 8
-_SETTLED = 1e-3  # of the cost
-_SHORTEST = 0.05  # of a Gauss-Newton step
-# Errors of one window grow together: it is worth so many independent ones.
+_SETTLED = 1e-3  # relative change of the cost at convergence
+_SHORTEST = 0.05  # shortest Gauss-Newton step
+# Errors within one window are correlated; a window counts as this many independent ones.
 _INDEPENDENT = 2.0
 
 
 def solve_output_error(
     model: JointModel, windows: RolloutWindows, start: Array, std: Array
 ) -> Array:
-    """Minimise the position error of simulated windows over the joints' coefficients.
+    """Minimize the position error of simulated windows over the joints' coefficients.
 
-    Torque says little of friction near zero velocity, where it changes within one sample; the
-    position that the arm then takes says more. Gauss-Newton from a consistent estimate, which
-    is the prior as well: links and signs stay as they are, and so does consistency.
+    Torque contains little information about friction near zero velocity, where it changes within
+    one sample; positions contain more. The Gauss-Newton iteration starts at a consistent estimate,
+    which is also the prior. Links and signs stay unchanged, so the result is consistent.
 
     Parameters
     ----------
-    model : JointModel
     windows : RolloutWindows
-        Of the bags to identify from.
+        Windows of the identification bags.
     start : (p,) ndarray
-        The estimate to begin with.
+        Initial estimate.
     std : (k,) ndarray
-        Standard deviations of the joints' coefficients in it.
+        Standard deviations of its joint coefficients.
 
     Returns
     -------
@@ -40,17 +39,20 @@ def solve_output_error(
     Raises
     ------
     IdentificationError
-        If there are no windows, or the arm runs away in one.
+        If there are no windows, or a simulation diverges.
     """
     if not windows.count:
-        raise IdentificationError('no half second of the motion has the torque of every joint')
+        raise IdentificationError(
+            'no half-second window of the motion has the torque of every joint: record a '
+            'longer motion'
+        )
     rollout = Rollout(model, windows)
     fixed = len(start) - len(std)
     signed = np.array([term.nonnegative for _, term in model.joint_columns], dtype=bool)
     least = np.where(signed, 0.0, -np.inf)
     best = _Trial(rollout, windows, start)
     if not np.isfinite(best.left).all():
-        raise IdentificationError('the arm runs away when it is simulated')
+        raise IdentificationError('the simulation of the arm diverges')
     rms = np.sqrt((best.left**2).mean(axis=(0, 1)))
     weight = np.sqrt(_INDEPENDENT / best.left.shape[1]) / np.maximum(rms, 1e-9)
     cost = best.cost(weight, start, std)
@@ -73,7 +75,7 @@ def solve_output_error(
 
 
 class _Trial:
-    """Parameters (p,), what simulation with them leaves of positions, and the derivatives."""
+    """Parameters (p,), position residuals of their simulation, and derivatives."""
 
     def __init__(self, rollout: Rollout, windows: RolloutWindows, theta: Array) -> None:
         positions, self.slopes = rollout.sensitivities(theta)
@@ -81,14 +83,14 @@ class _Trial:
         self.left = windows.q[:, 1:] - positions
 
     def cost(self, weight: Array, start: Array, std: Array) -> float:
-        """Return the squared error, in units of what there was, and the distance from the start."""
+        """Return the normalized squared error plus the squared distance from the start."""
         moved = (self.theta - start)[-len(std) :] / std
         total = float(((self.left * weight) ** 2).sum() + moved @ moved)
         return total if np.isfinite(total) else np.inf
 
     def step(self, weight: Array, start: Array, std: Array, least: Array) -> Array:
-        """Return the (k,) change that would be best if positions were linear in it."""
-        # Imported here: it takes long, and few ask for this solver.
+        """Return the (k,) optimal step if positions were linear in the coefficients."""
+        # Local import, because the import is slow and few users need this solver.
         from scipy.optimize import lsq_linear
 
         values, first = self.theta[-len(std) :], start[-len(std) :]

@@ -13,24 +13,22 @@ from aerarm_ros.identification.solvers.cone_program import PhysicalProgram, tria
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.motion.signals import Array
 
-# Smallest eigenvalue asked for, of the pseudo-inertia in units of the link's mass and size:
-# the solver stops within 1e-8 of its constraints, and the result must be on the right side.
+# Smallest allowed eigenvalue of the pseudo-inertia relative to the link's mass and size. The solver
+# meets its constraints within 1e-8, and the result must be strictly feasible.
 _MARGIN = 1e-6
 
 
 def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalLimits) -> Array:
-    """Minimise torque error plus distance from the prior over all possible bodies.
+    """Minimize torque error plus distance from the prior over all possible bodies.
 
-    Every link's 4x4 pseudo-inertia matrix is positive definite (Wensing, Kim, Slotine,
-    RA-L 2018), which thesis (3.9) with (3.15) does not ensure; friction and rotor inertia are
-    not negative. The problem is convex: the solution is the global one.
+    Every link's 4x4 pseudo-inertia matrix is positive definite (Wensing, Kim, Slotine, RA-L 2018),
+    which thesis (3.9) with (3.15) does not ensure; friction and rotor inertia are non-negative. The
+    problem is convex, so the solution is the global minimum.
 
     Parameters
     ----------
     system : TriangularSystem
-        Weighted to unit variance.
-    prior : Prior
-    limits : PhysicalLimits
+        System weighted to unit variance.
 
     Returns
     -------
@@ -47,7 +45,7 @@ def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalL
         constant = constant - _MARGIN * np.eye(4)
         cone = np.column_stack([triangle(column) for column in columns])
         program.add('PSDTriangleConeT', -cone, triangle(constant), dimension=4, first=10 * link)
-    # The prior is normal and so is the noise: |x|^2 + |r|^2.
+    # Prior and noise are both normal: |x|^2 + |r|^2.
     return program.parameters(np.ones(2 * program.count), np.zeros(2 * program.count))
 
 
@@ -57,31 +55,29 @@ def solve_relaxed(
     limits: PhysicalLimits,
     solve: Callable[[TriangularSystem, Prior, PhysicalLimits], Array] = solve_semidefinite,
 ) -> tuple[Array, tuple[str, ...]]:
-    """Solve with the user's bounds, or with as many as can be met together.
+    """Solve with the user's bounds, or with as many of them as are feasible.
 
-    Thesis section 3.2.2 asks for a relaxation. Given up are, in this order, the bounds of the
-    centres of mass (boxes are only roughly the links' hulls), the total mass, and both. Masses
-    near CAD and physical consistency are kept in any case: they can always be met.
+    Thesis section 3.2.2 requires a relaxation. In this order, the program drops the bounds of the
+    centres of mass (boxes only approximate the links' hulls), the total mass, and both. Masses near
+    CAD and physical consistency are always kept, because they are always feasible.
 
     Parameters
     ----------
     system : TriangularSystem
-        Weighted to unit variance.
-    prior : Prior
-    limits : PhysicalLimits
+        System weighted to unit variance.
     solve : callable
-        Solves with the bounds that the limits have.
+        Solver that applies the bounds in the limits.
 
     Returns
     -------
     theta : (p,) ndarray
     notes : tuple of str
-        What was given up, and why.
+        Dropped bounds, with the reason.
 
     Raises
     ------
     IdentificationError
-        If there is no solution without these bounds either.
+        If there is no solution without these bounds.
     """
     failures: dict[LinkBounds, IdentificationError] = {}
     for bounds in _relaxations(limits):
@@ -97,7 +93,7 @@ def solve_relaxed(
 
 
 def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
-    """Yield bounds to try, from all that were asked for to none."""
+    """Yield bounds to try, from all requested bounds to none."""
     wanted = limits.bounds
     totals = [None] if wanted.total_mass is None else [wanted.total_mass, None]
     if not _total_within_masses(limits):
@@ -108,7 +104,7 @@ def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
 
 
 def _total_within_masses(limits: PhysicalLimits) -> bool:
-    """Return whether the links' own bounds leave room for the total: no solver is needed."""
+    """Return whether the links' mass bounds allow the total mass, without calling a solver."""
     lightest, heaviest = limits.total_of_links
     return bool(limits.total_mass[0] <= heaviest and limits.total_mass[1] >= lightest)
 
@@ -135,8 +131,11 @@ def _notes(
 
 
 def _note(bound: str, failure: IdentificationError | None, room: str = '') -> str:
-    """Return why a bound was given up; there is no failure if that was clear without trying."""
+    """Return why a bound was dropped; `failure` is None if no solver call was needed."""
     if failure is None or (isinstance(failure, SolverError) and failure.contradiction):
-        return f'left out as it cannot be met{room}: {bound}'
+        return f'omitted, because it cannot be met{room}: {bound}'
     status = failure.status if isinstance(failure, SolverError) else 'inaccurate'
-    return f'left out as the solver failed with it ({status}), though it may be possible: {bound}'
+    return (
+        f'omitted, because the solver failed with it ({status}), although it may be '
+        f'feasible: {bound}'
+    )

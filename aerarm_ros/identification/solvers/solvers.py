@@ -1,4 +1,4 @@
-"""Every solver on one reduced regression."""
+"""Registry of all solvers, which run on one reduced regression."""
 
 import time
 from collections.abc import Callable, Collection, Sequence
@@ -27,19 +27,19 @@ from aerarm_ros.identification.solvers.thesis_solvers import (
 from aerarm_ros.motion.signals import Array
 
 RECOMMENDED = 'sdp'
-"""The solver whose estimate is physically consistent."""
+"""Name of the recommended solver, whose estimate is physically consistent."""
 
 SOLVERS = (
     *('cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED),
     'output_error',
 )
-"""All solvers, in the order of tables."""
+"""Names of all solvers, in the order of tables."""
 
 ALWAYS = ('cad', 'cad_friction', 'ols', RECOMMENDED)
-"""Those that the report compares."""
+"""Solvers that always run, for comparison in the report."""
 
 FAST = (*ALWAYS, 'wls')
-"""Those that take milliseconds."""
+"""Solvers that take milliseconds."""
 
 
 def solve_all(
@@ -58,28 +58,28 @@ def solve_all(
     fit : ModelFit
         Regression, prior and noise.
     cad : ArmParameters
-        Gives the physical limits.
+        CAD parameters, which determine the physical limits.
     bags : sequence of SampleColumns
-        To identify from; only 'huber' needs them.
+        Identification bags; only 'huber' needs them.
     names : collection of str
-        Solvers to run besides `ALWAYS`.
+        Solvers to run in addition to `ALWAYS`.
     progress : callable, optional
-        Is told the name of each solver that takes its time.
+        Function that receives the name of each slow solver.
     bounds : LinkBounds, optional
-        Given up where they contradict: the recommended estimate's notes say so.
+        Bounds, dropped if contradictory; the recommended estimate's notes report that.
     windows : RolloutWindows, optional
-        Of the same motion; only 'output_error' needs them.
+        Windows of the same motion; only 'output_error' needs them.
 
     Raises
     ------
     IdentificationError
-        If a solver is unknown, or one of `ALWAYS` has no solution; another one is left out,
-        and the recommended estimate's notes say why.
+        If a solver is unknown, or a solver in `ALWAYS` has no solution. Other solvers without a
+        solution are omitted, and the recommended estimate's notes give the reason.
     """
     unknown = [name for name in names if name not in SOLVERS]
     if unknown:
         raise IdentificationError(
-            f'no solver {", ".join(unknown)}: choose among {", ".join(SOLVERS)}'
+            f'unknown solver {", ".join(unknown)}: choose from {", ".join(SOLVERS)}'
         )
     limits = physical_limits(fit, cad, bounds)
     solvers = _solvers(fit, limits, bags, windows)
@@ -96,7 +96,7 @@ def solve_all(
         except IdentificationError as error:
             if name in ALWAYS:
                 raise
-            failures.append(f'solver {name} left out: {error}')
+            failures.append(f'solver {name} was skipped: {error}')
             continue
         seconds = time.perf_counter() - begin
         estimates[name] = Estimate(name, fit.model, theta, seconds=seconds, notes=notes)
@@ -111,7 +111,7 @@ def _solvers(
     bags: Sequence[SampleColumns],
     windows: RolloutWindows | None,
 ) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
-    """Return functions that give parameters and what the user should know."""
+    """Return functions that compute parameters and notes for the user."""
     regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
     return {
         'cad': lambda: (prior.mean, ()),
@@ -130,9 +130,9 @@ def _solvers(
 
 
 def _drawn_with_friction(fit: ModelFit, limits: PhysicalLimits) -> Array:
-    """Return links and rotors as drawn, with the friction that fits them best.
+    """Return nominal links and rotors with the friction that fits best.
 
-    The comparison with a drawing that has none would only tell that arms have friction.
+    A comparison with a nominal model without friction would only show that arms have friction.
     """
     system = fit.regression.system(fit.noise.weights)
     rotors = np.array([term.kind is TermKind.ROTOR for _, term in fit.model.joint_columns])
@@ -149,7 +149,7 @@ def _output_error(
     fit: ModelFit, limits: PhysicalLimits, windows: RolloutWindows | None
 ) -> tuple[Array, tuple[str, ...]]:
     if windows is None:
-        raise IdentificationError('it needs windows of the motion to simulate')
+        raise IdentificationError('the solver needs windows of the motion to simulate')
     weights = fit.noise.weights
     start, notes = solve_relaxed(fit.regression.system(weights), fit.prior, limits)
     std = np.sqrt(_variance(fit)[10 * fit.model.n :])
@@ -157,14 +157,14 @@ def _output_error(
 
 
 def thesis_problem(fit: ModelFit, limits: PhysicalLimits) -> ThesisProblem:
-    """Return (3.11) for the solvers of the thesis."""
+    """Return problem (3.11) for the solvers of the thesis."""
     return ThesisProblem(fit.regression.system(), fit.prior.mean, fit.prior.std, limits)
 
 
 def physical_limits(
     fit: ModelFit, cad: ArmParameters, bounds: LinkBounds | None = None
 ) -> PhysicalLimits:
-    """Return what the parameters of a real arm with these joints obey."""
+    """Return the limits of physically possible parameters."""
     scale = cad.inertial_scale()
     boxes = inertia_boxes(cad.inertial)
     terms = [term for _, term in fit.model.joint_columns]
@@ -180,9 +180,9 @@ def physical_limits(
 
 
 def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
-    """Add standard deviations: prior and data as normal distributions, constraints left out.
+    """Add standard deviations from normal prior and data, without constraints.
 
-    What lies at its bound 0, by the solver's accuracy, is 0.
+    A coefficient at its bound, within the solver's accuracy, is set to 0.
     """
     variance = _variance(fit)
     determined = np.clip(1.0 - variance / fit.prior.std**2, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The solvers of the thesis: SLSQP and simulated annealing (3.6 to 3.15)."""
+"""Solvers of the thesis: SLSQP and simulated annealing (3.6 to 3.15)."""
 
 from dataclasses import dataclass
 
@@ -9,30 +9,29 @@ from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia, pseudo_inertia
 from aerarm_ros.motion.signals import Array
 
-# Least eigenvalue that "> 0" asks for, roughly, of an inertia in units of mass and size.
+# Least eigenvalue of an inertia relative to mass and size that approximates "> 0".
 _MARGIN = 1e-4
-_STRETCH = 0.3  # of the bodies to start from, in each direction
-_SHIFT = 0.2  # of their centres of mass, in sizes of the link
-_STEP = 1e-6  # of numerical derivatives, relative
+_STRETCH = 0.3  # relative stretch of the initial bodies, in each direction
+_SHIFT = 0.2  # shift of their centres of mass, relative to the link's size
+_STEP = 1e-6  # relative step of numerical derivatives
 
 
 @dataclass(frozen=True, eq=False)
 class ThesisProblem:
-    """Cost and constraints as functions of theta, for solvers that know no cones.
+    """Cost and constraints as functions of theta, for solvers without cone constraints.
 
-    The barycentric inertia has the factor 1/m that the printed (3.9) lacks. Its positive
-    definiteness alone doesn't make a body: a solution may violate the triangle inequality of
-    the principal moments, which only the semidefinite program excludes.
+    The barycentric inertia contains the factor 1/m that the printed (3.9) lacks. Its positive
+    definiteness is not sufficient for a body: a solution may violate the triangle inequality of the
+    principal moments, which only the semidefinite program enforces.
 
     Attributes
     ----------
     system : TriangularSystem
-        Not weighted: (3.11) minimises the plain torque error.
+        Unweighted system, because (3.11) minimizes the plain torque error.
     start : (p,) ndarray
-        CAD, which obeys all constraints.
+        CAD parameters, which satisfy all constraints.
     scale : (p,) ndarray
-        Natural size of each parameter, such as a standard deviation of the prior.
-    limits : PhysicalLimits
+        Natural size of each parameter, for example a standard deviation of the prior.
     """
 
     system: TriangularSystem
@@ -46,7 +45,7 @@ class ThesisProblem:
         return len(self.limits.mass)
 
     def cost(self, theta: Array) -> float:
-        """Return the squared torque error over the squared torque, both reduced."""
+        """Return the squared torque error divided by the squared torque, both reduced."""
         residual = self.system.R @ theta - self.system.z
         return float(residual @ residual / max(float(self.system.z @ self.system.z), 1e-300))
 
@@ -57,9 +56,9 @@ class ThesisProblem:
         return np.asarray(2.0 * (residual @ self.system.R) / size)
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the (p,) least and largest values.
+        """Return the (p,) lower and upper bounds.
 
-        Those of the inertias only keep what the motion doesn't excite from running away.
+        The bounds of inertias only limit parameters that the motion does not excite.
         """
         lower, upper = np.full((2, len(self.start)), np.inf)
         lower *= -1.0
@@ -73,12 +72,12 @@ class ThesisProblem:
         return lower, upper
 
     def inequalities(self, inertial: Array) -> Array:
-        """Return what must not be negative, in units of mass and size.
+        """Return constraint values, which must be non-negative, relative to mass and size.
 
         Parameters
         ----------
         inertial : (..., n, 10) ndarray
-            Of positive masses.
+            Inertial parameters with positive masses.
 
         Returns
         -------
@@ -107,8 +106,8 @@ class ThesisProblem:
     def inequality_slopes(self, inertial: Array) -> Array:
         """Return the (9 n + 2, 10 n) derivatives of `inequalities` at (n, 10) parameters.
 
-        A link's constraints depend on its own parameters, the total mass on the sum: so one
-        parameter of every link is varied at a time.
+        A link's constraints depend only on its own parameters, and the total mass on the sum. So
+        one parameter of every link is varied at a time.
         """
         n = self.n
         slopes = np.zeros((9 * n + 2, n, 10))
@@ -126,7 +125,7 @@ class ThesisProblem:
         return slopes.reshape(9 * n + 2, 10 * n)
 
     def random_start(self, random: np.random.Generator) -> Array:
-        """Return a (p,) arm that could exist: CAD's matter stretched, shifted and made denser."""
+        """Return a possible arm (p,): CAD bodies, randomly stretched, shifted and scaled."""
         n, limits = self.n, self.limits
         change = np.tile(np.eye(4), (n, 1, 1))
         change[:, :3, :3] += _STRETCH * random.uniform(-1.0, 1.0, (n, 3, 3))
@@ -140,14 +139,14 @@ class ThesisProblem:
 
 
 def _leading_minors(matrix: Array) -> Array:
-    """Return the (..., 3) leading principal minors, positive if the matrix is (Sylvester)."""
+    """Return the (..., 3) leading principal minors, all positive for a positive matrix."""
     second = matrix[..., 0, 0] * matrix[..., 1, 1] - matrix[..., 0, 1] * matrix[..., 1, 0]
     return np.stack([matrix[..., 0, 0], second, np.linalg.det(matrix)], axis=-1)
 
 
-_STARTS = 4  # CAD and random ones
+_STARTS = 4  # CAD and random starts
 _ITERATIONS = 300
-_TOLERANCE = 1e-9  # of the cost, which is at most about one
+_TOLERANCE = 1e-9  # absolute tolerance of the cost, which is at most about one
 _FEASIBLE = 1e-6
 
 
@@ -156,14 +155,13 @@ def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
 
     Parameters
     ----------
-    problem : ThesisProblem
     seed : int
-        Of the random starting points: same seed, same result.
+        Seed of the random starting points, for reproducible results.
 
     Returns
     -------
     (p,) ndarray
-        Of the solutions that obey the constraints the one with the least cost; CAD if none do.
+        Feasible solution with the least cost, or CAD without any.
     """
     random = np.random.default_rng(seed)
     best, least = problem.start, problem.cost(problem.start)
@@ -177,7 +175,7 @@ def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
 
 
 def _local(problem: ThesisProblem, start: Array) -> Array:
-    """Return a local solution, in units of the parameters' sizes."""
+    """Return a local solution, relative to the parameters' sizes."""
     from scipy.optimize import minimize
 
     scale, links = problem.scale, 10 * problem.n
@@ -204,34 +202,33 @@ def _local(problem: ThesisProblem, start: Array) -> Array:
     return np.asarray(np.clip(found.x * scale, lower, upper))
 
 
-_CHAINS = 24  # independent searches, moved at once
-_SWEEPS = 600  # over all parameters
-# Temperatures and weight of the penalties, first and last; the cost is at most about one.
+_CHAINS = 24  # independent searches in parallel
+_SWEEPS = 600  # sweeps over all parameters
+# First and last temperature, and penalty weights; the cost is at most about one.
 _HOT, _COLD = 1e-2, 1e-8
 _SOFT, _HARD = 1.0, 1e3
-# Metropolis moves of one parameter mix fastest if about this share is accepted.
+# Metropolis moves of one parameter mix fastest at about this acceptance rate.
 _ACCEPTED = 0.44
 _ADAPTATION = 0.1
 
 
 def solve_annealing(problem: ThesisProblem, seed: int = 0, sweeps: int = _SWEEPS) -> Array:
-    """Return the best arm of several random searches for the least of (3.11).
+    """Return the best of several random searches for the minimum of (3.11).
 
-    As in Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca (RA-L 2019): violated constraints are
-    added to the cost with a weight that grows from one cooling step to the next.
+    The method follows Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca (RA-L 2019): violated
+    constraints are added to the cost with a weight that grows with each cooling step.
 
     Parameters
     ----------
-    problem : ThesisProblem
     seed : int
-        Same seed, same result.
+        Random seed, for reproducible results.
     sweeps : int
-        How often every parameter is tried.
+        Number of times that every parameter is varied.
 
     Returns
     -------
     (p,) ndarray
-        The least cost among the searches that end within the constraints, or CAD.
+        Feasible result with the least cost among the searches, or CAD.
     """
     search = _Search(problem, np.random.default_rng(seed))
     temperatures = np.geomspace(_HOT, _COLD, sweeps)
@@ -241,7 +238,7 @@ def solve_annealing(problem: ThesisProblem, seed: int = 0, sweeps: int = _SWEEPS
 
 
 class _Search:
-    """Chains of Metropolis moves; residuals are kept up to date, one column a move."""
+    """Chains of Metropolis moves, with residuals updated by one column per move."""
 
     def __init__(self, problem: ThesisProblem, random: np.random.Generator) -> None:
         self._problem = problem
@@ -257,7 +254,7 @@ class _Search:
     def sweep(self, temperature: float, weight: float) -> None:
         """Try to change every parameter once, in random order."""
         theta, links = self._theta, 10 * self._problem.n
-        residual = theta @ self._columns.T - self._target  # anew, against rounding
+        residual = theta @ self._columns.T - self._target  # recomputed to limit rounding errors
         cost = (residual**2).sum(axis=1)
         violation = self._violation(theta)
         for k in self._random.permutation(theta.shape[1]):
@@ -277,7 +274,7 @@ class _Search:
             self._step[k] *= np.exp(_ADAPTATION * (accepted.mean() - _ACCEPTED))
 
     def best(self) -> Array:
-        """Return the feasible end of least cost."""
+        """Return the feasible final state with the least cost."""
         feasible = self._theta[self._violation(self._theta) <= _FEASIBLE]
         ends = [self._problem.start, *feasible]
         return np.array(min(ends, key=self._problem.cost))

@@ -1,5 +1,6 @@
-"""The bridge as a node: `hardware.BridgeCycle` between topics, services and a loop.
+"""The bridge's node: `hardware.BridgeCycle` with topics, services and a periodic loop.
 
-In come commands, requests and parameters; out go states, the mode, and what is wrong.
-`HardwareBridge` puts it together; nothing here decides what a motor does.
+The node receives commands, requests and parameters. The node publishes states, the mode and
+diagnostics. `HardwareBridge` assembles the parts; the control of the motors is in
+`aerarm_ros.hardware`.
 """

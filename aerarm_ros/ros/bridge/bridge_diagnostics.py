@@ -1,4 +1,4 @@
-"""What the bridge tells about itself on /diagnostics, once a second and at every new mode."""
+"""Publish the bridge's diagnostics once per second and at every change of mode."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 class BridgeTiming:
-    """Statistics of a loop and of the commands that reach it.
+    """Statistics of the bridge's loop and of the commands that it receives.
 
     Parameters
     ----------
     loop
-        The cycle's loop.
+        Loop of the bridge's cycle.
     stamps
         Clock of the states' stamps.
     """
@@ -50,16 +50,16 @@ class BridgeTiming:
         self._summaries: dict[str, TimingSummary] = {}
 
     def add_command(self, age_ns: int, answers_last_state: bool) -> None:
-        """Count a command: time since the state it answers [ns], and whether that was the last."""
+        """Count a command: age of the answered state [ns], and whether it was the last state."""
         self._command_age.add(age_ns)
         self._answered += answers_last_state
 
     def account(self) -> str:
-        """Return one line about the loop, for the log's end."""
+        """Return one line about the loop's timing for the end of the log."""
         return self._loop.account()
 
     def refresh(self) -> Iterator[None]:
-        """Evaluate the statistics for `status`, one between two yields: each takes 0.1 ms."""
+        """Evaluate the statistics for `status`, one per iteration; each takes 0.1 ms."""
         loop = self._loop
         for name, statistics in (
             ('period', loop.interval),
@@ -71,7 +71,7 @@ class BridgeTiming:
             yield
 
     def status(self) -> tuple[bytes, str, dict[str, object]]:
-        """Return level, message and values of the status, as of the last `refresh`."""
+        """Return level, message and values of the timing status, as of the last `refresh`."""
         loop, summaries = self._loop, self._summaries
         level, text = loop.assess(summaries['period'], summaries['execution time'])
         behind = self._stamps.behind
@@ -92,9 +92,10 @@ class BridgeTiming:
 def _behind_text(behind: float) -> str:
     where = 'behind' if behind > 0.0 else 'ahead of'
     return (
-        f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, which was set: '
-        'until both agree, use no start times and no stamps of the system clock (more than 500 ms '
-        "end at once after 'arm disable', else 0.5 ms per second)"
+        f'the stamps are {1000.0 * abs(behind):.0f} ms {where} the system clock, because this '
+        'clock was set. Until both agree, use neither start times nor stamps of the system '
+        "clock. The difference ends at the next 'arm disable' if above 500 ms, else it shrinks "
+        'by 0.5 ms per second'
     )
 
 
@@ -115,21 +116,23 @@ def _us(seconds: float) -> str:
 
 
 _END = object()
-# Part, level, text and values.
+# Name of the part, level, text and values.
 Status = tuple[str, bytes, str, Mapping[str, object]]
 MOTORS = 'motors'
-'Diagnostics of the motors.'
+"""Part of the diagnostics with the motors' values."""
 POWER_FROM = 'power from'
-"""Key of its source there, see `MotorPower`."""
+"""Diagnostics key of the power's source, see `MotorPower`."""
 _POWER_SOURCES = {
     'voltage': 'power computed from the voltages that the boards report',
-    'model': 'power computed from current, resistance and speed: the frames carry no voltage',
+    'model': (
+        'power computed from current, resistance and speed, because the frames contain no voltage'
+    ),
 }
 
 
 @dataclass(frozen=True)
 class Watched:
-    """Sources of the diagnostics while the bridge is active."""
+    """Data sources of the diagnostics while the bridge is active."""
 
     joint_names: Sequence[str]
     cycle: BridgeCycle
@@ -143,20 +146,20 @@ class Watched:
 
 
 class BridgeDiagnostics:
-    """Publishes three statuses: state of the arm, its motors, timing of the loop.
+    """Publish the diagnostics of the arm's state, of its motors and of the loop's timing.
 
-    A message takes most of a millisecond to make. While a cycle runs it is therefore made in
-    pieces, one in each cycle's slack: made by another thread it would hold the interpreter
-    while the cycle wants it, and cost a cycle nearly every time.
+    A message takes most of a millisecond to build. During a cycle the message is therefore built
+    in steps, one in the slack of each cycle. Another thread would hold the interpreter lock and
+    delay nearly every cycle.
 
     Parameters
     ----------
     node
-        Owner of the publisher; its executor's thread says once a second that no cycle runs.
+        Owner of the publisher; while no cycle runs, its executor publishes once per second.
     now_ns
         Returns the time for stamps [ns].
     others
-        Returns what else there is to report, each with the name of its part.
+        Returns further statuses, each with the name of its part.
     """
 
     def __init__(
@@ -173,11 +176,11 @@ class BridgeDiagnostics:
         self._timer = create_steady_timer(node, PERIOD, self._publish_inactive)
 
     def name_arm(self, name: str) -> None:
-        """Say from now on which arm it is."""
+        """Set the name of the arm in all later diagnostics."""
         self._output.arm = name
 
     def watch(self, watched: Watched) -> None:
-        """Report on a cycle from now on, which calls `step`."""
+        """Report on a cycle from now on; the cycle calls `step`."""
         self._timer.cancel()
         self._pieces = None
         self._watched = watched
@@ -190,11 +193,11 @@ class BridgeDiagnostics:
         self._publish_inactive()
 
     def publish_soon(self) -> None:
-        """Report with the next steps: something is new."""
+        """Publish a report with the next steps, because a value has changed."""
         self._due = -inf
 
     def step(self, now: float) -> None:
-        """Do a piece of the work, about 0.1 ms, if any is due at `now` [s, monotonic]."""
+        """Build a part of the report (about 0.1 ms) if one is due at `now` [s, monotonic]."""
         if self._pieces is None:
             if now < self._due or self._watched is None:
                 return
@@ -230,7 +233,7 @@ def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     values = {
         'mode': cycle.mode,
         'zeros': _zeros(cycle),
-        'way out': cycle.way_out(watched.emulated),
+        'recovery hint': cycle.way_out(watched.emulated),
         'publishers of joint_command': ', '.join(publishers.names) or 'none',
         **cycle.counters,
     }
@@ -243,17 +246,17 @@ def _zeros(cycle: BridgeCycle) -> str:
 
 
 def resistance_key(joint: str) -> str:
-    """Return the key of the resistance that a joint's board reports."""
+    """Return the diagnostics key of the winding resistance that a joint's board reports."""
     return f'{joint} resistance [ohm]'
 
 
 def winding_key(joint: str) -> str:
-    """Return the key of the estimated temperature of a joint's motor."""
+    """Return the diagnostics key of the estimated winding temperature of a joint's motor."""
     return f'{joint} winding [degC]'
 
 
 def _heat(watched: Watched) -> dict[str, object]:
-    """Return temperatures, what they leave of the torque, and the supplies' voltages."""
+    """Return temperatures, the torque limits that they allow, and the supply voltages."""
     values: dict[str, object] = {}
     heat = watched.cycle.heat
     for name, limit in zip(watched.joint_names, heat.limits, strict=True):
@@ -288,30 +291,31 @@ def _motors(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
 
 
 def followed_by(text: str, sentence: str) -> str:
-    """Return a text and a sentence after it; a text that asks something needs no full stop."""
+    """Return a text followed by a sentence; a question gets no full stop."""
     end = '' if text.endswith(('.', '?', '!')) else '.'
     return f'{text}{end} {sentence}'
 
 
-# Connected boards answer well before [s]; faster alternation of modes is logged once per period.
+# [s] Connected boards answer much sooner. Faster alternation of modes is logged once per period.
 _PATIENCE = 1.0
-# Modes between which an arm can go to and fro, as under a controller that is nearly too slow.
+# Modes that can alternate, for example if a controller is nearly too slow.
 _TO_AND_FRO = ('running', 'damping')
-# Modes that say nothing without their reason. Why commands are rejected has a log of its own.
+# Modes that are logged with their reason. `RejectionLog` logs the rejections of commands.
 _WITH_REASON = ('disconnected', 'unhomed', 'damping', 'fault')
 _SINKS = 'The arm sinks until a valid command arrives'
 
 
 class ModeLog:
-    """Logs every new mode, a fault with its reason and recovery hint, a sinking arm as a warning.
+    """Log every new mode, faults with reason and recovery hint, and a sinking arm as a warning.
 
-    The cycle only notes it: a line of log costs up to a millisecond, which the executor's
-    thread has. That the boards do not answer is said if it lasts: every start begins so.
+    The cycle only stores the mode, because logging takes up to a millisecond; the executor's
+    thread logs it. Boards without an answer are logged after a delay, because every start begins
+    so.
 
     Parameters
     ----------
     node
-        Whose log it is.
+        Owner of the log.
     """
 
     def __init__(self, node: Node) -> None:
@@ -325,12 +329,12 @@ class ModeLog:
         )
 
     def note(self, mode: str, reasons: Sequence[str] = (), way_out: str = '') -> None:
-        """Note a new mode, its reason and the recovery hint; called from the cycle's thread."""
+        """Store a new mode with its reason and recovery hint; called from the cycle's thread."""
         self._noted.append((mode, reasons, way_out))
         self._news.trigger()
 
     def warn(self, text: str) -> None:
-        """Log a warning between the modes; called from the cycle's thread."""
+        """Log a warning without a change of mode; called from the cycle's thread."""
         self._noted.append(('', (text,), ''))
         self._news.trigger()
 
@@ -360,7 +364,7 @@ class ModeLog:
     def _say(self) -> None:
         self._told[self._mode] = time.monotonic()
         log = self._node.get_logger()
-        # rclpy ties a severity to the line that logs.
+        # rclpy fixes the severity of each line of code that logs.
         if self._mode == 'fault':
             log.error(followed_by(self._text, f'To recover: {self._way_out}'))
         elif self._mode == 'damping':
@@ -371,29 +375,29 @@ class ModeLog:
             log.info(self._text)
 
 
-# Two publishers have been looked up by then, so that they can be named [s].
+# [s] In this time two publishers are looked up, so that the message can name them.
 _REJECTION_PATIENCE = 0.5
-# A reason is logged again after this long without a rejection for it [s].
+# [s] without a rejection for a reason, after which that reason is logged again.
 _QUIET = 1.0
-# Between two lines of the same reason [s].
+# [s] between two log lines with the same reason.
 _PERIOD = 10.0
-# Controllers hear of a new mode some commands later, a person reads of it at once [s].
+# [s] Controllers receive a new mode some commands later, so a rejection in between is normal.
 _ON_THE_WAY = 1.0
-# Reasons that lie in who publishes.
+# Rejection reasons that concern the publishers of commands.
 _OF_PUBLISHERS = ('source', 'not_allowed')
 
 
 class RejectionLog:
-    """Logs a warning when rejections of a reason begin, one line in 10 s for each reason.
+    """Log a warning when rejections begin, at most one line per reason in 10 s.
 
-    The cycle only notes it, as for `ModeLog`.
+    The cycle only stores the rejection, as for `ModeLog`.
 
     Parameters
     ----------
     node
-        Whose log it is.
+        Owner of the log.
     publishers_warning
-        Returns what is wrong with the publishers of commands, '' if nothing is.
+        Returns the problem with the publishers of commands, or an empty text.
     """
 
     def __init__(self, node: Node, publishers_warning: Callable[[], str]) -> None:
@@ -410,7 +414,7 @@ class RejectionLog:
         )
 
     def update(self, intake: CommandIntake, mode: str, now: float) -> None:
-        """Note the rejection of the cycle at `now` [s], if there was one; in the cycle's thread."""
+        """Store a rejection of the cycle at `now` [s]; called from the cycle's thread."""
         if mode != self._mode:
             self._mode, self._mode_since = mode, now
         if intake.last_rejection_time != now:

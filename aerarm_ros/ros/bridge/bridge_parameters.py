@@ -19,9 +19,9 @@ from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, R
 
 _DEFAULTS = BridgeSettings()
 AUTO = 'auto'
-"""Value of `state_file` that leaves the place to the bridge."""
+"""Value of `state_file` with which the bridge selects the path."""
 
-# Name: (unit, description) of the settings that the bridge cycle takes as they are.
+# Name: (unit, description) of the settings that `BridgeSettings` accepts unchanged.
 _SETTINGS = {
     'command_timeout': ('s', 'age of the last accepted command at which the bridge damps the arm'),
     'stamp_age_max': ('s', 'largest age of the state that a command responds to'),
@@ -29,20 +29,23 @@ _SETTINGS = {
         's',
         'time without a valid frame after which a board switches its motors off',
     ),
-    'bad_frames_max': ('', 'consecutive bad frames of a board that cause a fault'),
+    'bad_frames_max': ('', 'number of consecutive bad frames of a board that causes a fault'),
     'lost_commands_max': (
         '',
-        'consecutive lost commands to a board that still sends frames, before the bridge reports '
-        'a fault',
+        'number of consecutive lost commands, to a board that still sends frames, that causes a '
+        'fault',
     ),
     'lost_commands_warning': (
         '',
-        'share of lost commands over the last second that causes a warning',
+        'fraction of lost commands over the last second that causes a warning',
     ),
-    'state_age_max': ('s', "longest time without any change in a board's data"),
+    'state_age_max': ('s', "longest time during which a board's data may stay unchanged"),
     'exchange_time_max': ('s', 'duration above which an exchange counts as slow'),
-    'slow_exchanges_max': ('', 'consecutive slow exchanges that cause a fault'),
-    'connect_frames': ('', 'consecutive good frames before a board counts as connected'),
+    'slow_exchanges_max': ('', 'number of consecutive slow exchanges that causes a fault'),
+    'connect_frames': (
+        '',
+        ('number of consecutive good frames after which a board counts as connected'),
+    ),
     'alignment_timeout': ('s', "time limit for the alignment of a board's motors"),
     'soft_zone': (
         'rad',
@@ -62,7 +65,7 @@ _SETTINGS = {
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
     'stall_time': (
         's',
-        'standstill under a torque that must move the joint, before the bridge reports a fault',
+        'duration of standstill, under a torque that must move the joint, that causes a fault',
     ),
     'ambient_temperature': ('degC', 'ambient temperature of the motors'),
     'start_temperature': (
@@ -106,16 +109,16 @@ BRIDGE_PARAMETERS = (
     Parameter(
         'state_file',
         AUTO,
-        'file that stores the encoder zeros while the bridge restarts and the boards stay on; '
-        'none if empty. auto: aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state) with real '
-        'boards, none with emulated boards',
+        'file that keeps the encoder zeros while the bridge restarts and the boards stay on; '
+        "none if empty. 'auto': aerarm_ros/NODE.json in $XDG_STATE_HOME (~/.local/state) with "
+        'real boards, none with emulated boards',
     ),
     *(
         Parameter(
             name,
             [],
-            f"{what} of the boards' law (4.4), motor side: one value or one per joint; as in the "
-            'configuration if empty',
+            f"{what} of the boards' control law (4.4), motor side, one value or one per joint; "
+            'as in the configuration if empty',
             unit,
             minimum=0.0,
             maximum=maximum,
@@ -123,7 +126,7 @@ BRIDGE_PARAMETERS = (
             element=float,
             group='Gains of the boards',
         )
-        # What a profile's fields hold is less, and is checked when they are set.
+        # The fields of a frame profile have smaller ranges, which are checked when they are set.
         for name, what, unit, maximum in (
             ('board_kp', 'stiffness', 'A/rad', 100.0),
             ('board_kd', 'damping, sufficient to slow a falling arm,', 'A s/rad', 10.0),
@@ -145,14 +148,14 @@ BRIDGE_PARAMETERS = (
 
 
 def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
-    """Return the cycle's settings out of a node's parameter values."""
+    """Return the settings of the bridge's cycle from the node's parameters."""
     return BridgeSettings(**{name: getattr(values, name) for name in ('period', *_SETTINGS)})
 
 
 def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | None:
-    """Return the file that keeps the zeros of the bridge of a full name, None if there is none.
+    """Return the file that stores the zeros of a bridge, or None if it stores none.
 
-    Raises ValueError if the user has no home directory to put it.
+    Raises ValueError if the user has no home directory for the file.
     """
     if values.state_file != AUTO:
         return Path(values.state_file) if values.state_file else None
@@ -162,13 +165,13 @@ def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | Non
         folder = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
     except RuntimeError:
         raise ValueError(
-            'there is no home directory for the encoder zeros: set state_file, or XDG_STATE_HOME'
+            'no home directory for the encoder zeros: set state_file, or XDG_STATE_HOME'
         ) from None
     return Path(folder) / 'aerarm_ros' / f'{node.strip("/").replace("/", ".")}.json'
 
 
 def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
-    """Return the boards' frames; raises ProfileError with what to check."""
+    """Return the layout of the boards' frames; raises ProfileError."""
     profile = load_profile(values.profile or config.profile)
     for entry in values.profile_scales:
         name, _, lsb = entry.partition('=')
@@ -178,7 +181,7 @@ def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
             raise ProfileError(f'parameter profile_scales: {error}') from None
         except ValueError:
             raise ProfileError(
-                f'parameter profile_scales: {entry!r} is not of the form QUANTITY=NUMBER'
+                f'{entry!r} in parameter profile_scales must have the form QUANTITY=NUMBER'
             ) from None
     return profile
 
@@ -186,7 +189,7 @@ def frame_profile(values: SimpleNamespace, config: ArmConfig) -> FrameProfile:
 def board_gains(
     values: Mapping[str, Any], config: ArmConfig
 ) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
-    """Return kp, kd and integral gain out of parameter values, empty ones filled in."""
+    """Return kp, kd and integral gain from the parameters, with defaults for empty ones."""
     return (
         values['board_kp'] or config.column('board_kp'),
         values['board_kd'] or config.column('board_kd'),

@@ -1,4 +1,4 @@
-"""The bridge's services: a person's hand on the arm."""
+"""Services of the bridge with which a person or a node enables and stops the arm."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_modes import Answer
 
-if TYPE_CHECKING:  # who only asks loads no bridge
+if TYPE_CHECKING:  # Clients of the services load no bridge.
     from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 
 Action = Callable[['BridgeCycle'], Answer]
@@ -23,16 +23,16 @@ _NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
 
 
 class NotActiveError(RuntimeError):
-    """No cycle is running: the bridge was not activated, or is ending."""
+    """No cycle is running: the bridge has not been activated, or it is ending."""
 
 
 def says_not_active(text: str) -> bool:
-    """Tell whether the answer of a bridge's service says that no cycle is running."""
+    """Return whether the answer of a bridge's service reports that no cycle is running."""
     return text.endswith(_NOT_ACTIVE)
 
 
 class CycleRequests:
-    """Queue of actions that are run between two cycles, so that none needs a lock."""
+    """Queue of actions that run between two cycles, so that they need no lock."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[Action, Future[Answer]]] = deque()
@@ -40,17 +40,17 @@ class CycleRequests:
         self._closed.set()
 
     def ask(self, action: Action, insist: bool = False) -> Answer:
-        """Let the cycle's thread do something and return its answer.
+        """Run an action in the cycle's thread and return its answer.
 
-        Who was told that nothing happened must not be surprised later: after the time-out the
-        action is not run any more, unless to `insist` is safer, as to stop the arm.
+        After a time-out the action does not run, because its client has already received an error.
+        With `insist` the action runs late, which is safer for a stop of the arm.
 
         Raises
         ------
         NotActiveError
             If no cycle is running.
         TimeoutError
-            If it does not come to it within a second.
+            If the action does not run within one second.
         """
         if self._closed.is_set():
             raise NotActiveError(_NOT_ACTIVE)
@@ -63,12 +63,12 @@ class CycleRequests:
             raise
 
     def post(self, action: Action) -> None:
-        """Let the cycle's thread do something soon, if a cycle is running."""
+        """Queue an action for the cycle's thread, if a cycle is running."""
         if self.is_open:
             self._put(action)
 
     def serve(self, cycle: BridgeCycle) -> None:
-        """Do what is asked; what an action raises goes to who asked."""
+        """Run the queued actions and pass their exceptions to the callers."""
         while self._waiting:
             action, answer = self._waiting.popleft()
             if not answer.set_running_or_notify_cancel():
@@ -79,26 +79,26 @@ class CycleRequests:
                 answer.set_exception(error)
 
     def open(self) -> None:
-        """Take requests: a cycle will run from now on."""
+        """Accept requests: a cycle runs from now on."""
         self._waiting.clear()
         self._closed.clear()
 
     def close(self) -> None:
-        """Take no more: the last cycle has run."""
+        """Accept no more requests: the last cycle has run."""
         self._closed.set()
 
     def wait_closed(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s]; return whether no cycle runs any more."""
+        """Wait up to `timeout` [s]; return whether the last cycle has ended."""
         return self._closed.wait(timeout)
 
     @property
     def is_open(self) -> bool:
-        """Whether a cycle runs."""
+        """Whether a cycle is running."""
         return not self._closed.is_set()
 
     @property
     def are_waiting(self) -> bool:
-        """Whether there is something to serve."""
+        """Whether requests are waiting."""
         return bool(self._waiting)
 
     def _put(self, action: Action) -> Future[Answer]:
@@ -115,24 +115,24 @@ ACTIONS: dict[str, Action] = {
     'home': lambda cycle: cycle.home(),
     'e_stop': lambda cycle: cycle.e_stop('service e_stop'),
 }
-# What is done even if it comes late.
+# Actions that run even after their client's time-out.
 STOPS = {'disable', 'e_stop'}
-# Where no arm has the namespace of whoever asks, this goes to every arm: to damp one too many is
-# safe, to miss one is not.
+# If the client's namespace has no arm, this action goes to every arm: damping one arm too many is
+# safe, missing one is not.
 REACHES_ALL = {'e_stop'}
 
 
 class BridgeServices:
-    """One `std_srvs/Trigger` service an action, `~/enable`, `~/disable` and so on.
+    """One `std_srvs/Trigger` service per action: `~/enable`, `~/disable` and so on.
 
     Parameters
     ----------
     node
         Owner of the services.
     ask
-        Runs an action in the cycle's thread, as `CycleRequests.ask` does.
+        Runs an action in the cycle's thread, like `CycleRequests.ask`.
     actions
-        What there is, by name.
+        The actions, by name.
     """
 
     def __init__(
@@ -144,16 +144,16 @@ class BridgeServices:
             node.create_service(Trigger, f'~/{name}', self._handler(name, action))
 
     def _twin(self) -> str:
-        """Return what to do about another node of the bridge's name, or ''.
+        """Return the recovery hint if another node has the bridge's name, else an empty text.
 
-        A request goes to both, and the client takes the first answer.
+        A request reaches both nodes, and the client accepts the first answer.
         """
         name, namespace = self._node.get_name(), self._node.get_namespace()
         if self._node.get_node_names_and_namespaces().count((name, namespace)) < 2:
             return ''
         return (
-            f'two nodes are named {self._node.get_fully_qualified_name()}: end one of them, or '
-            'start it with -r __node:=NAME; a killed one is listed for some seconds more'
+            f'two nodes have the name {self._node.get_fully_qualified_name()}: end one of them, '
+            'or start it with -r __node:=NAME. ROS lists a killed node for some more seconds'
         )
 
     def _handler(
@@ -166,7 +166,8 @@ class BridgeServices:
                     raise ValueError(twin)
                 answer = self._ask(action, name in STOPS)
             except NotActiveError as error:
-                # So are all asked that a controller sends while both end: nothing to warn of.
+                # A controller that ends together with the bridge also calls this service, so do
+                # not warn.
                 log.info(f'{name}: {error}')
                 response.success, response.message = False, str(error)
                 return response
@@ -174,10 +175,12 @@ class BridgeServices:
                 answer = Answer(False, str(error))
             except TimeoutError:
                 answer = Answer(
-                    False, 'the cycle did not respond: check the console of the bridge, or view'
+                    False,
+                    'the control cycle did not respond: check the log of the bridge, or '
+                    'the page of view',
                 )
             response.success, response.message = answer.accepted, answer.message
-            # rclpy ties a severity to the line that logs.
+            # rclpy fixes the severity of each line of code that logs.
             if answer.accepted:
                 log.info(f'{name}: {answer.message}')
             else:

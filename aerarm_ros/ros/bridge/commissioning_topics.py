@@ -1,4 +1,4 @@
-"""Commissioning at the bridge: requests and reports on topics, and the record's warning."""
+"""Commissioning topics of the bridge, and warnings about the commissioning record."""
 
 from __future__ import annotations
 
@@ -29,36 +29,34 @@ from aerarm_ros.ros.bridge.bridge_services import Action
 from aerarm_ros.ros.parameters.parameter_table import Parameter
 
 AUTO = 'auto'
-# A mode is that of the last cycle: the drive of a client that has ended is over.
+# The mode is that of the last cycle, so a client that has ended no longer drives the motors.
 _MOTORS_OFF = (*OFF_MODES, 'commissioning')
 COMMISSIONING_PARAMETER = Parameter(
     'commissioning_record',
     AUTO,
-    "record of 'arm commission'; auto: CONFIG.commissioning.yaml next to the configuration; "
+    "record of 'arm commission'. 'auto': CONFIG.commissioning.yaml next to the configuration. If "
     'empty: no record and no warning',
 )
 
 
 class RecordWatch:
-    """Contents of the record of an arm, and its problems.
+    """Contents and problems of an arm's commissioning record.
 
     Parameters
     ----------
     node
-        Logs the problem, once.
+        Node that logs the problem, once.
     values
         The node's parameters.
     config
-        The arm, by the names of its topics.
+        The arm, with the joint names of its topics.
     emulated
         Whether the boards are emulated.
 
     Attributes
     ----------
-    emulated
-        As given.
     problem
-        Why the arm counts as not commissioned, '' if it does or no record is wanted.
+        Reason why the arm counts as not commissioned; empty if it is, or if no record is used.
     """
 
     def __init__(
@@ -75,11 +73,11 @@ class RecordWatch:
 
     @property
     def pulse_offset(self) -> NDArray[np.float64]:
-        """Motor angles of the index pulses (n,) [rad], zeros where they are not recorded."""
+        """Motor angles of the index pulses (n,) [rad], zero where the record has none."""
         return self._record.pulse_offset(self._config)
 
     def look(self) -> None:
-        """Read the record, and log a problem that is new."""
+        """Read the record, and log a new problem."""
         if self._path is None:
             return
         before, self.problem = self.problem, self._read(self._path)
@@ -89,7 +87,7 @@ class RecordWatch:
     def _read(self, path: Path) -> str:
         self._record = CommissioningRecord(self._config.name)
         if not path.exists():
-            return f"the arm is not commissioned, {path} is missing: run 'arm commission'"
+            return f"the arm is not commissioned, because {path} is missing: run 'arm commission'"
         try:
             record = load_record(path).with_prefix(self._prefix)
         except ConfigError as error:
@@ -101,16 +99,16 @@ class RecordWatch:
 
 
 class CommissioningTopics:
-    """Answers commissioning requests, which the cycle's thread carries out.
+    """Answer commissioning requests, which the cycle's thread carries out.
 
     Parameters
     ----------
     node
         Owner of publisher and subscription.
     ask
-        Runs an action in the cycle's thread, as `CycleRequests.ask`.
+        Runs an action in the cycle's thread, like `CycleRequests.ask`.
     record
-        Is read again when a client has ended.
+        Record that is read again after a client has ended.
     """
 
     def __init__(self, node: Node, ask: Callable[[Action], Answer], record: RecordWatch) -> None:
@@ -143,14 +141,14 @@ class CommissioningTopics:
         except ValueError as error:
             self._node.get_logger().warning(str(error), throttle_duration_sec=10.0)
         except (RuntimeError, TimeoutError):
-            return  # no cycle runs: the client says that it has no answer
+            return  # no cycle runs: the client reports a missing answer
         if not reports:
             return
         report = replace(reports[0], emulated=self._record.emulated)
         self._publisher.publish(String(data=report.text()))
 
     def _use_record(self) -> None:
-        """Read the record again, and home by what it says from now on."""
+        """Read the record again, and use it for homing from now on."""
         self._record.look()
         offset = self._record.pulse_offset
 

@@ -1,4 +1,4 @@
-"""The bridge between the boards and ROS: one exchange with every board per millisecond."""
+"""Bridge between the boards and ROS: exchange one SPI frame with every board per millisecond."""
 
 from __future__ import annotations
 
@@ -53,19 +53,19 @@ from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
 from aerarm_ros.ros.process.process_end import StopSignals, print_account
 
-if TYPE_CHECKING:  # nothing to run
+if TYPE_CHECKING:  # for type checkers only
     from aerarm_ros.hardware.transports.transport import Transport
 
 
 class RobotDescription:
-    """Publishes a URDF once, latched for later subscribers.
+    """Publish a URDF once, latched for later subscribers.
 
     Parameters
     ----------
     node
         Owner of the publisher.
     urdf_text
-        The URDF itself, for example `Robot.urdf_text`.
+        Text of the URDF, for example `Robot.urdf_text`.
     """
 
     def __init__(self, node: Node, urdf_text: str) -> None:
@@ -75,14 +75,14 @@ class RobotDescription:
         self._publisher.publish(String(data=urdf_text))
 
     def destroy(self) -> None:
-        """Destroy the publisher; the text is gone for later subscribers."""
+        """Destroy the publisher; later subscribers receive nothing."""
         self._node.destroy_publisher(self._publisher)
 
 
 def answer_invalid_transitions(node: LifecycleNode) -> None:
-    """Let a node refuse transitions that its state doesn't have, and log which it has.
+    """Let a managed node reject invalid transitions and log the valid ones.
 
-    rclpy (7.1) raises instead, so the client never gets an answer.
+    rclpy (7.1) raises an exception instead, so the client never receives an answer.
     """
     service = node._service_change_state
     change = service.callback
@@ -96,7 +96,7 @@ def answer_invalid_transitions(node: LifecycleNode) -> None:
             labels = [label for _, label, *_ in machine.available_transitions]
             wanted = request.transition.label or f'number {request.transition.id}'
             node.get_logger().warning(
-                f'transition {wanted} is impossible in state {state}: possible are '
+                f'transition {wanted} is impossible in state {state}: choose one of '
                 f'{", ".join(labels)}'
             )
             response.success = False
@@ -106,34 +106,34 @@ def answer_invalid_transitions(node: LifecycleNode) -> None:
 
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
-# Long enough for the last frames of a cycle, short enough for a lifecycle client.
+# [s] Long enough for the last frames of a cycle, short enough for a lifecycle client.
 _LOOP_END_TIMEOUT = 2.0
-# Cycles in which boards may be unknown; a stop that is asked for by then waits as well.
+# Cycles in which boards may be undetected; a stop request in that time waits as well.
 _UNKNOWN_MAX = 50
-# The arm's mode while no cycle runs; the others are `bridge_modes.MODES`.
+# The arm's mode while no cycle runs; `bridge_modes.MODES` lists the others.
 INACTIVE = 'inactive'
-# Modes in which nothing moves by the stamps of the states.
+# Modes in which no motion depends on the states' stamps.
 _MOTORS_OFF = (INACTIVE, 'disconnected', 'idle', 'unhomed')
 PARAMETERS = ParameterTable(*BRIDGE_PARAMETERS)
 _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
 
 class World:
-    """Where the arm of a bridge is: its boards, its clock and its pace. This is the real world.
+    """Boards, clock and pace of a bridge's arm in the real world.
 
-    `aerarm_ros/ros/emulation` derives the other one from it, so that the bridge itself knows
-    nothing of emulated boards and of the time that passes for them.
+    `aerarm_ros/ros/emulation` derives the emulated world from this class. So the bridge does not
+    depend on emulated boards and simulation time.
 
     Attributes
     ----------
     emulated
-        Whether commands repair the boards, as nobody can touch them.
+        Whether the boards are emulated, so that commands can repair them.
     parameters
-        Those of the bridge.
+        Parameters of the bridge.
     clock
-        Of the states' stamps.
+        Clock of the states' stamps.
     live
-        What the cycle does once a live parameter has changed, by its name.
+        Action of the cycle after a live parameter has changed, by parameter name.
     """
 
     emulated = False
@@ -145,20 +145,20 @@ class World:
         self.clock = SteadyClock()
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
-        """Return the arm's description; raises ValueError with what to check."""
+        """Return the arm's configuration and model; raises ValueError."""
         return load_arm(self.bridge.values)
 
     def make_transport(self, config: ArmConfig, robot: Robot, profile: FrameProfile) -> Transport:
-        """Return the way to the boards; raises ValueError or OSError with what to check."""
+        """Return the transport to the boards; raises ValueError or OSError."""
         if config.emulated_only:
             raise ValueError(
                 f'the configuration of {config.name} is for emulated boards only: measure the '
-                'values that it marks as guesses, then remove its line emulated_only'
+                'values that are marked as guesses, then remove the line emulated_only'
             )
         return SpidevTransport(config)
 
     def make_loop(self) -> PeriodicLoop:
-        """Return what runs the cycles."""
+        """Return the loop that runs the cycles."""
         return PeriodicLoop(self.bridge.values.period)
 
     def now_ns(self) -> int:
@@ -166,46 +166,46 @@ class World:
         return self.clock.now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return the newest joint_command since the last call; ValueError if unreadable."""
+        """Return the newest joint_command since the last call; raises ValueError."""
         return self.bridge.streams.newest_command()
 
     def end_cycle(self, now: float, stamp_ns: int) -> None:
-        """Do what may take time, after a cycle that began at `now` [s] and published a state."""
+        """Do slow work after a cycle that began at `now` [s] and published a state."""
 
     def actions(self) -> Mapping[str, Action]:
-        """Return what services do beyond those of every bridge, or otherwise."""
+        """Return the actions of services that this world adds or replaces."""
         return {}
 
     def statuses(self) -> Sequence[Status]:
-        """Return what else to report on /diagnostics."""
+        """Return further statuses for /diagnostics."""
         return ()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
-        """Return why live parameters cannot be set, or ''; see `ParameterTable.declare`."""
+        """Return why live parameters are invalid, or ''; see `ParameterTable.declare`."""
         return ''
 
     def clean_up(self) -> None:
-        """Forget what was made for a transport: configuring makes another one."""
+        """Drop all objects that belong to the transport; configuring creates another transport."""
 
 
 class HardwareBridge(LifecycleNode):
     """Managed node around a `BridgeCycle`.
 
-    Configuring opens the buses, activating starts the cycle, deactivating leaves the boards
-    without current. The cycle runs in the thread that calls `run`, everything else in the
-    executor's; the two share nothing but the queue of requests and finished numbers.
+    Configuring opens the buses, activating starts the cycle, deactivating switches the motor
+    currents off. The cycle runs in the thread that calls `run`, all else in the executor's thread.
+    The threads share only the queue of requests and finished results.
 
     Parameters
     ----------
     name
         Node name.
     world
-        Where the arm is; the real world if not given.
+        Boards and clock of the arm; the real world by default.
 
     Raises
     ------
     ParameterError
-        If a parameter's value can't be used.
+        If a parameter's value cannot be used.
     """
 
     def __init__(self, name: str = 'hardware_bridge', world: World | None = None) -> None:
@@ -228,7 +228,7 @@ class HardwareBridge(LifecycleNode):
         self._diagnostics = BridgeDiagnostics(self, self.world.now_ns, self.world.statuses)
         self._work = threading.Event()
         self._stopping = False
-        self._starting = False  # by itself: what goes wrong ends the process
+        self._starting = False  # without a lifecycle client a problem ends the process
         self.status = 0  # exit status
         self.mode = ''
         self._problem = ''
@@ -238,7 +238,7 @@ class HardwareBridge(LifecycleNode):
     # Lifecycle, in the executor's thread.
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the configuration, open the buses and try the wires."""
+        """Read the configuration, open the buses and test the connections."""
         try:
             config, robot = self.world.load_arm()
             drone = load_drone(self.values, config, robot)
@@ -330,12 +330,12 @@ class HardwareBridge(LifecycleNode):
         return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop for good."""
+        """Stop the cycle permanently."""
         self.stop()
         return SUCCESS
 
     def _try_wires(self, profile: FrameProfile) -> None:
-        """Log the link quality of each board; it may still be without supply."""
+        """Log the link quality of each board, which may still be without supply."""
         if not isinstance(self._transport, SpidevTransport):
             return
         for answer in self_test(self._transport, self.config, profile):
@@ -349,7 +349,7 @@ class HardwareBridge(LifecycleNode):
             try:
                 self.cycle.check_gains(*self._gains(changes))
             except ValueError as error:
-                return f'gains of the boards: {error}'
+                return f'gains of the boards rejected: {error}'
         return self.world.parameter_problem(changes)
 
     def _on_parameter(self, name: str, value: Any) -> None:
@@ -364,27 +364,28 @@ class HardwareBridge(LifecycleNode):
         answer = cycle.clear_fault()
         if answer.accepted:
             return answer
-        # Things may have changed since the fault: a damped arm sinks.
+        # The hint depends on the present state, because a damped arm sinks after the fault.
         way_out = f'To recover: {cycle.way_out(self.world.emulated)}'
         return Answer(False, followed_by(answer.message, way_out))
 
     def _set_gains(self, cycle: BridgeCycle) -> Answer:
         cycle.set_gains(*self._gains())
-        return Answer(True, 'the gains are set')
+        return Answer(True, 'the gains were set')
 
     # The cycle, in the main thread.
 
     def run(self) -> None:
-        """Run until a stop signal or `stop`; raises OSError if it can't start by itself."""
+        """Run until a stop signal or `stop`; raises OSError if an automatic start fails."""
         with StopSignals(self.stop, stays_awake=True), BackgroundExecutor(self, self._slack.wait):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
-            # Who sees them may use them at once: a bridge that starts by itself has started.
+            # A client may call a service as soon as it is visible, so a bridge that starts
+            # automatically has started by now.
             actions = {**ACTIONS, 'clear_fault': self._clear_fault, **self.world.actions()}
             BridgeServices(self, self.requests.ask, actions)
             prepare_thread(self.values, self.get_logger())
             self._run_while_active()
-        account = self._timing.account() if self._timing else 'no cycle has run'
+        account = self._timing.account() if self._timing else 'no cycle has run yet'
         print_account(self.get_name(), account)
 
     def close(self) -> None:
@@ -403,22 +404,22 @@ class HardwareBridge(LifecycleNode):
             self._work.clear()
             if self.requests.is_open:
                 self._run_loop()
-        self.requests.close()  # also of a cycle that was to begin
+        self.requests.close()  # also of a cycle that was about to begin
 
     def _run_loop(self) -> None:
         loop, cycle, timing = self._loop, self.cycle, self._timing
-        assert loop and cycle and timing  # activation made them
+        assert loop and cycle and timing  # created by activation
         try:
             loop.run(lambda now_ns, index: self._run_cycle(cycle, timing, now_ns * 1e-9))
         finally:
-            # Whatever ended the loop, an exception included, the motors go off.
+            # The motors go off after any end of the loop, including an exception.
             cycle.shutdown()
             self._zero_file.close()
             self._publish_mode(INACTIVE)
             self.requests.close()
 
     def stop(self) -> None:
-        """End `run` after the present cycle; may be called from any thread or signal handler."""
+        """End `run` after the present cycle; callable from any thread or signal handler."""
         self._stopping = True
         if self._loop is not None:
             self._loop.stop()
@@ -445,17 +446,17 @@ class HardwareBridge(LifecycleNode):
         self._slack.begin()
 
     def _knows_boards(self, cycle: BridgeCycle) -> bool:
-        """Whether every board has answered or had the time to; before, none can be enabled."""
+        """Return whether every board has answered or timed out; no board can be enabled before."""
         needed = self.values.connect_frames + self.values.bad_frames_max
         return cycle.mode != 'disconnected' or cycle.cycles > min(needed, _UNKNOWN_MAX)
 
     def report(self) -> None:
-        """Look for other nodes and do a piece of the diagnostics; once a cycle."""
+        """Check for other nodes and build a part of the diagnostics; called once per cycle."""
         self._watch.poll()
         self._rivals.poll()
         if self.cycle is not None and (news := self.cycle.heat.news):
             self._mode_log.warn(news.pop(0))
-        # For people, so in their time.
+        # Diagnostics are for people, so they use the computer's clock.
         self._diagnostics.step(time.monotonic())
 
     def _take_command(self, cycle: BridgeCycle, timing: BridgeTiming, now: float) -> None:
@@ -487,24 +488,24 @@ class HardwareBridge(LifecycleNode):
         self._diagnostics.publish_soon()
 
 
-# Joint names and content of a joint command, and the GID of its publisher, None where unknown.
+# Joint names and content of a joint command, and the publisher's GID (None if unknown).
 Command = tuple[Sequence[str], JointSample, bytes | None]
 
-# A command of other joints in another order is read by the cycle itself; what is longer than any
-# command would take it more time than it has.
+# The cycle itself reads a command with other joints or another order. A message that is longer
+# than any command would take too long.
 _LONGEST = 1024  # [bytes]
 _LONGEST_PER_JOINT = 128
 
 
 class BridgeStreams:
-    """Publishes states and receives commands without building message objects.
+    """Publish states and receive commands without building message objects.
 
     Parameters
     ----------
     node
         Owner of publishers and subscription.
     names
-        Joint names, n of them, in the order of all arrays.
+        Names of the n joints, in the order of all arrays.
     """
 
     def __init__(self, node: Node, names: Sequence[str]) -> None:
@@ -521,7 +522,7 @@ class BridgeStreams:
     def publish(
         self, stamp_ns: int, joints: Sequence[Array], motors: Sequence[Array], power: Array
     ) -> None:
-        """Publish one cycle's states.
+        """Publish the states of one cycle.
 
         Parameters
         ----------
@@ -539,11 +540,11 @@ class BridgeStreams:
         self._motor_power.publish(self._power_cdr.pack(power))
 
     def publish_joints(self, stamp_ns: int, joints: Sequence[Array]) -> None:
-        """Publish joint_states alone; parameters as of `publish`."""
+        """Publish only joint_states; for the parameters see `publish`."""
         self._joint_states.publish(self._cdr.pack(stamp_ns, *joints))
 
     def newest_command(self) -> Command | None:
-        """Return names, content and publisher of the newest joint command, if there is one.
+        """Return names, content and publisher of the newest joint command, or None.
 
         Raises ValueError if the message cannot be read.
         """
@@ -556,7 +557,10 @@ class BridgeStreams:
         if sample is not None:
             return self._names, sample, publisher
         if len(payload) > _LONGEST + _LONGEST_PER_JOINT * len(self._names):
-            raise ValueError(f'joint_command has {len(payload)} bytes, which do not fit this arm')
+            raise ValueError(
+                f'joint_command rejected, because its {len(payload)} bytes do not fit '
+                'this arm: check config and tf_prefix of its publisher'
+            )
         return (*decode_as_sent(payload), publisher)
 
     def destroy(self) -> None:

@@ -1,5 +1,6 @@
-"""What controllers are made of: a loop that answers every state, and where references come in.
+"""Parts of controllers: the loop that answers each state, and the topics of references.
 
-In come parameters, joint states, IMU samples and messages with references; out go pure objects of
-`control`, fed in one thread, and their commands. A controller derives from `ControllerNode`.
+A controller receives parameters, joint states, IMU samples and reference messages. One thread
+passes them to the ROS-free objects of `aerarm_ros.control` and publishes their commands. Each
+controller derives from `ControllerNode`.
 """

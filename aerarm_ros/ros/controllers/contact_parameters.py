@@ -1,4 +1,4 @@
-"""Parameters of contact detection, of the node and of its command line."""
+"""Parameters of contact detection, for the node and for its command line."""
 
 from __future__ import annotations
 
@@ -12,49 +12,56 @@ from aerarm_ros.online.external_torque import ResidualBound
 from aerarm_ros.ros.parameters.parameter_table import Parameter
 
 GAIN_PARAMETER = Parameter(
-    'observer_gain', 30.0, 'bandwidth of the momentum observer, with --free', '1/s', 1.0, 500.0
+    'observer_gain',
+    30.0,
+    'bandwidth of the momentum observer (option --free only)',
+    '1/s',
+    1.0,
+    500.0,
 )
 
 CONTACT_ESTIMATOR_PARAMETERS = (
-    Parameter('confirmation', 0.02, 'time for which the threshold must be exceeded', 's', 1e-3,
+    Parameter('confirmation', 0.02,
+        'time for which the torque must exceed its threshold', 's', 1e-3,
               1.0),
     Parameter('rest_speed', 0.005, 'speed below which a joint counts as resting', 'rad/s', 1e-4,
               0.1),
     Parameter('rest_share', 0.15, 'change of torque at rest that counts as contact, relative to '
-              'dry friction', '', 0.01, 2.0),
+                                  'dry friction', '', 0.01, 2.0),
     Parameter('payload_mass', 2.0, 'standard deviation of the mass of an undeclared payload', 'kg',
               1e-3, 50.0),
-    Parameter('payload_size', 0.2, 'standard deviation of its distance from the last joint', 'm',
+    Parameter('payload_size', 0.2,
+        'standard deviation of the distance of an undeclared payload from the last joint', 'm',
               0.01, 2.0),
 )  # fmt: skip
 
 FILE_PARAMETERS = (
     Parameter('residuals_file', '', 'thresholds learnt from free motion (residuals.yaml)'),
     Parameter('model_file', '', 'estimate.yaml of the arm; the URDF if empty'),
-    Parameter('rate', 100.0, 'how often results are published', 'Hz', 1.0, 1000.0),
+    Parameter('rate', 100.0, 'publishing rate of the results', 'Hz', 1.0, 1000.0),
 )  # fmt: skip
 
 RESIDUALS = 'residuals.yaml'
-"""Name of the file of learnt thresholds."""
+"""File name of learnt contact thresholds."""
 
 RESIDUALS_SECTION = 'residual_bound'
-"""Its only key."""
+"""Only key of the file of contact thresholds."""
 
 
 def contact_settings(values: Any) -> ContactSettings:
-    """Return the settings that an object with one attribute per parameter describes."""
+    """Return the contact settings from an object with one attribute per parameter."""
     return ContactSettings(
         **{field.name: getattr(values, field.name) for field in fields(ContactSettings)}
     )
 
 
 def read_residuals(path: Path, joint_names: tuple[str, ...]) -> ResidualBound:
-    """Return learnt thresholds; raises ValueError or OSError with what to check."""
+    """Return learnt contact thresholds from a file; raises ValueError or OSError."""
     values = read_yaml(path)
     section = values.get(RESIDUALS_SECTION) if isinstance(values, dict) else None
     if not isinstance(section, dict):
         raise ValueError(
-            f'{path}: has no {RESIDUALS_SECTION}: give the {RESIDUALS} that contact_estimator '
-            '--free writes'
+            f'{path} has no section {RESIDUALS_SECTION}: pass the {RESIDUALS} that '
+            'contact_estimator --free writes'
         )
     return ResidualBound.from_dict(section, joint_names, str(path))

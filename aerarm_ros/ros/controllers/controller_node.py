@@ -1,4 +1,4 @@
-"""What all controllers have in common: they answer joint states with commands."""
+"""Base class of all controllers, which answer joint states with commands."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _DISTURBANCE_PERIOD = 10  # answered states
 
 
 def controller_parameters(*parameters: Parameter) -> ParameterTable:
-    """Return the parameters of a controller: those of every one, and its own."""
+    """Return the parameters of a controller: the common ones and its own."""
     return state_node_parameters(*parameters, *AT_END_PARAMETERS)
 
 
@@ -33,21 +33,21 @@ class Attendant(Protocol):
     """Observer of a controller's loop."""
 
     def update(self) -> None:
-        """Act after a command is sent, in the loop's thread."""
+        """Act after a command has been sent; called in the loop's thread."""
 
     def give_up(self, reason: str) -> None:
-        """Act while the arm is not controlled, in the loop's thread, at every state."""
+        """Act while the arm is not controlled; called in the loop's thread at every state."""
 
     def destroy(self) -> None:
-        """Destroy what belongs to the node; called once, at its end."""
+        """Destroy the ROS entities of this object; called once, at the end of the node."""
 
 
 class ControllerNode(StateNode):
-    """Runs a control loop for as long as the bridge follows commands.
+    """Run a control loop while the bridge follows commands.
 
-    While it doesn't (the arm is off, or stopped), the loop is released, so that control
-    begins at the arm's posture, wherever it was put meanwhile. At its end the bridge is asked
-    to hold the arm (`at_end`).
+    While the bridge ignores commands (the arm is off or stopped), the loop is reset. So control
+    begins at the arm's present configuration, even if a person moved it. At its end the controller
+    requests that the bridge holds the arm (`at_end`).
 
     A derived controller overrides `make_loop`, and `subscribe` for its references.
 
@@ -60,26 +60,26 @@ class ControllerNode(StateNode):
     loop: ControlLoop[Any]
     _payload: PayloadIntake | None
 
-    # What a derived controller changes.
+    # Methods for derived controllers to override.
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Return the control loop; raises ValueError with what to check."""
+        """Create the control loop; raises ValueError."""
         raise NotImplementedError
 
     def subscribe(self) -> None:
         """Subscribe to the references."""
 
     def before_update(self, state: ArmState, now: float) -> None:
-        """Act before the law, in the loop's thread."""
+        """Act before the control law; called in the loop's thread."""
 
     # For derived controllers.
 
     def attend(self, attendant: Attendant) -> None:
-        """Tell something of each update of the loop, and of the arm's release."""
+        """Add an observer of the loop's updates and of the arm's release."""
         self._attendants.append(attendant)
 
     def tell_plan(self, ahead: Callable[[Any], JointReference | None]) -> None:
-        """Publish what the arm will do next: `ahead` gives the references of times (M,) [s]."""
+        """Publish the planned motion: `ahead` returns the references at times (M,) [s]."""
 
         def after_state(times: NDArray[np.float64]) -> JointReference | None:
             return ahead(1e-9 * self.stamp_ns + times)
@@ -102,17 +102,17 @@ class ControllerNode(StateNode):
         self.attend(self._payload)
 
     def commandable_problem(self, what: str) -> str:
-        """Return why something cannot move the arm now, '' if it can."""
+        """Return why `what` cannot move the arm now, or an empty text."""
         if self._mode in COMMANDABLE:
             return ''
         mode = self._mode or 'unknown'
         return (
-            f"{what} rejected: the arm is '{mode}': run {to_switch_on(mode)}, or clear its fault, "
-            'first'
+            f"{what} rejected, because the arm is '{mode}': first run {to_switch_on(mode)}, or "
+            'clear its fault'
         )
 
     def take_references(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
-        """Listen to a topic that moves the arm; rejected while the arm can't be commanded."""
+        """Subscribe to references; they are rejected while the arm cannot be commanded."""
 
         def take(message: Any, now: float) -> None:
             problem = self.commandable_problem(topic.name)
@@ -122,10 +122,10 @@ class ControllerNode(StateNode):
 
         self.listen(topic, take)
 
-    # What a controller is to a StateNode.
+    # Methods that StateNode calls.
 
     def build(self) -> None:
-        """Make the control loop."""
+        """Create the control loop."""
         self.loop = self.make_loop()
         self._codec = JointStateCdr(self.arm.config.joint_names)
         self._mode = ''
@@ -134,7 +134,7 @@ class ControllerNode(StateNode):
         self._payload = None
 
     def connect(self) -> None:
-        """Publish commands and the disturbance; follow the bridge's mode."""
+        """Advertise commands and the disturbance, and subscribe to the bridge's mode."""
         self._commands = self.advertise(topics.JOINT_COMMAND)
         self._disturbance = self.advertise(topics.DISTURBANCE)
         self._arm_at_end = ArmAtEnd(self.node, self.values)
@@ -157,7 +157,7 @@ class ControllerNode(StateNode):
         payload = self._codec.pack(stamp_ns, *command)
         latency_ns = self.since_state_ns()
         self.answers.publish(self._commands, payload)
-        # From here on nobody waits.
+        # No other node waits for the following work.
         self.count_answer(latency_ns)
         self._tell_take_over(state)
         self.loop.observe()
@@ -168,12 +168,12 @@ class ControllerNode(StateNode):
             self._disturbance.publish(self._codec.pack(stamp_ns, effort=self.loop.disturbance))
 
     def leave(self) -> None:
-        """Let the arm be held, or damped, as `at_end` says."""
+        """Request that the bridge holds or damps the arm, as `at_end` specifies."""
         if self._mode in COMMANDABLE and self.answers.are_kept:
             self._arm_at_end.leave()
 
     def close(self) -> None:
-        """Destroy the node, and before it what attends its loop."""
+        """Destroy the observers of the loop, then the node."""
         for attendant in self._attendants:
             attendant.destroy()
         super().close()
@@ -186,7 +186,7 @@ class ControllerNode(StateNode):
         return ('' if self.loop.base is None else super().warning()) or problem
 
     def describe(self) -> dict[str, object]:
-        """Report the state of the loop."""
+        """Return the state of the loop for diagnostics."""
         loop = self.loop
         values = {
             **super().describe(),
@@ -197,13 +197,15 @@ class ControllerNode(StateNode):
         if self._payload is not None:
             values |= self._payload.describe()
         if loop.base is None:
-            values['base motion'] = 'not used: in velocity mode the boards need no base motion'
+            values['base motion'] = (
+                'not used, because the boards need no base motion in velocity mode'
+            )
         if loop.disturbance is not None:
             values['disturbance [Nm]'] = loop.disturbance.round(3).tolist()
         return values
 
     def _tell_take_over(self, state: ArmState) -> None:
-        """Log once that control has begun, and where."""
+        """Log once that control has begun, and at which configuration."""
         if self.loop.take_overs == self._told:
             return
         self._told = self.loop.take_overs
@@ -211,7 +213,7 @@ class ControllerNode(StateNode):
             f'{name} {angle:.2f}'
             for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)
         )
-        self.node.get_logger().info(f'active, from {where} rad', throttle_duration_sec=1.0)
+        self.node.get_logger().info(f'active, starting from {where} rad', throttle_duration_sec=1.0)
 
     def _on_mode(self, message: String, _: float) -> None:
         self._mode = message.data

@@ -1,4 +1,4 @@
-"""Parameters that every controller has, and the parts made from them."""
+"""Parameters that every controller has, and the objects created from them."""
 
 from __future__ import annotations
 
@@ -50,18 +50,18 @@ from aerarm_ros.world.rotor_governor import RotorGovernor
 
 
 def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) -> InertiaStamped:
-    """Return the message of a body.
+    """Return the message of a body's mass properties.
 
     Parameters
     ----------
     header : Header
-        Its frame is that of centre and axes.
+        Header with the frame of centre and axes.
     mass : float
         [kg]
     centre : (3,) ndarray
-        [m]
+        Centre of mass [m].
     inertia : (3, 3) ndarray
-        About the centre [kg m^2].
+        Inertia about the centre of mass [kg m^2].
     """
     message = InertiaStamped(header=header)
     body, tensor = message.inertia, inertia.tolist()
@@ -91,25 +91,26 @@ ARM_PARAMETERS = grouped(
     Parameter(
         'base_motion',
         NONE,
-        'motion of the base: none, from the imu topic (attitude or full), or free; a free base '
-        'responds to rotor_command and the arm as in drone_file',
+        'motion of the base: none; attitude or full, both from the imu topic; or free, which '
+        "predicts the base's response to rotor_command and the arm with the masses of drone_file",
         choices=(*MODES, FREE),
     ),
     Parameter('imu_frame', '',
-        'link of the URDF that is the IMU; if empty, as in the drone file, or base_link'),
+        'URDF link that represents the IMU; if empty, as in the drone file, or base_link'),
     Parameter('imu_hold_time', 0.1,
-        'largest age of the last IMU sample or rotor command in use', 's', 0.001, 10.0),
-    Parameter('imu_fade_time', 0.5, 'time for the fallback to nominal gravity', 's', 0.01, 60.0),
+        'largest usable age of the last IMU sample or rotor command', 's', 0.001, 10.0),
+    Parameter('imu_fade_time', 0.5, 'duration of the fallback to nominal gravity', 's', 0.01, 60.0),
     Parameter('imu_cutoff', 60.0,
         "cutoff frequency of the low-pass for the base's angular acceleration", 'Hz', 0.1, 500.0),
     Parameter('imu_latency', 0.0, 'age of an IMU sample on arrival', 's', 0.0, 0.1),
     Parameter('rotor_latency', 0.0,
         'delay from the arrival of rotor_command to its effect on the rotors', 's', 0.0, 0.1),
     Parameter('correction_cutoff', 0.3,
-        "frequency below which a free base's acceleration is measured; above it is predicted",
+        "crossover frequency of a free base's acceleration: measured below, predicted above",
         'Hz', 0.01, 0.5),
     Parameter('accelerometer_bias', 0.2,
-        'largest bias of the IMU: a free base ignores lasting deviations from weight below it',
+        "largest bias of the IMU's acceleration on a free base, which attributes smaller "
+                'lasting deviations from the weight to the IMU',
         'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
@@ -121,7 +122,7 @@ LOOP_PARAMETERS = grouped(
     *REAL_TIME_PARAMETERS,
 )
 
-# The key that it has in payload.yaml, so that the file serves as parameter file.
+# Key of the payload in payload.yaml, so that the file serves as parameter file.
 PAYLOAD = 'payload.inertial_parameters'
 
 PAYLOAD_PARAMETER = Parameter(
@@ -137,22 +138,23 @@ PAYLOAD_PARAMETER = Parameter(
 )
 
 FRICTION_PARAMETERS = grouped(
-    'The model',
+    'Model',
     PAYLOAD_PARAMETER,
     Parameter('friction_fraction', 1.0,
-        "share of the URDF's joint friction that is compensated", '', 0, 1),
-    Parameter('friction_width', 0.02, 'velocity at 3/4 of the friction', 'rad/s', 1e-4, 1.0),
+        "fraction of the URDF's joint friction that is compensated", '', 0, 1),
+    Parameter('friction_width', 0.02,
+        'velocity at which the compensation reaches 3/4 of the friction', 'rad/s', 1e-4, 1.0),
     Parameter('rotor_inertia', [],
         'rotor inertia at the joints, J_m / k_g^2; as in the configuration if empty',
         'kg m^2', 0.0, 10.0, element=float),
     Parameter('load_friction', [], (
-        'share of the transmitted torque that the gears lose, one value or one per joint; as in '
-        'the URDF of identifier if empty'
+        'fraction of the transmitted torque that the gears lose, one value or one per joint; as '
+        'in the URDF of identifier if empty'
     ), '', 0.0, 1.0,
               element=float),
 )  # fmt: skip
 
-# Of whoever knows the friction, and compensates none of it.
+# For nodes that use the friction model without compensating friction.
 ENERGY_PARAMETERS = tuple(
     parameter
     for parameter in FRICTION_PARAMETERS
@@ -165,26 +167,30 @@ def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
     return grouped(
         'Disturbances',
         Parameter('observer_gain', 30.0,
-            'cutoff frequency of the disturbance observer; 0 for none', '1/s', 0.0, 1000.0),
+            'cutoff frequency of the disturbance observer; 0 for no observer', '1/s', 0.0, 1000.0),
         Parameter('compensation', compensation,
-            'largest compensated disturbance relative to effort_max; 0 only observes',
+            'largest compensated disturbance relative to effort_max; 0 observes without '
+                    'compensation',
             '', 0.0, 1.0),
     )  # fmt: skip
 
 
-# Friction, what the model gets wrong and a rated payload, for a controller that is to reach
-# postures: benchmarks/goals.py compares this with integral action.
+# Covers friction, model errors and a rated payload, for a controller that must reach postures.
+# benchmarks/goals.py compares this compensation with integral action.
 REACHING_COMPENSATION = 0.2
 
 FOLLOWER_PARAMETERS = grouped(
     'Trajectory tracking',
     Parameter(
-        'interpolation', 'quintic', 'interpolation between points', choices=('cubic', 'quintic')
+        'interpolation',
+        'quintic',
+        'interpolation between trajectory points',
+        choices=('cubic', 'quintic'),
     ),
     Parameter(
         'start_tolerance',
         0.1,
-        'largest distance of a start point from the reference',
+        'largest distance of the first trajectory point from the reference',
         'rad',
         0.0,
         3.0,
@@ -192,7 +198,7 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'path_tolerance',
         0.3,
-        'error at which the controller aborts a motion; 0 for no check',
+        'tracking error at which the controller aborts a motion; 0 for no check',
         'rad',
         0.0,
         10.0,
@@ -200,7 +206,7 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'goal_tolerance',
         0.01,
-        'error below which a goal counts as reached; 0 for no check',
+        'position error below which a goal counts as reached; 0 for no check',
         'rad',
         0.0,
         1.0,
@@ -208,7 +214,7 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'goal_time',
         1.0,
-        'time limit to reach the goal after the end of the trajectory; 0 for none',
+        'time limit to reach the goal after the end of the trajectory; 0 for no limit',
         's',
         0.0,
         60.0,
@@ -216,19 +222,24 @@ FOLLOWER_PARAMETERS = grouped(
     Parameter(
         'allow_partial_joints_goal',
         True,
-        'accept trajectories with some of the joints; the other joints hold their positions',
+        'accept trajectories for some of the joints; the other joints hold their positions',
     ),
     Parameter(
         'rotor_share',
         0.7,
-        "share of each rotor's range that a motion may use, with the drone of drone_file; the "
-        'controller slows faster motions along their path. 0 for no check',
+        "fraction of each rotor's thrust range that a motion may use, with the drone of "
+        'drone_file; the controller slows faster motions along their path. 0 for no check',
         '',
         0.0,
         1.0,
     ),
     Parameter(
-        'stream_timeout', 0.1, 'silence after which a streamed reference brakes', 's', 0.005, 10.0
+        'stream_timeout',
+        0.1,
+        'age of the last streamed point at which the controller brakes',
+        's',
+        0.005,
+        10.0,
     ),
 )
 
@@ -237,7 +248,7 @@ CarryingModel = Dynamics | MovingBaseDynamics | WholeBodyDynamics
 
 @dataclass(frozen=True)
 class ControlledArm:
-    """The arm as a controller knows it."""
+    """The arm's model, configuration and drone for a controller."""
 
     config: ArmConfig
     robot: Robot
@@ -247,16 +258,16 @@ class ControlledArm:
 
     @classmethod
     def from_parameters(cls, values: SimpleNamespace) -> ControlledArm:
-        """Read URDF and configuration; raises ValueError with what to check."""
+        """Read the URDF and the configuration; raises ValueError."""
         config, robot = load_arm(values)
         drone = load_drone(values, config, robot)
         if drone is not None:
-            # The arm hangs as the drone file says.
+            # The drone file specifies the mount, and so the direction of gravity.
             robot = robot.with_gravity(drone.gravity_in_base)
         return cls(config, robot, JointLimits.from_config(config), drone)
 
     def dynamics(self, values: SimpleNamespace) -> MovingBaseDynamics:
-        """Return the model with the rotors' inertia."""
+        """Return the dynamics model with the rotors' inertia."""
         carrier = None
         if values.base_motion == FREE and self.drone is not None:
             carrier = carrier_parameters(self.drone)
@@ -265,12 +276,12 @@ class ControlledArm:
         return model
 
     def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
-        """Tell a model what the arm carries, now and whenever that changes; raises ValueError."""
+        """Give a model the arm's payload, now and after each change; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
 
     def carry(self, payload: Sequence[float]) -> None:
-        """Set the payload of every model from now on; raises ValueError."""
+        """Set the payload of every registered model; raises ValueError."""
         for model in self._models:
             model.carry(_payload(payload))
 
@@ -291,45 +302,45 @@ class ControlledArm:
         dynamics: MovingBaseDynamics,
         friction: FrictionCompensation | None,
     ) -> MomentumObserver | None:
-        """Return the disturbance observer, None if its gain is zero."""
+        """Return the disturbance observer, or None if its gain is zero."""
         if values.observer_gain == 0.0:
             return None
         return MomentumObserver(dynamics, values.observer_gain, friction)
 
     def compensation_max(self, values: SimpleNamespace) -> npt.NDArray[np.float64]:
-        """Return the largest compensated disturbance, (n,) [Nm]."""
+        """Return the largest compensated disturbance torque, (n,) [Nm]."""
         return np.asarray(values.compensation * self.limits.effort_max)
 
     def base(self, values: SimpleNamespace) -> BaseMotionEstimator | FreeBaseEstimator:
-        """Return the estimator of the base's motion; raises ValueError with what to check."""
+        """Return the estimator of the base's motion; raises ValueError."""
         if values.base_motion == FREE:
             return self._free_base(values)
         self.check_base(values, getattr(values, PAYLOAD, []))
         return self._moved_base(values, values.base_motion)
 
     def check_base(self, values: SimpleNamespace, payload: Sequence[float]) -> None:
-        """Require that the base may be measured so with a payload; ValueError says what else."""
+        """Raise ValueError if base_motion `full` is unstable with a payload under this drone."""
         if values.base_motion == FULL and self.drone is not None:
             check_feedback(self.drone, self._whole(values, self.drone, payload))
 
     def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return the estimator for what tells a drone of the arm: it must not be fed back."""
+        """Return an estimator without the drone's reaction, for the drone's feedforward."""
         return self._moved_base(values, HOVER)
 
     def measured_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return the estimator for what moves nothing: what is measured cannot come back."""
+        """Return an estimator from measured motion, for nodes that command no motion."""
         mode = FULL if values.base_motion == FREE else values.base_motion
         return self._moved_base(values, mode)
 
     def feedback_gain(self, values: SimpleNamespace) -> float:
-        """Return how much lighter than on a fixed base joints may be, less one; 0 if unknown."""
+        """Return the largest feedback gain of the base's measured motion; 0 without a drone."""
         if self.drone is None:
             return 0.0
         payload = getattr(values, PAYLOAD, [])
         return largest_feedback_gain(self._whole(values, self.drone, payload))
 
     def whole_body(self, values: SimpleNamespace, drone: DroneConfig) -> WholeBodyDynamics:
-        """Return the whole-body model of arm and drone; it follows the payload."""
+        """Return the whole-body model of arm and drone, which follows changes of the payload."""
         whole = self._whole(values, drone)
         self.load(whole, values)
         return whole
@@ -382,7 +393,7 @@ class ControlledArm:
         )
 
     def follower(self, values: SimpleNamespace) -> TrajectoryFollower:
-        """Return the executor of trajectories and set points."""
+        """Return the follower of trajectories and set points."""
         tolerances = FollowerTolerances.uniform(
             self.config.n,
             values.start_tolerance,
@@ -400,7 +411,7 @@ class ControlledArm:
 
 
 def payload_problem(changes: Mapping[str, Any]) -> str:
-    """Return why the payload among changed parameters can't be one, or ''."""
+    """Return why the payload among changed parameters is invalid, or an empty text."""
     try:
         checked_payload(_payload(changes.get(PAYLOAD, [])))
     except ValueError as error:
@@ -409,16 +420,16 @@ def payload_problem(changes: Mapping[str, Any]) -> str:
 
 
 def _payload(values: Sequence[float]) -> Sequence[float]:
-    """Return ten inertial parameters, those of nothing if none are given."""
+    """Return the ten inertial parameters of the payload, or ten zeros if none are given."""
     return values if len(values) else [0.0] * 10
 
 
 def load_share(values: SimpleNamespace, robot: Robot) -> npt.NDArray[np.float64]:
-    """Return `load_friction`, that of the URDF if none is given, one or (n,) [-]."""
+    """Return `load_friction`, by default the URDF's; one value or (n,) [-]."""
     given = values.load_friction
     return one_or_each(given) if len(given) else robot.load_friction
 
 
 def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Return a list parameter as an array, a list of one as the number for all joints."""
+    """Return a list parameter as an array, and a list of one value as that number."""
     return np.array(values[0] if len(values) == 1 else values, dtype=float)

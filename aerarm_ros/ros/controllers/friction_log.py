@@ -1,4 +1,4 @@
-"""Friction that is followed, kept in a file from day to day."""
+"""File with the estimates of friction over days and weeks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ESTIMATOR_PARAMETERS = (
     Parameter('friction_spread', 0.3,
         'relative standard deviation of the friction model', '', 0.01, 2.0),
     Parameter('torque_noise', 0.02,
-        'initial RMS torque residual, until it is measured', 'Nm', 1e-4, 10.0),
+        'initial RMS torque residual, used until a residual is measured', 'Nm', 1e-4, 10.0),
     Parameter('model_error', 0.01, (
         'relative standard deviation of gravity and inertia in the model; the estimator attributes '
         'no payload to errors below it'
@@ -34,15 +34,15 @@ ESTIMATOR_PARAMETERS = (
               0.02, 10.0),
     Parameter('bandwidth', 30.0,
         'cutoff frequency of the low-passes on the equation of motion', '1/s', 5.0, 100.0),
-    Parameter('memory', 30.0, 'forgetting time of the payload without informative motion',
+    Parameter('memory', 30.0, 'forgetting time of the payload estimate without informative motion',
               's', 1.0, 3600.0),
     Parameter('friction_memory', 120.0,
-        'forgetting time of the friction without informative motion', 's', 1.0, 36000.0),
+        'forgetting time of the friction estimate without informative motion', 's', 1.0, 36000.0),
 )  # fmt: skip
 
 
 def estimator_settings(values: Any) -> EstimatorSettings:
-    """Return the settings that an object with an attribute a parameter describes."""
+    """Return the payload estimator's settings from an object with one attribute per parameter."""
     return EstimatorSettings(
         **{field.name: getattr(values, field.name) for field in fields(EstimatorSettings)}
     )
@@ -55,32 +55,31 @@ FRICTION_LOG_PARAMETERS = (
               86400.0),
 )  # fmt: skip
 
-_LONGEST = 0.1  # [s] between estimates while something is learnt
-_LEAST = 30.0  # [s] of learning that are worth a record at the end
+_LONGEST = 0.1  # [s] longest interval between two estimates that counts as learning time
+_LEAST = 30.0  # [s] shortest learning time for a record at the end
 
 
 class FrictionLog:
-    """Records the friction estimates periodically, and writes them in a background thread.
+    """Record the friction estimates periodically, and write them in a background thread.
 
     Parameters
     ----------
     path : Path
-        Of the file; it is read first, if it is there.
-    joint_names : sequence of str
+        Path of the file; existing records are read first.
     interval : float
-        Of learning between records [s].
+        Learning time between records [s].
     clock : callable
         Returns the time since 1970 [s].
 
     Attributes
     ----------
     problem : str
-        Why the last record could not be written, '' if it was.
+        Reason why the last record could not be written; empty otherwise.
 
     Raises
     ------
     TrendFileError, OSError
-        If the file is no trend of this arm, or can't be read or written.
+        If the file is not a friction trend of this arm, or cannot be read or written.
     """
 
     def __init__(
@@ -96,14 +95,16 @@ class FrictionLog:
         self.problem = ''
         self._trend = read_trend(path, joint_names)
         if not os.access(path.parent, os.W_OK):
-            raise OSError(f'{path.parent}: friction_file cannot be written there: choose a folder')
+            raise OSError(
+                f'friction_file cannot be written to {path.parent}: choose another folder'
+            )
         self._last: OnlineEstimate | None = None
         self._learnt = 0.0
         self._pending: list[FrictionRecord] = []
         self._lock = Lock()
 
     def offer(self, estimate: OnlineEstimate) -> None:
-        """Take an estimate; quick."""
+        """Process a friction estimate, without delay."""
         if self._last is not None and 0.0 < estimate.time - self._last.time < _LONGEST:
             self._learnt += estimate.time - self._last.time
         self._last = estimate
@@ -111,7 +112,7 @@ class FrictionLog:
             self._record(estimate)
 
     def write(self) -> None:
-        """Write pending records; from any thread."""
+        """Write pending records; callable from any thread."""
         with self._lock:
             pending, self._pending = self._pending, []
             for record in pending:
@@ -122,7 +123,9 @@ class FrictionLog:
                 write_trend(self._path, self._trend)
                 self.problem = ''
             except OSError as error:
-                self.problem = f'friction_file cannot be written: {error}'
+                self.problem = (
+                    f'friction_file cannot be written ({error}): check its path and the free space'
+                )
 
     def finish(self) -> None:
         """Write the last record."""
@@ -131,7 +134,7 @@ class FrictionLog:
         self.write()
 
     def describe(self) -> dict[str, object]:
-        """Report changes since the first record."""
+        """Return the changes of friction since the first record."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
         told = [

@@ -16,34 +16,35 @@ from aerarm_ros.online.payload_hand_over import PayloadHandOver
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm, body_of_message
 from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
 
-# The model is told in steps of that [s], the estimate judged in others.
+# [s] between updates of the model's payload.
 _STEP = 0.005
 _JUDGED = 0.02
-_LONGEST = 0.1  # [s] between two states that are neighbours
+_LONGEST = 0.1  # [s] longest interval between consecutive states
 
 HAND_OVER_PARAMETERS = grouped(
     'Payload compensation',
     Parameter('hand_over', 0.0,
-        'share of the payload estimate that the model carries; 0 ignores payload_estimator',
+        'fraction of the payload estimate that the controller adds to its model; 0 '
+                'ignores payload_estimator',
         '', 0.0, 1.0),
     Parameter('hand_over_mass_rate', 0.2,
-        'rate at which the payload fades in and out', 'kg/s', 1e-3, 10.0),
+        'rate at which the controller fades payload compensation in and out', 'kg/s', 1e-3, 10.0),
     Parameter('hand_over_centre_rate', 0.1,
-        "rate at which the payload's centre moves", 'm/s', 1e-3, 10.0),
+        'rate at which '
+        "the controller moves the payload's centre of mass in its model", 'm/s', 1e-3, 10.0),
 )  # fmt: skip
 
 
 class PayloadIntake:
-    """Moves the model's payload to the topic `payload`, between two commands.
+    """Move the model's payload to the estimate on the topic `payload`, between two commands.
 
-    It is an `Attendant` of a controller. What is handed over comes on top of
-    `payload.inertial_parameters`. A silent estimator changes nothing: what was handed over stays,
-    until the arm's torques contradict it (`PayloadHandOver`).
+    This `Attendant` adds the compensated payload to `payload.inertial_parameters`. Without new
+    estimates the compensation stays until the arm's torques contradict it (`PayloadHandOver`).
 
     Parameters
     ----------
     arm
-        Whose models are told.
+        Arm whose models receive the payload.
     values
         Parameters of the node.
     now
@@ -77,11 +78,11 @@ class PayloadIntake:
         self._own = getattr(values, PAYLOAD)
 
     def take(self, message: InertiaStamped, _: float) -> None:
-        """Take an estimate; raises RejectedInputError if it can't be one."""
+        """Process a payload estimate; raises RejectedInputError if it is invalid."""
         if message.header.frame_id != self._link:
             raise RejectedInputError(
-                f"payload rejected: its frame is '{message.header.frame_id}', not the last link "
-                f"'{self._link}': start payload_estimator with the same arm"
+                f"payload rejected, because its frame is '{message.header.frame_id}' instead of "
+                f"the last link '{self._link}': start payload_estimator with the same arm"
             )
         try:
             self._hand_over.offer(body_of_message(message))
@@ -89,7 +90,7 @@ class PayloadIntake:
             raise RejectedInputError(str(error)) from None
 
     def update(self) -> None:
-        """Lead the model a step on, and look whether that makes it better."""
+        """Move the model's payload one step, and check whether the disturbance becomes smaller."""
         now, state = self._now()
         if not 0.0 <= now - self._told < _LONGEST or state is None:
             self._told = self._judged = now
@@ -108,13 +109,13 @@ class PayloadIntake:
             self._arm.carry((carried + own if len(own) else carried).tolist())
 
     def give_up(self, reason: str) -> None:
-        """Leave the model as it is: what the arm carries it goes on carrying."""
+        """Keep the compensated payload while the arm is not controlled."""
 
     def destroy(self) -> None:
-        """Nothing to destroy."""
+        """Do nothing: this object owns no ROS entities."""
 
     def describe(self) -> dict[str, object]:
-        """Report the compensated payload."""
+        """Return the compensated payload for diagnostics."""
         carried = self._hand_over.carried
         told: dict[str, object] = {'compensated payload [kg]': round(float(carried[0]), 4)}
         if self._undone:
@@ -123,12 +124,12 @@ class PayloadIntake:
 
     @property
     def problem(self) -> str:
-        """Problem of the payload compensation, '' if there is none."""
+        """Problem of the payload compensation; empty if there is none."""
         if not self._hand_over.is_undone:
             return ''
         return (
-            'the compensated payload increased the torque residual, so the controller withdrew '
-            'it: check payload_estimator, and whether the arm touches something'
+            'the controller withdrew the payload compensation, because it increased the torque '
+            'residual: check payload_estimator, and whether the arm touches something'
         )
 
     def _judge(self, now: float, state: ArmState) -> None:

@@ -49,36 +49,35 @@ LOAD_PARAMETERS = grouped(
     'Feed-forward for the drone',
     Parameter('load_rate', 250.0, 'publishing rate', 'Hz', 1.0, 500.0),
     Parameter('lead', 0.0, (
-        'preview time relative to the newest state, by planned_motion if available: lag of the '
-        'rotors plus delay of the link'
+        'preview time of the forecast relative to the newest state, from planned_motion if '
+        'available: set it to the lag of the rotors plus the delay of the link'
     ), 's', 0.0, 0.09, live=True),
     Parameter('measured_motion', True, (
-        'use measured joint motion if planned_motion is missing; set it to false under '
-        'world_control, whose reaction to the drone would close a loop'
+        'use measured joint motion if planned_motion is missing. Set it to false under '
+        "world_control, where the arm's reaction to the drone would close a feedback loop"
     )),
     Parameter('acceleration_at', MOUNT, (
-        'reference point of the acceleration: base_link of the arm, or centre of mass of the '
-        'drone, in body axes'
+        "reference point of the acceleration: 'base_link' of the arm, or 'centre' of mass of the "
+        'drone, both in body axes'
     ), choices=(MOUNT, CENTRE)),
 )  # fmt: skip
 
-_FADE = 0.2  # [s] in which the motion of an arm that fell silent becomes none
+_FADE = 0.2  # [s] in which the published motion fades to zero if no states arrive
 _FADE_STEP = 0.01  # [s]
 
 
 class LoadTopics:
-    """Publishes mass properties, weight, the motion's wrench and the acceleration against it.
+    """Publish mass properties, weight, the motion's wrench and the compensating acceleration.
 
-    Each message is stamped with the time that it is about: the state's, `lead` later.
+    The stamp of a message is the time of the described load: the state's stamp plus `lead`, the
+    preview time.
 
     Parameters
     ----------
     node
         Owner of the publishers.
-    arm
-        The arm.
     values
-        Of `LOAD_PARAMETERS`.
+        Values of `LOAD_PARAMETERS`.
     publish
         Publishes a message through a publisher.
     """
@@ -100,7 +99,7 @@ class LoadTopics:
         self._at_centre = values.acceleration_at == CENTRE
         if self._at_centre and self._drone is None:
             raise ValueError("acceleration_at 'centre' needs the drone: set drone_file")
-        self._period = 1.0 / values.load_rate - 0.5e-3  # states come with jitter
+        self._period = 1.0 / values.load_rate - 0.5e-3  # states arrive with jitter
         self._due = -np.inf
         self._sent: tuple[int, ArmLoad] | None = None
         self._fade = Fade(_FADE, share=1.0)
@@ -115,22 +114,22 @@ class LoadTopics:
         self._acceleration = advertise(topics.FEEDFORWARD_ACCELERATION)
 
     def add(self, stamp_ns: int, measured: JointReference) -> None:
-        """Take the motion measured at a stamp [ns], and publish if it is due."""
+        """Process the motion measured at a stamp [ns], and publish if a message is due."""
         now = 1e-9 * stamp_ns
         about_ns = stamp_ns + round(1e9 * self.forecast.lead)
         if self._has_faded_after(about_ns):
             return
         self._fade.share = 1.0
-        if self._due - 2.0 * self._period < now < self._due:  # else the clock may be set back
+        if self._due - 2.0 * self._period < now < self._due:  # otherwise the clock was set back
             return
         self._due = now + self._period
         motion = self.forecast.motion(now, measured)
         self._send(about_ns, self._model.evaluate(motion))
 
     def fade(self) -> float | None:
-        """Let the last motion fade, as no states come; return until when [s], None if it has.
+        """Fade the last motion; return the time until the next step [s], None at the end.
 
-        Mass and weight stay: the arm is still there.
+        Mass and weight do not fade.
         """
         now = time.monotonic()
         if self._sent is None or self._fade.share == 0.0:
@@ -145,10 +144,10 @@ class LoadTopics:
         return _FADE_STEP
 
     def take_plan(self, message: JointTrajectory, _: float) -> None:
-        """Take what a controller plans; raises RejectedInputError."""
+        """Process a controller's planned motion; raises RejectedInputError."""
         points, names = message.points, list(message.joint_names)
         if sorted(names) != sorted(self._names):
-            return  # of another arm's controller
+            return  # from another arm's controller
         order = [names.index(name) for name in self._names]
         columns = [
             np.array([[*getattr(point, what)] for point in points], dtype=float)
@@ -162,9 +161,9 @@ class LoadTopics:
         self.forecast.offer(begin, times, *columns)
 
     def _has_faded_after(self, stamp_ns: int) -> bool:
-        """Return whether a state lies in a time for which a fading motion was published.
+        """Return whether a state is older than an already published fading motion.
 
-        A bridge that was held up between measuring and publishing sends such a state afterwards.
+        A bridge that was delayed between measuring and publishing sends such a state.
         """
         if self._sent is None or self._fade.share == 1.0:
             return False
@@ -219,20 +218,20 @@ CONTACT_PARAMETERS = grouped(
     Parameter(
         BANDWIDTH,
         1.0,
-        'cutoff frequency of contact_wrench, first order',
+        'cutoff frequency of the first-order filter of contact_wrench',
         'Hz',
         0.05,
         20.0,
         live=True,
     ),
 )
-_PERIOD_NS = 2_000_000  # between two looks at what came
+_PERIOD_NS = 2_000_000  # [ns] between two checks for new messages
 
 
 class ContactTopic:
-    """Subscribes to odometry and rotor commands, and publishes the contact wrench.
+    """Subscribe to odometry and rotor commands, and publish the contact wrench.
 
-    Of a drone that is not known nothing is heard and nothing published.
+    Without a drone file this object neither subscribes nor publishes.
 
     Parameters
     ----------
@@ -241,9 +240,9 @@ class ContactTopic:
     arm
         The arm, and the drone that carries it.
     values
-        Of `CONTACT_PARAMETERS` and `ARM_PARAMETERS`.
+        Values of `CONTACT_PARAMETERS` and `ARM_PARAMETERS`.
     reject
-        Called with the reason why an input is not used.
+        Called with the reason why an input is rejected.
     act
         Runs an action in the loop's thread, with the time there.
     """
@@ -276,7 +275,7 @@ class ContactTopic:
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
 
     def add(self, stamp_ns: int, state: ArmState) -> None:
-        """Take the joints' state at a stamp [ns], and publish what is new by then."""
+        """Process the joints' state at a stamp [ns], and publish new estimates."""
         estimator = self._estimator
         if estimator is None:
             return
@@ -284,7 +283,7 @@ class ContactTopic:
         if 0 <= stamp_ns - self._looked_ns < _PERIOD_NS:
             return
         self._looked_ns = stamp_ns
-        # Odometry first: the commands that made it were sent before.
+        # Odometry first: the drone moved by commands that were sent earlier.
         raw = self._odometry.take_newest()
         odometry = None if raw is None else decoded_odometry(raw[0], self._reject)
         if (command := self._commands.newest()) is not None:
@@ -296,7 +295,7 @@ class ContactTopic:
         self._publish(estimator.update())
 
     def fade(self) -> float | None:
-        """Let the last estimate fade, as no states come; return until when [s], None if it has."""
+        """Fade the last estimate; return the time until the next step [s], None at the end."""
         if self._estimator is None or (told := self._estimator.fade(FADE_STEP)) is None:
             return None
         self._publish(told)
@@ -308,14 +307,14 @@ class ContactTopic:
             self._estimator.observer.bandwidth = bandwidth
 
     def problem(self) -> str:
-        """Return which input is missing since the last contact estimate, '' if none is."""
+        """Return which input has been missing since the last contact estimate, or an empty text."""
         if self._estimator is None or not self._count:
             return ''
         problem = self._estimator.problem()
         return problem and f'contact_wrench: {problem}'
 
     def describe(self) -> dict[str, object]:
-        """Report whether contact is published, and the reason otherwise."""
+        """Return whether contact is published, and the reason if it is not."""
         if self._estimator is None:
             text = "the drone's mass and rotors are unknown: set drone_file"
         else:
@@ -338,8 +337,8 @@ class ContactTopic:
             zero = estimator.zero
             self._act(lambda _: zero.begin())
             response.message = (
-                f'the node averages contact_wrench for {DURATION:g} s and subtracts the bias from '
-                'then on: hover without contact meanwhile'
+                f'the node estimates the bias of contact_wrench for {DURATION:g} s, then '
+                'subtracts it: hover without contact meanwhile'
             )
         return response
 
@@ -355,18 +354,17 @@ _PERIOD = 0.1  # [s]
 
 
 class EnergyTopic:
-    """Sums up the energy, and publishes the total at 10 Hz of the arm's time.
+    """Sum up the arm's energy, and publish the total at 10 Hz of the arm's time.
 
-    A row a cause: together what the supply gave, and last what it took back. A column a joint.
+    The message has one row per cause and one column per joint. The sum of the rows is the energy
+    from the supply; the last row is the energy that the supply took back.
 
     Parameters
     ----------
     node
         Owner of the publisher.
-    arm
-        The arm.
     values
-        Of `ENERGY_PARAMETERS`.
+        Values of `ENERGY_PARAMETERS`.
 
     Raises
     ------
@@ -396,11 +394,11 @@ class EnergyTopic:
         )
 
     def add(self, now: float, state: ArmState) -> None:
-        """Take the state at `now` [s], and publish if it is due."""
+        """Process the state at `now` [s], and publish if a message is due."""
         self._meter.add(now, state)
-        if self._due - 2.0 * _PERIOD < now < self._due:  # else the clock may have been set back
+        if self._due - 2.0 * _PERIOD < now < self._due:  # otherwise the clock was set back
             return
-        self._due = now + _PERIOD - 0.5e-3  # states come with jitter
+        self._due = now + _PERIOD - 0.5e-3  # states arrive with jitter
         total = self._meter.total
         joules = np.vstack([total.parts, total.recovered])
         self._publisher.publish(
@@ -408,14 +406,14 @@ class EnergyTopic:
         )
 
     def describe(self) -> dict[str, object]:
-        """Tell the sums over the joints, and by which resistances."""
+        """Return the energies of all joints together, and the source of the winding resistances."""
         total = self._meter.total
         told: dict[str, object] = {
             f'{name} [J]': round(float(value), 2)
             for name, value in zip(total.PARTS, total.parts.sum(axis=1), strict=True)
         }
         return {
-            'energy metered for [s]': round(total.seconds, 2),
+            'duration of the energy measurement [s]': round(total.seconds, 2),
             'supplied energy [J]': round(float(total.supplied.sum()), 2),
             **told,
             'skipped gaps': self._meter.gaps,

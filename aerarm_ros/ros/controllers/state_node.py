@@ -1,4 +1,4 @@
-"""A node whose loop answers joint states."""
+"""Base class of nodes whose loop answers joint states."""
 
 from __future__ import annotations
 
@@ -39,29 +39,29 @@ from aerarm_ros.ros.states.state_stream import StateStream, base_header
 
 HORIZON = 0.1
 "Preview time of a plan [s]: a drone's rotors and link need some 30 ms."
-_POINT_PERIOD = 0.02  # [s] quintics between points are near enough
-_PERIOD_NS = 10_000_000  # between two plans
+_POINT_PERIOD = 0.02  # [s] short enough for quintic interpolation between points
+_PERIOD_NS = 10_000_000  # [ns] between two plans
 
 _TIMES = np.linspace(0.0, HORIZON, round(HORIZON / _POINT_PERIOD) + 1)
 _SECOND = 1_000_000_000
 
 
 class PlanTopic:
-    """Publishes the motion of the next 0.1 s at 100 Hz of the arm's time.
+    """Publish the motion of the next 0.1 s at 100 Hz of the arm's time.
 
-    Its `update` is called in the loop's thread, once a command is sent, so that it delays none. It
-    is an `Attendant` of a controller.
+    This object is an `Attendant` of a controller. The loop's thread calls `update` after it has
+    sent a command, so that no command is delayed.
 
     Parameters
     ----------
     node
         Owner of the publisher.
     joint_names
-        In the order of all arrays.
+        Joint names in the order of all arrays.
     stamp_ns
         Returns the stamp of the newest state [ns], None before the first.
     ahead
-        Returns the references (M, n) at times (M,) after that state [s], None while nobody knows.
+        Returns the references (M, n) at times (M,) after that state [s], None if they are unknown.
     """
 
     def __init__(
@@ -84,13 +84,13 @@ class PlanTopic:
         ]
 
     def update(self) -> None:
-        """Publish if a message is due and has subscribers."""
+        """Publish the plan if it is due and has subscribers."""
         stamp_ns = self._stamp_ns()
         if stamp_ns is None or 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
             return
         self._told_ns = stamp_ns
         if not self._publisher.get_subscription_count():
-            return  # it would cost the loop a tenth of its time for nobody
+            return  # Without subscribers, save a tenth of the loop's time.
         plan = self._ahead(_TIMES)
         if plan is None:
             return
@@ -109,20 +109,20 @@ class PlanTopic:
 
 
 def state_node_parameters(*parameters: Parameter) -> ParameterTable:
-    """Return the parameters of a node: those of every such node, and its own."""
+    """Return the parameters of a state node: the common ones and its own."""
     return ParameterTable(*ARM_PARAMETERS, *LOOP_PARAMETERS, *parameters)
 
 
-# States further apart than this [ns] are not neighbours.
+# [ns] States further apart than this are not consecutive.
 _GAP_NS = 5_000_000
 
 
 class StateNode:
-    """Calls `answer` for every joint state, with the base's motion kept up to date.
+    """Call `answer` for every joint state, with the base's motion up to date.
 
-    The loop runs in the thread that calls `run`; topics, parameters and diagnostics are
-    served by an executor in another one. What arrives there is put into a queue and acted
-    upon between two states, so that the pure objects belong to the loop's thread alone.
+    The loop runs in the thread that calls `run`. An executor in another thread serves topics,
+    parameters and diagnostics. The executor queues its inputs, which the loop processes between
+    two states. So only the loop's thread uses the ROS-free objects.
 
     Parameters
     ----------
@@ -136,28 +136,28 @@ class StateNode:
     node, values, arm, base
         The ROS node, its parameters, the arm and the motion of its base.
     answers
-        What the node publishes in answer to states.
+        Messages that the node publishes in answer to states.
     state, stamp_ns
-        The newest state, None before the first, and its stamp [ns]. The stamp is the only time
-        there is: that of an emulated arm is not the host's.
+        The newest state, None before the first, and its stamp [ns]. The stamp is the node's only
+        time, because the time of an emulated arm differs from the host's.
     status
         Exit status after `run`.
 
     Raises
     ------
     ValueError
-        If a parameter or a file can't be used.
+        If a parameter or a file cannot be used.
     """
 
-    answers_every_state = True  # a derived node may have a rate of its own
+    answers_every_state = True  # False for a node with a rate of its own
     takes_odometry = False
-    states_waiting = 1  # at most; with more, none is left out, however late it is
+    states_waiting = 1  # queue length; above 1 no state is left out, however late it is
 
     def __init__(self, name: str, parameters: ParameterTable) -> None:
         self.status = 0
         self.state: ArmState | None = None
         self.stamp_ns = 0
-        self._heard = 0.0  # when the newest state came, on this host [s]
+        self._heard = 0.0  # arrival of the newest state, in this host's time [s]
         self._requests: deque[Callable[[float], None]] = deque()
         self._stopping = False
         self.node = rclpy.create_node(name)
@@ -187,58 +187,58 @@ class StateNode:
         self.diagnostics.watch(self._stream)
         self.connect()
 
-    # What a derived node changes.
+    # Methods for derived nodes to override.
 
     def build(self) -> None:
-        """Build the ROS-free objects; raises ValueError with what to check."""
+        """Create the ROS-free objects; raises ValueError."""
 
     def connect(self) -> None:
-        """Make publishers and subscriptions."""
+        """Create publishers and subscriptions."""
 
     def take_imu(self, sample: ImuSample, now: float) -> None:
-        """Take an IMU sample that came at `now` [s]; may raise RejectedInputError."""
+        """Process an IMU sample that arrived at `now` [s]; may raise RejectedInputError."""
         self.base.offer(sample, now)
 
     def take_odometry(self, message: Odometry, now: float) -> None:
-        """Take an odometry that came at `now` [s]; may raise RejectedInputError."""
+        """Process an odometry message that arrived at `now` [s]; may raise RejectedInputError."""
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Act on a state, and call `count_answer` if that is an answer."""
+        """Process a state, and call `count_answer` if the node answers the state."""
         raise NotImplementedError
 
     def silence(self, silent_for: float) -> float:
-        """Act while no states come; return after what time to act again [s] if none has come.
+        """Act while no states arrive; return the time until the next call [s].
 
         Parameters
         ----------
         silent_for
-            Time since the newest state came [s], more than state_timeout.
+            Time since the newest state arrived [s], more than state_timeout.
         """
         return float(self.values.state_timeout)
 
     def leave(self) -> None:
-        """Act once no more states are answered, while the executor still spins."""
+        """Act after the last state, while the executor still spins."""
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Take a changed live parameter, in the loop's thread; may raise ValueError."""
+        """Apply a changed live parameter, in the loop's thread; may raise ValueError."""
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Raise ValueError if a live parameter's new value can't be taken; in any thread."""
+        """Raise ValueError if a live parameter's new value is invalid; callable from any thread."""
 
     def warning(self) -> str:
-        """Return the warning for diagnostics, '' if there is none."""
+        """Return the warning for diagnostics; empty if there is none."""
         return self.base.problem(self.stamp_ns * 1e-9)
 
     def describe(self) -> dict[str, object]:
         """Return the values for diagnostics."""
         return {'base motion': self.base.status(self.stamp_ns * 1e-9)}
 
-    # For derived nodes.
+    # Methods for derived nodes to call.
 
     def listen(self, topic: Topic, act: Callable[[Any, float], None]) -> None:
-        """Subscribe; `act(message, now)` is called in the loop's thread.
+        """Subscribe to a topic; the loop's thread calls `act(message, now)`.
 
-        What it rejects (RejectedInputError) is reported and changes nothing.
+        A message for which `act` raises RejectedInputError is reported and has no effect.
         """
 
         def store(message: Any) -> None:
@@ -247,7 +247,7 @@ class StateNode:
         self.node.create_subscription(topic.type, topic.name, store, topic.qos)
 
     def act(self, action: Callable[[float], None]) -> None:
-        """Do something in the loop's thread, before the next answer; it may reject its input."""
+        """Run an action in the loop's thread before the next answer; it may reject its input."""
         self._requests.append(action)
 
     def advertise(self, topic: Topic) -> Any:
@@ -255,15 +255,15 @@ class StateNode:
         return self.node.create_publisher(topic.type, topic.name, topic.offered)
 
     def since_state_ns(self) -> int:
-        """Return how long ago, on this host, the newest state was published [ns]."""
+        """Return the time since the newest state was published, in this host's time [ns]."""
         return self._stream.latency_ns()
 
     def count_answer(self, latency_ns: int | None = None) -> None:
-        """Count that the newest state has been answered, now or that long after it [ns]."""
+        """Count the newest state as answered, now or with the given latency [ns]."""
         self.diagnostics.latency.add(self.since_state_ns() if latency_ns is None else latency_ns)
 
     def reject(self, reason: str) -> None:
-        """Report an input that isn't used."""
+        """Report a rejected input."""
         self.diagnostics.add_rejection(reason)
         self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
 
@@ -299,7 +299,7 @@ class StateNode:
         late = []
         for sample, lead_ns in samples:
             if lead_ns <= 0 or round(1e9 * sample.stamp) >= stamp_ns:
-                # By its stamp too: messages of two topics may overtake each other.
+                # Compare the stamps too, because messages of two topics may overtake each other.
                 late.append(sample)
             else:
                 self._offer(sample, _arrival(before_ns, stamp_ns, lead_ns))
@@ -317,7 +317,7 @@ class StateNode:
             self._try(partial(self.base.offer_rotors, *thrusts[:3]), came_ns)
 
     def _rotor_names(self) -> tuple[str, ...]:
-        """Return the rotors whose commands are wanted."""
+        """Return the rotors whose commands the node needs."""
         drone = self.arm.drone if isinstance(self.base, FreeBaseEstimator) else None
         return () if drone is None else drone.rotor_names
 
@@ -363,18 +363,18 @@ class StateNode:
 
 
 def _arrival(before_ns: int, stamp_ns: int, lead_ns: int) -> int:
-    """Return when, in the states' time, an IMU sample came [ns].
+    """Return the arrival of an IMU sample in the time of the states [ns].
 
-    A sample's age is counted from the state that came before it: a drone's clock need not be ours,
-    and an emulated arm's time is not the host's. After a gap, as a pause of this process, many came
-    since that state: then it is as long before the new state as it came before it on this host.
+    The arrival is the stamp of the state before the sample, because the clocks of drone, arm and
+    host may differ. After a gap, such as a pause of this process, many samples follow one state.
+    Then the arrival lies before the new state by the interval measured on this host.
 
     Parameters
     ----------
     before_ns, stamp_ns
-        Stamps of the state before, and of the new one [ns].
+        Stamps of the previous and of the new state [ns].
     lead_ns
-        How long before the new state it came [ns].
+        Time from the sample's arrival to that of the new state [ns].
     """
     if stamp_ns - before_ns <= _GAP_NS:
         return before_ns

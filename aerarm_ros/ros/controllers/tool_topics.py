@@ -1,4 +1,4 @@
-"""Targets for the tool, and where it is."""
+"""Topics with targets for the tool, and with the tool's pose."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 TARGET_PARAMETERS = (
     Parameter('frame', 'tool0', 'link that the controller moves'),
-    Parameter('target_frequency', 15.0, 'stiffness of the path to a target', 'rad/s', 0.1, 100.0),
+    Parameter(
+        'target_frequency', 15.0, 'bandwidth of the reference path to a target', 'rad/s', 0.1, 100.0
+    ),
     Parameter('tool_velocity_max', 0.8, 'largest velocity of the reference', 'm/s', 1e-3, 10.0),
     Parameter(
         'tool_acceleration_max', 4.0, 'largest acceleration of the reference', 'm/s^2', 1e-2, 100.0
@@ -29,7 +31,7 @@ TARGET_PARAMETERS = (
 
 
 def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetFollower:
-    """Return the reference generator; targets beyond the stretched arm are out of reach."""
+    """Create the reference generator, which rejects targets beyond the stretched arm."""
     return TargetFollower(
         Kinematics(arm.robot, values.frame),
         values.target_frequency,
@@ -40,7 +42,7 @@ def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetF
 
 
 def _stretched_length(arm: ControlledArm, frame: str) -> float:
-    """Return the sum of the distances from joint to joint, and on to the frame [m]."""
+    """Return the sum of the distances from joint to joint and to the frame [m]."""
     model, frame = arm.robot.model, arm.robot.full_name(frame)
     offsets = [model.jointPlacements[index].translation for index in range(1, model.njoints)]
     offsets.append(model.frames[model.getFrameId(frame)].placement.translation)
@@ -51,14 +53,14 @@ _POSE_PERIOD = 0.02  # [s]
 
 
 class ToolTopics:
-    """Feeds tool_trajectory into a target follower and publishes tool_pose.
+    """Pass tool_trajectory to a target follower, and publish tool_pose.
 
     Parameters
     ----------
     controller
         Owner of subscription, publisher and timer.
     follower
-        What is fed.
+        Receiver of the targets.
     frame
         Link that is moved.
     """
@@ -67,7 +69,7 @@ class ToolTopics:
         self._controller = controller
         self._follower = follower
         self._base = controller.arm.robot.base_link
-        # An instance of its own: it works in the executor's thread.
+        # A separate instance, because it works in the executor's thread.
         self._kinematics = Kinematics(controller.arm.robot, frame)
         pose = topics.TOOL_POSE
         self._poses = controller.node.create_publisher(pose.type, pose.name, pose.offered)

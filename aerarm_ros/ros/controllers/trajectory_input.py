@@ -33,23 +33,23 @@ from aerarm_ros.control.references.trajectory_goals import (
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 from aerarm_ros.ros.executors import create_steady_timer
 
-# How far from now a trajectory may start [s].
+# [s] Bounds of a trajectory's start before and after the present time.
 _LATEST, _EARLIEST = 1.0, 60.0
 
 
 def follow_trajectory(
     follower: TrajectoryFollower, message: TrajectoryMessage, now: float, partial: bool = False
 ) -> None:
-    """Execute a trajectory from its stamp on, from `now` [s] if that is zero.
+    """Follow a trajectory from its stamp, or from `now` [s] if the stamp is zero.
 
     A trajectory without points stops the arm. Raises RejectedInputError.
 
     Parameters
     ----------
     follower, message, now
-        What moves, along what, from when on.
+        Follower, trajectory, and present time [s].
     partial
-        Whether the message may name some of the joints; the others stay where their reference is.
+        Whether the message may omit joints, which then stay at their reference.
     """
     if not message.points:
         follower.stop(now, 'stopped: empty trajectory')
@@ -65,21 +65,20 @@ def read_trajectory(
     now: float,
     staying: npt.NDArray[np.float64] | None = None,
 ) -> tuple[JointTrajectory, float | None]:
-    """Return a message's trajectory, and when it starts [s], None for now.
+    """Return a message's trajectory and its start [s], None for an immediate start.
 
     Parameters
     ----------
     limits, message, now
-        Of the arm, what was sent, and when it was read [s].
+        Limits of the arm, trajectory, and time at which the message was read [s].
     staying
-        Where joints stay (n,) [rad] that the message does not name, as
-        joint_trajectory_controller holds them with `allow_partial_joints_goal`. Without it the
-        message has to name all of them.
+        Positions (n,) [rad] of joints that the message omits, as joint_trajectory_controller does
+        with `allow_partial_joints_goal`. Without this argument the message must name all joints.
 
     Raises
     ------
     RejectedInputError
-        If it isn't a trajectory of this arm, or is stamped in the past.
+        If the message is not a trajectory of this arm, or its stamp lies in the past.
     """
     points, names = message.points, list(message.joint_names)
     others = [] if staying is None else _unnamed(limits, message)
@@ -96,27 +95,28 @@ def read_trajectory(
     stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     if stamp and not -_LATEST <= stamp - now <= _EARLIEST:
         raise RejectedInputError(
-            f'trajectory rejected: its stamp is {stamp - now:+.1f} s from now (allowed: '
-            f'{-_LATEST:+g} to {_EARLIEST:+g}). Use a zero stamp for now, and check the clocks'
+            f'trajectory rejected, because its stamp is {stamp - now:+.1f} s from now (allowed: '
+            f'{-_LATEST:+g} to {_EARLIEST:+g}): set the stamp to zero ("now"), and check the '
+            'clocks'
         )
     return trajectory, stamp or None
 
 
 def _unnamed(limits: JointLimits, message: TrajectoryMessage) -> list[int]:
-    """Return the joints that a message leaves out; RejectedInputError if it fits no joints."""
+    """Return the joints that a message omits; raises RejectedInputError if no joint fits."""
     names = list(message.joint_names)
     if not names or len(set(names)) < len(names) or not set(names) <= set(limits.names):
         raise RejectedInputError(
-            f'joint names {names} are not those of the arm: give some of {list(limits.names)}, '
-            'each once'
+            f'joint names {names} do not match the arm: name some of {list(limits.names)}, each '
+            'once'
         )
     for what in ('positions', 'velocities', 'accelerations'):
         counts = [len(getattr(point, what)) for point in message.points]
         for index, count in enumerate(counts):
             if any(counts) and count != len(names):
                 raise RejectedInputError(
-                    f'trajectory rejected: point {index} has {count} {what} for {len(names)} '
-                    'joints. Give one per joint, at every point or at none'
+                    f'trajectory rejected, because point {index} has {count} {what} for '
+                    f'{len(names)} joints: set one per joint, at every point or at none'
                 )
     return [joint for joint, name in enumerate(limits.names) if name not in names]
 
@@ -126,11 +126,11 @@ def _filled(given: Sequence[float], others: Sequence[float]) -> list[float]:
 
 
 def go_to_set_point(follower: TrajectoryFollower, message: JointState, now: float) -> None:
-    """Go to the positions of a set point. Raises RejectedInputError."""
+    """Move to the positions of a set point. Raises RejectedInputError."""
     limits: JointLimits = follower.limits
     order = limits.order(list(message.name))
     if len(message.position) != limits.n:
-        raise RejectedInputError(f'set point rejected: it needs {limits.n} positions')
+        raise RejectedInputError(f'set point rejected: it must have {limits.n} positions')
     q = np.array(message.position)[order]
     if not np.all(np.isfinite(q)):
         raise RejectedInputError('set point rejected: positions must be finite numbers')
@@ -152,13 +152,13 @@ def serve_trajectories(
     Parameters
     ----------
     controller, follower
-        What runs the follower.
+        Controller and the follower that it runs.
     problem
-        Returns why the controller takes no goal now, '' if it does.
+        Returns why the controller accepts no goal now, or an empty text.
     """
     if find_spec('control_msgs') is None:
         controller.node.get_logger().info(
-            f'control_msgs is not installed: the action ~/{NAME} is not available, send '
+            f'control_msgs is not installed, so the action ~/{NAME} is not available: send '
             'trajectories on the topic'
         )
         return
@@ -167,16 +167,16 @@ def serve_trajectories(
 
 
 class TrajectoryAction:
-    """Serves goals; what they mean is decided by `TrajectoryGoals` in the loop's thread.
+    """Action server; `TrajectoryGoals` evaluates the goals in the loop's thread.
 
     Parameters
     ----------
     controller, follower
-        What runs the follower, and is attended.
+        Controller and the follower that it runs.
     action_type
         control_msgs/action/FollowJointTrajectory.
     problem
-        Returns why the controller takes no goal now, '' if it does.
+        Returns why the controller accepts no goal now, or an empty text.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class TrajectoryAction:
         self._problem = problem
         self._goals = TrajectoryGoals(follower)
         self._own = follower.tolerances
-        # Goals that wait for their result, by their ids, and those that have one.
+        # Goals that wait for their result, and goals with a result, by id.
         self._waiting: dict[Any, tuple[Any, Future]] = {}
         self._ended: deque[tuple[Any, GoalResult]] = deque()
         node = controller.node
@@ -212,15 +212,15 @@ class TrajectoryAction:
     # In the loop's thread.
 
     def update(self) -> None:
-        """Notice a goal that has ended by the last update of the follower."""
+        """Finish a goal that ended with the follower's last update."""
         self._end(self._goals.update())
 
     def give_up(self, reason: str) -> None:
-        """End the goal under way: the arm is not controlled any more."""
+        """Abort the active goal: the arm is no longer controlled."""
         self._end(self._goals.give_up(reason))
 
     def destroy(self) -> None:
-        """Destroy the server; the loop has ended."""
+        """Destroy the server after the loop has ended."""
         self._server.destroy()
 
     def _start(self, handle: Any, now: float) -> None:
@@ -251,8 +251,8 @@ class TrajectoryAction:
                 time.sec + time.nanosec / _BILLION,
             )
         except RejectedInputError as error:
-            # As joint_trajectory_controller does.
-            self._controller.reject(f'{error}; the defaults are used')
+            # joint_trajectory_controller uses the defaults too.
+            self._controller.reject(f'{error}; the default tolerances are used')
             return self._own
 
     def _end(self, ended: list[tuple[Any, GoalResult]]) -> None:
@@ -268,14 +268,16 @@ class TrajectoryAction:
             if problem:
                 raise RejectedInputError(problem)
             if not request.trajectory.points:
-                raise RejectedInputError(f'{NAME}: the trajectory has no points')
+                raise RejectedInputError(
+                    f'{NAME} rejected, because the trajectory has no points: add at least one'
+                )
             if request.multi_dof_trajectory.points:
                 raise RejectedInputError(
-                    f'{NAME}: the trajectory is for joints with several degrees of freedom; this '
-                    'arm has none'
+                    f'{NAME} rejected, because the trajectory moves joints with several degrees '
+                    'of freedom: send only joints with one'
                 )
             now = self._controller.stamp_ns / _BILLION
-            # As it stands now; what changes until the loop begins the goal aborts it.
+            # Read with the present state; a change before the loop starts the goal aborts it.
             trajectory, start = self._read(request, now)
             self._follower.check_goal(trajectory, now, start)
         except RejectedInputError as error:

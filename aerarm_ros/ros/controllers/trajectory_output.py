@@ -1,4 +1,4 @@
-"""A motion as a JointTrajectory message."""
+"""Conversion of a motion to a JointTrajectory message."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from aerarm_ros.motion.signals import JointMotion
 
 POINT_PERIOD = 0.02
-"""Between two points [s]: with velocity and acceleration, quintics between them are near enough."""
+"""[s] between two points, short enough for interpolation by quintics."""
 
 _SECOND = 1_000_000_000
 
@@ -17,16 +17,16 @@ _SECOND = 1_000_000_000
 def trajectory_message(
     motion: JointMotion, names: Sequence[str], start_ns: int = 0
 ) -> JointTrajectory:
-    """Return points of a motion with velocity and acceleration.
+    """Return points of a motion with velocity and acceleration as a message.
 
     Parameters
     ----------
     motion
-        Of n joints.
+        Motion of n joints.
     names
-        Of the joints.
+        Names of the joints.
     start_ns
-        When it begins, in the time of the states [ns]; 0 for at once.
+        Start in the time of the states [ns]; 0 to start at once.
     """
     times = np.append(np.arange(0.0, motion.duration - 1e-6, POINT_PERIOD), motion.duration)
     q, dq, ddq = motion.evaluate(times)

@@ -1,4 +1,4 @@
-"""Topics of the tool in the world: targets in, the tool's pose, reach and a request out."""
+"""Topics of the tool in the world: targets, the tool's pose, its reach and a status request."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ if TYPE_CHECKING:
 _POSE_PERIOD_NS = 20_000_000
 _REACH_PERIOD = 0.2  # [s]
 _POINTS_MAX = 2000
-_ANY = 0.1  # a quaternion shorter than that wants no orientation
+_ANY = 0.1  # A shorter quaternion means that no orientation is requested.
 
 
 class WorldTopics:
-    """Feeds targets into a `WorldToolReference`, and publishes where tool and reach are.
+    """Pass targets to a `WorldToolReference`, and publish the tool's pose and its reach.
 
-    An `Attendant` of the controller: the tool's pose is published once the command is sent. The
-    reach is found in the executor's thread, five times a second.
+    This object is an `Attendant` of the controller: it publishes the pose after the command. The
+    executor's thread computes the reach at 5 Hz.
 
     Parameters
     ----------
     controller
         Owner of subscriptions, publishers and the timer.
     reference
-        What is fed.
+        Receiver of the targets.
     values
         Parameters of `world_control`.
 
     Attributes
     ----------
     frame
-        Frame of the odometry, '' before the first.
+        Frame of the odometry; empty before the first message.
     margin
         The last reach, None while the tool is not held in the world.
     """
@@ -104,8 +104,8 @@ class WorldTopics:
         points = message.points
         if not 2 <= len(points) <= _POINTS_MAX or any(len(p.transforms) != 1 for p in points):
             raise RejectedInputError(
-                f'tool motion rejected: it needs 2 to {_POINTS_MAX} points, each with the pose of '
-                'one body, the tool'
+                f'tool motion rejected: it must have 2 to {_POINTS_MAX} points, each with the '
+                'pose of one body (the tool)'
             )
         if message.header.frame_id not in ('', self.frame):
             raise RejectedInputError(self._wrong_frame('tool motion', message.header.frame_id))
@@ -125,7 +125,7 @@ class WorldTopics:
     def _in_world(
         self, what: str, frame: str, place: Array, rotation: Array | None, now: float
     ) -> tuple[Array, Array | None]:
-        """Return a place of the base frame as where it is in the world now."""
+        """Transform a place and orientation from the base frame to the world frame now."""
         if frame in ('', self.frame):
             return place, rotation
         if frame != self._base:
@@ -133,7 +133,7 @@ class WorldTopics:
         problem = self._reference.base.problem(now)
         if problem:
             raise RejectedInputError(
-                f'{what} rejected: the base pose in the world is unknown: {problem}'
+                f'{what} rejected, because the base pose in the world is unknown: {problem}'
             )
         pose = self._reference.base.pose(now)
         turned = None if rotation is None else pose.rotation @ rotation
@@ -142,14 +142,14 @@ class WorldTopics:
     def _wrong_frame(self, what: str, frame: str) -> str:
         known = f'{self.frame!r} or {self._base!r}' if self.frame else repr(self._base)
         return (
-            f'{what} rejected: no node publishes the base pose in frame {frame!r}; send it in '
-            f'{known}'
+            f'{what} rejected, because no node publishes the base pose in frame {frame!r}: send '
+            f'it in {known}'
         )
 
-    # What follows the loop.
+    # Called by the control loop.
 
     def update(self) -> None:
-        """Publish the tool's pose if it is due, and remember what the reach is found from."""
+        """Publish the tool's pose if it is due, and store the state for the reach."""
         stamp_ns, state = self._controller.stamp_ns, self._controller.state
         if state is None or 0 <= stamp_ns - self._posed_ns < _POSE_PERIOD_NS:
             return
@@ -167,7 +167,7 @@ class WorldTopics:
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
 
     def give_up(self, reason: str) -> None:
-        """Forget the reach of an arm that is not controlled."""
+        """Drop the reach while the arm is not controlled."""
         self._seen = self.margin = None
         if self._request is not None:
             self._request.reset()
@@ -195,7 +195,7 @@ class WorldTopics:
 
 
 def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
-    """Return a message of a place (3,) [m] and an orientation (3, 3)."""
+    """Return the message of a place (3,) [m] and an orientation (3, 3)."""
     message = PoseStamped(header=header)
     p, r = message.pose.position, message.pose.orientation
     p.x, p.y, p.z = place.tolist()
@@ -204,22 +204,24 @@ def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
 
 
 def _rotation(what: str, turn: Array) -> Array | None:
-    """Return the orientation of a quaternion (x, y, z, w), None of one that is zero."""
+    """Return the rotation matrix of a quaternion (x, y, z, w); None if the quaternion is zero."""
     length = float(np.linalg.norm(turn))
     if not np.isfinite(length):
-        raise RejectedInputError(f'{what} rejected: its orientation is NaN or infinite')
+        raise RejectedInputError(
+            f'{what} rejected: its orientation is NaN or infinite; check its publisher'
+        )
     if length < _ANY:
         return None
     if not 0.9 < length < 1.1:
         raise RejectedInputError(
-            f'{what} rejected: its quaternion has length {length:.3g}, not 1; send zeros for any '
-            'orientation'
+            f'{what} rejected, because its quaternion has length {length:.3g} instead of 1: send '
+            'zeros for any orientation'
         )
     return rotation_matrix(turn / length)
 
 
 def _linear(rows: list[object]) -> list[Array] | None:
-    """Return the linear parts of twists, one a point; None where no point has any."""
+    """Return the linear parts of twists, one per point; None if no point has a twist."""
     if not any(len(row) for row in rows):  # type: ignore[arg-type]
         return None
     return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]  # type: ignore

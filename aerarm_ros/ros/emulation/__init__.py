@@ -1,6 +1,6 @@
-"""The bridge on emulated boards, and the world in which they are: its time, its drone.
+"""The bridge on emulated boards, with their simulation time and the emulated drone.
 
-In comes what a bridge has, how fast time shall pass, and what a drone's rotors shall do; out goes
-`EmulatedArm`, the world of a bridge whose arm nobody can hurt. The emulated boards are in
+`EmulatedArm` is the emulated world of a bridge; its parameters are the bridge's, the speed of
+simulation time, and the rotor commands of a drone. The emulated boards are in
 `hardware.emulation`.
 """

@@ -1,4 +1,4 @@
-"""Parameters of an emulated drone and its sensors, and the sensors they describe."""
+"""Parameters of an emulated drone, and the emulated sensors that they describe."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'rotor_timeout',
         0.2,
-        'silence of rotor_command, in simulated time, after which the rotors stop',
+        'age of the last rotor_command, in simulated time, at which the rotors stop',
         's',
         0.005,
         10.0,
@@ -62,7 +62,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'imu_attitude_error',
         0.0,
-        "standard deviation of the IMU's attitude, which drifts within some 10 s",
+        "standard deviation of the IMU's attitude error, which varies within about 10 s",
         'rad',
         0.0,
         1.0,
@@ -116,7 +116,7 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'gust_cutoff',
         0.0,
-        'bandwidth of a second-order wind spectrum, in place of gust_time; 0 for gust_time',
+        'bandwidth of a second-order wind spectrum, used instead of gust_time; 0 for gust_time',
         'Hz',
         0.0,
         100.0,
@@ -124,8 +124,8 @@ DRONE_PARAMETERS = grouped(
     Parameter(
         'contact_force',
         [],
-        'force on the drone or its arm: x, y, z in the world, at the origin of contact_link; none '
-        'if empty',
+        'force on the drone or its arm: x, y, z in world axes, at the origin of contact_link; '
+        'none if empty',
         'N',
         -1000.0,
         1000.0,
@@ -142,7 +142,7 @@ DRONE_PARAMETERS = grouped(
 
 
 def imu(values: SimpleNamespace, plant: FreeBasePlant) -> DelayedSensor[ImuReading]:
-    """Return the IMU of a plant's base; raises ValueError for a list of a wrong length."""
+    """Return the IMU of a simulated base; raises ValueError for a list of a wrong length."""
     noise, bias = _numbers(values, 'imu_noise', 2), _numbers(values, 'imu_bias', 2)
     errors = ImuErrors(noise[0], noise[1], bias[0], bias[1], values.imu_attitude_error)
     faulty = FaultyImu(errors, 1.0 / values.imu_rate, _seed(values, _IMU_SEED))
@@ -166,7 +166,7 @@ def odometry(values: SimpleNamespace, plant: FlyingPlant) -> DelayedSensor[Odome
 def other_odometry(
     values: SimpleNamespace, plant: FlyingPlant
 ) -> list[tuple[Topic, DelayedSensor[OdometryReading]]]:
-    """Return the true odometry and, if there is one, the external one, with their topics."""
+    """Return the topics and sensors of the true and, if used, the external odometry."""
     true = DelayedSensor(lambda: plant.odometry, _TRUE_RATE, values.period)
     found = [(topics.TRUE_ODOMETRY, true)]
     if values.external_odometry_rate:
@@ -183,7 +183,7 @@ def other_odometry(
 
 
 def gust(values: SimpleNamespace) -> RandomDrift | BandLimitedNoise | None:
-    """Return the wind, None where there is none."""
+    """Return the wind disturbance, or None without wind."""
     if values.gust_force == 0.0:
         return None
     random = np.random.default_rng(_seed(values, _GUST_SEED))
@@ -193,7 +193,7 @@ def gust(values: SimpleNamespace) -> RandomDrift | BandLimitedNoise | None:
 
 
 def contact(values: SimpleNamespace, plant: FlyingPlant) -> tuple[list[float], str]:
-    """Return force [N] and link of the contact; raises ValueError for one that cannot be."""
+    """Return force [N] and link of the contact; raises ValueError for an invalid contact."""
     force = _numbers(values, 'contact_force', 3) if values.contact_force else [0.0, 0.0, 0.0]
     plant.place_on(values.contact_link)
     return force, values.contact_link
@@ -202,7 +202,9 @@ def contact(values: SimpleNamespace, plant: FlyingPlant) -> tuple[list[float], s
 def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:
     numbers: list[float] = list(getattr(values, name))
     if len(numbers) != count:
-        raise ValueError(f'{name} has {len(numbers)} numbers, not {count}: see its description')
+        raise ValueError(
+            f'{name} has {len(numbers)} numbers instead of {count}: see its description'
+        )
     return numbers
 
 

@@ -1,4 +1,4 @@
-"""The world of a bridge on emulated boards: only the bus and the arm are not real."""
+"""World of a bridge on emulated boards: only the SPI bus and the arm are emulated."""
 
 from __future__ import annotations
 
@@ -58,19 +58,19 @@ PARAMETERS = ParameterTable(
     *DRONE_PARAMETERS,
 )
 
-# What is looked after once a cycle, looked after as often as that while the world stands still.
+# Number of per-cycle checks in one idle step while the simulation pauses.
 _CYCLES_OF_A_WAIT = 10
-_STILL = 0.05  # [rad/s] joints slower than this
-_FAULT_TIME = 1.0  # [s] world time in which a fault shows
-_FALL_TIME = 2.0  # [s] by then an arm whose motors are off has begun to fall
+_STILL = 0.05  # [rad/s] largest speed of a joint at rest
+_FAULT_TIME = 1.0  # [s] simulation time until a fault has an effect
+_FALL_TIME = 2.0  # [s] after which an arm without motor current has begun to fall
 _NO_DRONE = 'contact_force needs a flying drone: set drone_file'
 
 
 class EmulatedArm(World):
-    """Emulated boards on a physics engine, in simulated time.
+    """Emulated boards on a physics engine, in simulation time.
 
-    A real arm is carried by hand until its motors hold it. So is this one: enabling takes it
-    up where it is, or back to where it started if it fell beyond its limits.
+    A person carries a real arm until its motors hold it. Enabling therefore starts the emulated
+    arm where it is. If the arm fell beyond its limits, enabling returns it to its start.
     """
 
     emulated = True
@@ -94,7 +94,7 @@ class EmulatedArm(World):
         }
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
-        """Return the arm's description, with encoders of the kind that the parameter names."""
+        """Return the arm's description, with the encoder type of the parameters."""
         config, robot = super().load_arm()
         encoders = self.bridge.values.encoders
         return (config.with_encoders(encoders) if encoders else config), robot
@@ -102,11 +102,11 @@ class EmulatedArm(World):
     def make_transport(
         self, config: ArmConfig, robot: Robot, profile: FrameProfile
     ) -> EmulatedTransport:
-        """Return emulated boards; writes the true parameters if asked to."""
+        """Create the emulated boards; write the true parameters if a parameter names a file."""
         values = self.bridge.values
         if len(values.initial_position) not in (0, config.n):
             raise ValueError(
-                f'initial_position has {len(values.initial_position)} values: give one for each '
+                f'initial_position has {len(values.initial_position)} values: set one for each '
                 f'of {", ".join(config.joint_names)}'
             )
         seed = None if values.seed < 0 else values.seed
@@ -135,14 +135,15 @@ class EmulatedArm(World):
                 write_whole(Path(values.truth_file), text)
             except OSError as error:
                 raise ValueError(
-                    f'parameter truth_file: {values.truth_file} cannot be written: {error.strerror}'
+                    f'truth_file {values.truth_file} cannot be written '
+                    f'({error.strerror}): check its path'
                 ) from None
         if values.fault:
             FaultRequest.parse(values.fault, len(transport.boards)).apply(transport)
         return transport
 
     def _as_made(self, config: ArmConfig, robot: Robot) -> tuple[ArmConfig, Robot]:
-        """Return configuration and arm by which the emulated hardware is made."""
+        """Return configuration and model of the emulated arm with its manufacturing errors."""
         values = self.bridge.values
         if values.hardware_config or values.hardware_urdf:
             own = SimpleNamespace(**vars(values))
@@ -175,8 +176,8 @@ class EmulatedArm(World):
             )
         if profile != STILL:
             raise ValueError(
-                f'base_motion_profile is {profile} and drone_file is set: a flying drone has no '
-                'motion profile, remove one of the two'
+                f'base_motion_profile is {profile} and drone_file is set, but a flying drone has '
+                'no motion profile: remove one of the two'
             )
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
@@ -190,7 +191,7 @@ class EmulatedArm(World):
         return self._drone if isinstance(self._drone, FlyingDrone) else None
 
     def make_loop(self) -> PeriodicLoop:
-        """Return what runs the cycles: that of the emulated time, unless it is the real one."""
+        """Return the loop of the cycles, in simulation time or in real time."""
         bridge, values = self.bridge, self.bridge.values
         self._destroy_time()
         if values.pace == REAL_TIME:
@@ -211,21 +212,21 @@ class EmulatedArm(World):
         return self._time.loop
 
     def now_ns(self) -> int:
-        """Return the emulated time [ns since the epoch]."""
+        """Return the simulation time [ns since the epoch]."""
         return self._time.now_ns() if self._time is not None else super().now_ns()
 
     def newest_command(self) -> Command | None:
-        """Return the newest command, which the emulated time may have waited for."""
+        """Return the newest command, for which the simulation may have waited."""
         time = self._time
         return time.newest_command() if time is not None else super().newest_command()
 
     def clean_up(self) -> None:
-        """Forget drone and time."""
+        """Remove the drone and the simulation time."""
         self._destroy_drone()
         self._destroy_time()
 
     def actions(self) -> Mapping[str, Action]:
-        """Return what can be done to an emulated arm, and what is done to it otherwise."""
+        """Return the actions that an emulated arm adds or replaces."""
         return {
             'enable': self._enable,
             'home': self._home,
@@ -234,14 +235,14 @@ class EmulatedArm(World):
         }
 
     def statuses(self) -> Sequence[Status]:
-        """Return what the drone does, if one flies."""
+        """Return the drone's status, if there is a drone."""
         return () if self._flying is None else (self._flying.describe(),)
 
     def end_cycle(self, now: float, stamp_ns: int) -> None:
-        """Run boards and arm on to the next cycle, while the controllers compute."""
+        """Simulate boards and arm up to the next cycle, while the controllers compute."""
         self._now, self._stamp_ns = now, stamp_ns
         if self._drone is not None:
-            # Before the arm moves on: the sample is of the time of its stamp.
+            # Before the arm moves, because a sample must be taken at the time of its stamp.
             self._drone.update(self.bridge.mode, stamp_ns)
         if self._sensors is not None:
             self._sensors.update(stamp_ns)
@@ -252,7 +253,7 @@ class EmulatedArm(World):
             self._time.poll()
 
     def parameter_problem(self, changes: Mapping[str, Any]) -> str:
-        """Return why live parameters cannot be set, or ''."""
+        """Return why live parameters cannot be set, or an empty text."""
         boards, made = self.boards, self._made
         if boards is None or made is None:
             return ''
@@ -277,7 +278,7 @@ class EmulatedArm(World):
             return False
         if self._flying is not None and self._flying.is_flying:
             return False
-        # An arm that is let go rests at first, and falls.
+        # A released arm rests at first, then falls.
         return mode not in OFF or boards.is_carried or since > _FALL_TIME
 
     def _tell_again(self) -> None:
@@ -308,7 +309,7 @@ class EmulatedArm(World):
     def _enable(self, cycle: BridgeCycle) -> Answer:
         boards = self.boards
         if self._time is not None and self._time.is_waiting:
-            cycle.intake.forget()  # its publisher is silent: the arm may be held
+            cycle.intake.forget()  # Its publisher is silent: the bridge may hold the arm.
         if boards is None or cycle.mode != 'idle':
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):
@@ -317,22 +318,22 @@ class EmulatedArm(World):
         else:
             boards.put_back()
             what = 'the fallen arm was reset to its initial configuration; '
-        cycle.update(self._now)  # see where it is now, and that it rests
+        cycle.update(self._now)  # measure the new posture and that the arm rests
         accepted, message = cycle.enable()
         return Answer(accepted, what + message)
 
     def _grasp(self, cycle: BridgeCycle) -> Answer:
-        """Let the arm carry what the parameter says, from now on."""
+        """Attach the payload of the parameters to the arm."""
         if self.boards is None or self._made is None:
-            return Answer(False, 'the bridge is not configured')
+            return Answer(False, 'the bridge is not configured: configure it first')
         self.boards.plant.grasp(self._made(self.bridge.values.payload))
         self._awake_until = self._now + _FAULT_TIME
         return Answer(True, '')
 
     def _turn(self, cycle: BridgeCycle) -> Answer:
-        """Let a hand turn the joint that the parameter names."""
+        """Turn the joint that the parameter `hand` names."""
         if self.boards is None:
-            return Answer(False, 'the bridge is not configured')
+            return Answer(False, 'the bridge is not configured: configure it first')
         try:
             duration = self.boards.turn(
                 *parse_turn(self.bridge.values.hand, self.bridge.config.joint_names)
@@ -358,7 +359,7 @@ class EmulatedArm(World):
         return ''
 
     def _touch(self, cycle: BridgeCycle) -> Answer:
-        """Let the contact of the parameters act from now on."""
+        """Apply the contact force of the parameters."""
         plant = None if self.boards is None else self.boards.plant
         if not isinstance(plant, FlyingPlant):
             return Answer(False, _NO_DRONE)
@@ -370,9 +371,9 @@ class EmulatedArm(World):
         if boards is None or cycle.mode not in OFF:
             return cycle.home()
         boards.put_at_rest()
-        cycle.update(self._now)  # see where it is now, and that it rests
+        cycle.update(self._now)  # measure the new posture and that the arm rests
         accepted, message = cycle.home()
-        return Answer(accepted, f'the arm was put into its home configuration; {message}')
+        return Answer(accepted, f'the emulated arm was moved to its home configuration; {message}')
 
     def _inject_fault(self, cycle: BridgeCycle) -> Answer:
         fault, boards = self.bridge.values.fault, self.boards
@@ -385,7 +386,7 @@ class EmulatedArm(World):
     def _put_back(self, cycle: BridgeCycle) -> Answer:
         boards = self.boards
         if boards is None or any(board.system_enabled for board in boards.boards):
-            return Answer(False, 'the motors are driven: disable first')
+            return Answer(False, 'the motors are driven: disable the arm first')
         boards.put_back()
         if self._flying is not None:
             self._flying.restart()

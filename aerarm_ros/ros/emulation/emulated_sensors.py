@@ -1,4 +1,4 @@
-"""Publishes what an emulated motion capture and an emulated camera see of the arm."""
+"""Publish the measurements of an emulated motion capture and an emulated camera."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ SENSOR_PARAMETERS = (
     Parameter(
         'geometry_seed',
         -1,
-        'seed of the geometric errors of the arm: zeros by 10 mrad, lengths by 1 mm, mount and '
-        'IMU; -1 for a nominal arm',
+        'seed of the geometric errors of the emulated arm (zeros by 10 mrad, lengths by 1 mm, '
+        'mount and IMU); -1 for a nominal arm',
         minimum=-1,
         maximum=10**9,
     ),
     Parameter(
         'hardware_config',
         '',
-        'configuration of the emulated hardware, if config has other offsets, for example '
-        'calibrated ones; config if empty',
+        'configuration of the emulated hardware, if its offsets differ from config, for example '
+        'because config is calibrated; config if empty',
     ),
     Parameter(
         'hardware_urdf',
@@ -85,11 +85,11 @@ class EmulatedSensors:
     node
         Owner of the publishers.
     plant
-        What they look at.
+        The simulated arm that is measured.
     link
-        The last link.
+        Name of the last link.
     values
-        Of `SENSOR_PARAMETERS`, with `period` and `seed`.
+        Values of `SENSOR_PARAMETERS`, with `period` and `seed`.
     """
 
     def __init__(self, node: Node, plant: ArmPlant, link: str, values: SimpleNamespace) -> None:
@@ -125,7 +125,7 @@ class EmulatedSensors:
             self._pose = node.create_publisher(PoseStamped, 'camera/marker', RELIABLE)
 
     def update(self, stamp_ns: int) -> None:
-        """Publish what is due in the cycle of a stamp [ns]."""
+        """Publish the measurements that are due in the cycle with stamp [ns]."""
         if self._mocap is not None and (sample := self._mocap.update(stamp_ns)) is not None:
             self._publish_markers(*sample)
         if self._body is not None and (sample := self._body.update(stamp_ns)) is not None:
@@ -142,7 +142,7 @@ class EmulatedSensors:
     def _publish_markers(self, stamp_ns: int, frame: Any) -> None:
         for publisher, position in zip(self._markers, frame, strict=True):
             if not np.isfinite(position).all():
-                continue  # hidden: a motion capture publishes nothing
+                continue  # hidden marker: a motion capture publishes no pose
             message = PointStamped()
             message.header.frame_id = 'mocap'
             message.header.stamp = to_time(stamp_ns + self._clock_ns)
@@ -152,7 +152,7 @@ class EmulatedSensors:
     @staticmethod
     def _publish_pose(publisher: Any, frame: str, stamp_ns: int, pose: Any) -> None:
         if pose is None:
-            return  # not seen
+            return  # not in view
         rotation, place = pose
         message = PoseStamped()
         message.header.frame_id = frame

@@ -1,4 +1,4 @@
-"""The time of the emulated arm: how fast it passes, and for whom it waits."""
+"""Simulation time of the emulated arm: its speed, and the nodes for which it waits."""
 
 from __future__ import annotations
 
@@ -19,44 +19,43 @@ from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.graph import RivalWatch
 from aerarm_ros.ros.parameters.parameter_table import Parameter
 
-# Below this share of real time the account calls the host too slow for a real arm.
+# Below this fraction of real time, the summary calls the host too slow for a real arm.
 _AS_GOOD_AS_REAL = 0.99
-# A bridge damps its arm after a silence of this length [ns]: a smaller total slip is harmless.
+# [ns] A bridge damps its arm after a silence of this length, so a smaller total delay is harmless.
 _NOTICED_SLIP_NS = 50_000_000
 
 
 class WorldLoop(PeriodicLoop):
-    """Calls a function once a period of world time, at most as fast as real time.
+    """Call a function once per period of simulation time, at most as fast as real time.
 
-    While the host can, deadlines lie on a grid, as those of a `PeriodicLoop`. A host that is a
-    period late or more, because it was busy or asleep, shifts the grid: no cycle is skipped, and
-    no time passes in the world meanwhile.
+    On a fast host the deadlines lie on a grid, as for a `PeriodicLoop`. If the host is late by a
+    period or more, the grid shifts: no cycle is skipped, and the simulation pauses meanwhile.
 
     Parameters
     ----------
     period
-        World time from cycle to cycle [s].
+        Simulation time between cycles [s].
     hold
-        Called before each cycle; blocks while the world has to wait for somebody, and returns
-        whether the cycle may come before its deadline.
+        Called before each cycle; blocks while the simulation must wait, and returns whether the
+        cycle may start before its deadline.
     wait_first
-        Whether the deadline is waited for before `hold` is called, so that it blocks only where
-        the host is too slow; else it is called at once, and a cycle may come early.
+        Whether to wait for the deadline before calling `hold`. Then `hold` blocks only on a slow
+        host. With False, `hold` is called at once, and a cycle may start early.
 
     Attributes
     ----------
     period_ns, cycles, lateness, execution, interval
-        As of a `PeriodicLoop`, in the host's time; no cycle is ever missed.
+        As for a `PeriodicLoop`, in the host's time; no cycle is ever missed.
     slipped_ns
-        Time [ns] that went by on the host and not in the world.
+        Time [ns] by which the host's clock advanced more than the simulation's.
     stood_ns
-        Time [ns] that the world stood still because nothing happened in it: for `hold` to add to,
-        and left out of the share of real time.
+        Time [ns] of pauses in which the arm was at rest; `hold` adds to it. Such a pause does not
+        count in `share_of_real_time`.
 
     Raises
     ------
     ValueError
-        If the period isn't between 10 us and 1000 s.
+        If the period is not between 10 us and 1000 s.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class WorldLoop(PeriodicLoop):
 
     @property
     def world_ns(self) -> int:
-        """World time [ns]: that of the present cycle, or of the last one."""
+        """Simulation time [ns] of the present or last cycle."""
         return self._start_ns + self.cycles * self.period_ns
 
     def run(self, function: Callable[[int, int], None]) -> None:
@@ -84,8 +83,8 @@ class WorldLoop(PeriodicLoop):
         Parameters
         ----------
         function
-            Takes the world time [ns], a period after the start at the first call, and the number
-            of the cycle, 0, 1, 2... What it raises ends the loop.
+            Receives the simulation time [ns], one period at the first call, and the number of the
+            cycle, 0, 1, 2... An exception ends the loop.
         """
         clock = time.monotonic_ns
         previous = clock()
@@ -104,7 +103,7 @@ class WorldLoop(PeriodicLoop):
             due += self.period_ns
 
     def _wait(self, due: int) -> int:
-        """Wait for the next cycle; return the deadline that it came for."""
+        """Wait for the next cycle and return its deadline."""
         clock = time.monotonic_ns
         if self._wait_first:
             sleep_until(due)
@@ -125,23 +124,26 @@ class WorldLoop(PeriodicLoop):
 
     @property
     def share_of_real_time(self) -> float:
-        """World time over the host's, since the start; above one for a world that runs ahead."""
+        """Simulation time divided by the host's time since the start; can exceed one."""
         host_ns = self._host_ns - self.stood_ns
         return self.cycles * self.period_ns / host_ns if host_ns > 0 else 1.0
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
-        """Return a level of `timing_assessment` and one line: a slow world is no fault."""
+        """Return a level of `timing_assessment` and one line; a slow simulation is no fault."""
         return OK, f'the simulation runs at {100.0 * self.share_of_real_time:.1f} % of real time'
 
     def account(self) -> str:
-        """Return one line for the log's end."""
+        """Return one summary line for the end of the log."""
         if not self.cycles:
-            return 'no cycle has run'
+            return 'no cycle has run yet'
         share = self.share_of_real_time
         text = f'{self.cycles} cycles, the simulation ran at {100.0 * share:.1f} % of real time'
         is_slow = share < _AS_GOOD_AS_REAL and self.slipped_ns >= _NOTICED_SLIP_NS
         if self._wait_first and is_slow:
-            text += f', {self.slipped_ns * 1e-9:.2f} s behind it: too slow here for a real arm'
+            text += (
+                f', {self.slipped_ns * 1e-9:.2f} s behind real time: this computer is too '
+                'slow for a real arm'
+            )
         return text
 
 
@@ -150,15 +152,15 @@ _LAG_NS = 500_000_000
 
 
 class RecordingWatch:
-    """Follows until when a recorder has the joint states, if there is one.
+    """Track up to which time a recorder has the joint states.
 
     Parameters
     ----------
     node
-        Owner of the subscription; its executor takes the messages.
+        Owner of the subscription; its executor receives the messages.
     start_ns
-        Time at which the world began [ns since the epoch]. What a recorder has of before is of
-        another world, such as that of a second bridge by mistake.
+        Start of the simulation [ns since the epoch]. Earlier times belong to another simulation,
+        for example of a second bridge.
     """
 
     def __init__(self, node: Node, start_ns: int) -> None:
@@ -171,16 +173,16 @@ class RecordingWatch:
         )
 
     def is_behind(self, now_ns: int) -> bool:
-        """Whether the recorder lacks more than half a second before `now_ns` [ns]."""
+        """Return whether the recorder is more than half a second behind `now_ns` [ns]."""
         until_ns = self._until_ns
         if until_ns is None or now_ns - until_ns <= _LAG_NS:
             return False
         if self._subscription.get_publisher_count() == 0:
-            self._until_ns = None  # it has ended
+            self._until_ns = None  # the recorder has ended
         return self._until_ns is not None
 
     def give_up(self) -> None:
-        """Expect nothing until the recorder tells more."""
+        """Stop waiting until the recorder reports again."""
         self._until_ns = None
 
     def destroy(self) -> None:
@@ -197,13 +199,13 @@ _PERIOD_NS = 5_000_000
 _ADVICE = (
     ', each with its own time: give each a separate ROS_DOMAIN_ID, or remap /clock of all but one'
 )
-# rosgraph_msgs/Clock: the encapsulation of little-endian CDR, seconds, nanoseconds.
+# rosgraph_msgs/Clock: header of little-endian CDR, seconds, nanoseconds.
 _CDR = struct.Struct('<4BiI')
 _ENCAPSULATION = (0, 1, 0, 0)
 
 
 class WorldClock:
-    """Publishes the simulated time, as serialized bytes, at 200 Hz.
+    """Publish the simulation time, serialized, at 200 Hz.
 
     Parameters
     ----------
@@ -220,7 +222,7 @@ class WorldClock:
         self._rivals = RivalWatch(node, topic, _ADVICE)
 
     def tell(self, now_ns: int) -> None:
-        """Publish `now_ns` [ns] if it is time."""
+        """Publish `now_ns` [ns] if a message is due."""
         if now_ns >= self._due:
             self._due = now_ns + _PERIOD_NS
             self._told = _CDR.pack(*_ENCAPSULATION, *divmod(now_ns, 1_000_000_000))
@@ -232,7 +234,7 @@ class WorldClock:
             self._publisher.publish(self._told)
 
     def poll(self) -> None:
-        """Look for another clock; to be called in every cycle, costs a microsecond."""
+        """Check for another clock; to be called in every cycle, takes a microsecond."""
         self._rivals.poll()
 
     def destroy(self) -> None:
@@ -246,16 +248,16 @@ PACE_PARAMETERS = (
     Parameter(
         'pace',
         KEEP_UP,
-        'pace of the simulation. keep_up: real time, slower if the computer is too slow. '
-        'lockstep: waits for the command that responds to the last state, and runs as fast as '
-        'possible while commands arrive, or during alignment and homing. real_time: time passes '
-        'even while the computer is busy',
+        'pace of the simulation. keep_up: real time, or slower if the computer is too slow. '
+        'lockstep: each cycle waits for the command that responds to the last state; the '
+        'simulation runs as fast as possible while commands arrive, and during alignment and '
+        'homing. real_time: time passes even while the computer is busy',
         choices=PACES,
     ),
     Parameter(
         'answer_timeout',
         5.0,
-        'time limit on the wall clock for nodes that command or record the arm',
+        'longest wait (wall clock) for nodes that command or record the arm',
         's',
         0.01,
         600.0,
@@ -263,53 +265,53 @@ PACE_PARAMETERS = (
 )
 
 LAG = {KEEP_UP: 3, LOCKSTEP: 0, REAL_TIME: 0}
-"""Number of states, and of odometry messages, that may be without an answer."""
+"""Largest number of states, and of odometry messages, without an answer."""
 
-# A world in lockstep stands still in these as soon as the arm does, until somebody does something;
-# and hurries in those in which nobody is needed.
+# In these modes a simulation in lockstep pauses as soon as the arm rests, until a request or
+# message arrives. In modes that need no controller the simulation runs ahead.
 _STANDING = (*OFF, 'ready')
 _ALONE = ('aligning', 'homing', 'ready')
-_SLICE = 0.005  # [s] until requests are looked for again
+_SLICE = 0.005  # [s] between two checks for requests
 _EAGER = 0.001  # [s]
-_REPEAT = 0.05  # [s] between two tellings of the same state, for who has not heard it
+_REPEAT = 0.05  # [s] between two copies of a state, for nodes that missed the first
 
 
 class EmulatedWorld:
-    """A world whose time advances by one period a cycle, and stands still between two.
+    """A simulation that advances by one period per cycle and pauses in between.
 
-    In lockstep time is that of the answers: the world stands still until the last state is
-    answered, while the arm is off and lies, and before its first command, so that the same
-    controller finds the same world at the same time in every run. It begins at `start_ns`; with
-    `keep_up` it begins at the host's time.
+    In lockstep the simulation waits until the last state is answered. The simulation also pauses
+    before the first command, and while the arm is off and at rest. So a controller meets the same
+    states at the same times in every run. Lockstep starts at `start_ns`, `keep_up` at the host's
+    time.
 
     Parameters
     ----------
     node
         Owner of the topic /clock.
     streams, requests
-        Where the bridge's commands and requests come in.
+        Sources of the bridge's commands and requests.
     pace
         `KEEP_UP` or `LOCKSTEP`.
     period, patience
-        Of the cycle, and `answer_timeout` [s].
+        Period of the cycle, and `answer_timeout` [s].
     start_ns
-        World time at the start [ns]: zero in a new process; where the bridge is configured once
-        more time does not go back.
+        Simulation time at the start [ns]: zero in a new process. A bridge that is configured again
+        continues its time.
     is_still
-        Returns whether the arm lies or stands still, in a mode since a world time [s].
+        Returns whether the arm has been at rest since a simulation time [s] in the present mode.
     tell_again
-        Publishes the last state once more.
+        Republishes the last state.
     wait_idly
-        Called while nothing happens, about 20 times a second.
+        Called about 20 times per second during a pause.
     drone
-        Whose flight controller is waited for as well, if there is one.
+        Drone whose flight controller the simulation waits for, or None.
 
     Attributes
     ----------
     loop
         The bridge's loop.
     is_waiting
-        Whether the wait for an answer was ended by a request: nobody commands the arm then.
+        Whether a request ended the wait for an answer, so that no controller commands the arm.
     """
 
     def __init__(
@@ -353,21 +355,21 @@ class EmulatedWorld:
         return self._origin_ns + self.loop.world_ns
 
     def newest_command(self) -> Command | None:
-        """Return what `BridgeStreams.newest_command` would have: it was taken before the cycle."""
+        """Return the newest command, which was taken from the streams before the cycle."""
         command, self._command = self._command, None
         if isinstance(command, ValueError):
             raise command
         return command
 
     def end_cycle(self, mode: str) -> None:
-        """Take the bridge's mode, and tell the time."""
+        """Store the bridge's mode and publish the time."""
         if mode != self._mode:
             self._mode, self._mode_since_ns = mode, self.loop.world_ns
             self._warned.clear()
         self._clock.tell(self.now_ns())
 
     def poll(self) -> None:
-        """Look for another world in this domain; once a cycle."""
+        """Check for another simulation in this domain; called once per cycle."""
         self._clock.poll()
 
     def destroy(self) -> None:
@@ -376,17 +378,17 @@ class EmulatedWorld:
         self._recording.destroy()
 
     def _hold(self) -> bool:
-        """Wait until the world may go on; return whether it may hurry."""
+        """Wait until the simulation may continue; return whether the next cycle may start early."""
         self.is_waiting = False
         if self._mode not in COMMANDABLE or self._mode == 'ready':
-            self._watch.forget()  # who commands next is another one, maybe
+            self._watch.forget()  # The next command may come from another controller.
         self._stands = (
             self._in_lockstep
             and self._mode in _STANDING
             and self._is_still(self._mode, 1e-9 * (self.loop.world_ns - self._mode_since_ns))
         )
         if not (self._in_lockstep and self._watch.awaits(self.now_ns())):
-            self._look()  # else it is waited for
+            self._look()  # otherwise the wait below reads it
         if self._stands:
             self._stand()
             return True
@@ -396,20 +398,20 @@ class EmulatedWorld:
         return self._in_lockstep and (is_answered or self._mode in _ALONE)
 
     def _stand(self) -> None:
-        """Wait for a message or request; no simulated time passes."""
+        """Pause until a message or request arrives."""
         begun = time.monotonic_ns()
         if not self._wait(lambda: self._command is None, self._patience):
             if self._mode == 'ready' and self._streams.commands.publishers():
                 self._say(
-                    'joint_command has a publisher that responds to no state: the simulation '
+                    'a publisher of joint_command does not respond to states: the simulation '
                     'pauses until it responds, also to re-sent states'
                 )
             self._wait(lambda: self._command is None, None)
-        if not self.loop.is_stopped:  # the wait before a cycle that comes
+        if not self.loop.is_stopped:  # the wait before the next cycle
             self.loop.stood_ns += time.monotonic_ns() - begun
 
     def _is_ahead(self) -> bool:
-        """Whether the world would run away from who commands or records the arm."""
+        """Return whether the simulation must wait for a controller or a recorder."""
         now_ns = self.now_ns()
         if self._recording.is_behind(now_ns) or self._is_drone_behind():
             return True
@@ -422,17 +424,17 @@ class EmulatedWorld:
         if not self._watch.awaits(now_ns):
             return False
         if not self._in_lockstep and self._streams.commands.publishers() < self._publishers:
-            self._watch.forget()  # it has ended: there is nobody to wait for
+            self._watch.forget()  # the node has ended, so do not wait for it
         return self._watch.expects
 
     def _wait(self, is_needed: Callable[[], bool], patience: float | None) -> bool:
-        """Wait while it is needed, or until something is asked; False if that takes too long."""
-        waited = 0.0  # while the others could run as well: a pause of the host does not count
+        """Wait while a condition holds; a request ends the wait, a time-out returns False."""
+        waited = 0.0  # counts only while other processes could run
         last = told = time.monotonic()
         has_told = False
         while is_needed() and not (self.loop.is_stopped or self._requests.are_waiting):
-            # An answer takes a fraction of a millisecond: who looks again at once has it sooner
-            # than who is woken up.
+            # An answer takes a fraction of a millisecond, so polling is faster than a blocking
+            # wait.
             is_eager = self._in_lockstep and waited < _EAGER
             self._listen(0.0 if is_eager else _SLICE)
             now = time.monotonic()
@@ -451,11 +453,11 @@ class EmulatedWorld:
         return True
 
     def _listen(self, timeout: float) -> None:
-        """Wait for who is waited for, up to `timeout` [s], and take what came."""
+        """Wait up to `timeout` [s] for an awaited node, and take its messages."""
         drone = self._drone
         if drone is not None and drone.is_behind() and not self._awaits_command():
             drone.wait(timeout)
-        elif self._streams.commands.wait(timeout):  # for one, or while the recorder is behind
+        elif self._streams.commands.wait(timeout):  # for a command, or while the recorder is behind
             self._look()
         if drone is not None:
             drone.look()
@@ -464,7 +466,7 @@ class EmulatedWorld:
         return self._stands or self._watch.awaits(self.now_ns())
 
     def _is_alone(self, has_told: bool) -> bool:
-        """Whether no node commands the arm, after a wait with or without re-sending the state."""
+        """Return whether no node commands the arm, with or without re-sending the state."""
         commands = self._streams.commands
         if not self._watch.awaits(self.now_ns()):
             return False
@@ -475,13 +477,13 @@ class EmulatedWorld:
         try:
             command = self._streams.newest_command()
         except ValueError as error:
-            self._command = self._command or error  # it replaces no answer, either
+            self._command = self._command or error  # an invalid command replaces no answer
             return
         if command is None or self._is_early(command[1].stamp_ns):
             return
         stamp_ns, now_ns = command[1].stamp_ns, self.now_ns()
         if self._watch.expects and not self._watch.is_answer(stamp_ns, now_ns):
-            # A stranger's: it must neither replace an answer nor end the wait for one.
+            # A command of another node must neither replace an answer nor end the wait.
             self._command = self._command or command
             return
         self._command = command
@@ -490,7 +492,7 @@ class EmulatedWorld:
         self._watch.note(stamp_ns, now_ns)
 
     def _is_early(self, stamp_ns: int) -> bool:
-        """Whether a first command answers a state before the one at which the world stands."""
+        """Return whether a first command answers a state before the present one."""
         if not self._in_lockstep or self._mode != 'ready' or self._watch.expects:
             return False
         is_answer = self._watch.is_answer(stamp_ns, self.now_ns())
@@ -507,13 +509,13 @@ class EmulatedWorld:
             self._watch.give_up()
             self._warn(
                 'no command responded to the last state',
-                'and the arm is damped, or held on request',
+                'and the arm is damped, or held if requested',
             )
 
     def _warn(self, what: str, then: str) -> None:
         self._say(
-            f'{what} within {self._patience:g} s: the simulation continues without it, {then} '
-            '(answer_timeout lengthens the wait)'
+            f'{what} within {self._patience:g} s (answer_timeout), so the simulation continues '
+            f'without it, {then}'
         )
 
     def _say(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Parameters of an emulated arm, and what it is made of by them."""
+"""Parameters of an emulated arm, and the simulated arm that they describe."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'payload',
         [],
-        "payload of the arm: mass, and x, y, z of its centre in the frame of the last link's "
-        'joint; none if empty',
+        'payload of the arm: mass, and x, y, z of its centre of mass in the frame of the last '
+        "link's joint; none if empty",
         'kg, m',
         -10.0,
         10.0,
@@ -55,7 +55,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'backlash_wear',
         0.0,
-        'growth of the backlash per transmitted energy',
+        'growth of the backlash per energy that the gear transmits',
         'rad/J',
         0.0,
         1.0,
@@ -69,27 +69,29 @@ EMULATION_PARAMETERS = (
     Parameter(
         'encoders',
         '',
-        'type of the encoders: incremental ones need homing, absolute ones do not; as in the '
+        "type of the encoders: 'incremental' (homing is needed) or 'absolute'; as in the "
         'configuration if empty',
         choices=('', *ENCODERS),
     ),
-    Parameter('truth_file', '', "YAML file to write the arm's true parameters to"),
+    Parameter(
+        'truth_file', '', 'YAML file for the true parameters of the simulated arm; none if empty'
+    ),
     Parameter(
         'fault',
         '',
-        f'fault to inject at once: {FORM}, NAME one of {", ".join(FAULTS)}',
+        f'fault to inject when set: {FORM}, NAME one of {", ".join(FAULTS)}',
         live=True,
     ),
     Parameter(
         'hand',
         '',
-        'JOINT:ANGLE: with the motors off, turn that joint by hand to that angle [rad], once per '
+        'JOINT:ANGLE turns that joint to that angle [rad] by hand, with the motors off; once per '
         'set',
         live=True,
     ),
 )
 
-# The payload is a ball of this radius [m]: its own inertia, small beside that of its place.
+# The payload is a ball of this radius [m], with a small inertia about its centre.
 PAYLOAD_RADIUS = 0.03
 
 
@@ -101,17 +103,17 @@ def plant_parameters(
     backlash_wear: float,
     payload: Sequence[float],
 ) -> PlantParameters:
-    """Return what the simulated arm is made of; raises ValueError for what no arm has."""
+    """Return the physical parameters of the simulated arm; raises ValueError."""
     parameters = PlantParameters.nominal(config, robot)
     if seed is not None:
         parameters = parameters.perturbed(seed)
     if len(backlash) not in (0, 1, config.n):
         raise ValueError(
-            f'backlash {list(backlash)}: give one value, or one for each of {config.n} joints'
+            f'backlash {list(backlash)} must have one value, or one for each of {config.n} joints'
         )
     if backlash_wear and not len(backlash):
         raise ValueError(
-            f'backlash_wear {backlash_wear:g}: no gear has backlash that could grow, set backlash'
+            f'backlash_wear is {backlash_wear:g}, but no gear has backlash: set backlash'
         )
     if len(backlash):
         play = np.broadcast_to(np.array(backlash, dtype=float), (config.n,))
@@ -120,6 +122,7 @@ def plant_parameters(
         return parameters
     if len(payload) != 4 or not payload[0] >= 0.0:
         raise ValueError(
-            f'payload {list(payload)}: give a mass of at least 0 [kg] and x, y, z of its centre [m]'
+            f'payload {list(payload)} must be a mass of at least 0 [kg] and x, y, z of '
+            'its centre of mass [m]'
         )
     return parameters.carrying(payload[0], payload[1:], PAYLOAD_RADIUS)

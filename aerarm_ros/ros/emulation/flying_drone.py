@@ -1,4 +1,4 @@
-"""The drone that flies the simulated arm: rotor_command in, imu and odometry out."""
+"""The emulated drone: subscribe to rotor_command, publish imu and odometry."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from aerarm_ros.simulation.sensors import DelayedSensor, ImuReading, OdometryRea
 
 
 class EmulatedDrone:
-    """Moves once the arm's motors hold it, and tells what its IMU reads.
+    """Move the arm's base once the motors hold the arm, and publish its IMU.
 
     Parameters
     ----------
     node
         Owner of the publisher.
     plant
-        The arm on its base.
+        Simulated arm on its base.
     imu
-        The IMU on that base.
+        IMU on the base.
     imu_frame
-        Name of the IMU's frame.
+        Frame name of the IMU.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class EmulatedDrone:
         self._is_moving = False
 
     def update(self, mode: str, stamp_ns: int) -> None:
-        """Take the bridge's mode and the stamp of its cycle [ns], and publish what is due."""
+        """Apply the bridge's mode, and publish the messages due in the cycle with stamp [ns]."""
         if not self._is_moving and mode in HELD:
             self._is_moving = True
             if isinstance(self._plant, MovingBasePlant):
@@ -80,42 +80,42 @@ class EmulatedDrone:
 
 
 def to_time(stamp_ns: int) -> Time:
-    """Return a message's stamp of a time [ns]."""
+    """Convert a time [ns] to a message's stamp."""
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def fill_vector(part: Any, vector: NDArray[Any]) -> None:
-    """Write (3,) numbers to x, y and z of a part of a message."""
+    """Copy (3,) numbers to x, y and z of a message part."""
     part.x, part.y, part.z = vector.tolist()
 
 
 def fill_quaternion(part: Any, quaternion: NDArray[Any]) -> None:
-    """Write a quaternion (x, y, z, w) to a part of a message."""
+    """Copy a quaternion (x, y, z, w) to a message part."""
     part.x, part.y, part.z, part.w = quaternion.tolist()
 
 
-_REMEMBERED = 5.0  # [s] for which a rejection is a warning
+_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 WORLD_FRAME = 'odom'
 
 
 class FlyingDrone(EmulatedDrone):
-    """Passes rotor commands to the plant, and follows who answers the odometry.
+    """Pass rotor commands to the simulation, and track the node that answers the odometry.
 
     Parameters
     ----------
     node
         Owner of publishers and subscription.
     plant
-        Arm and drone.
+        Simulated arm and drone.
     imu, odometry
-        Its sensors.
+        Sensors of the drone.
     lag
-        Odometry messages that may be without an answer: see `AnswerWatch`.
+        Largest number of odometry messages without an answer, see `AnswerWatch`.
     prefix
-        Before the names of its frames.
+        Prefix of the frame names.
     others
-        Odometry on other topics, which nobody is waited for to answer.
+        Odometry on other topics, which needs no answer.
     """
 
     def __init__(
@@ -153,20 +153,24 @@ class FlyingDrone(EmulatedDrone):
 
     @property
     def expects(self) -> bool:
-        """Whether a node responds to the odometry."""
+        """Whether a node answers the odometry."""
         return self._watch.expects
 
     def describe(self) -> Status:
-        """Return what the drone does, and why, for /diagnostics."""
+        """Return the drone's state and its reason for /diagnostics."""
         rotors, is_commanded = self._flight.rotors, self._flight.rotors.is_commanded
         level, text = DiagnosticStatus.OK, 'flying'
         if not self.is_flying:
-            text = 'supported until the motors hold the arm and the rotors lift the drone'
-            text = text if is_commanded else 'supported: no rotor commands'
+            text = (
+                'the drone is supported until the motors hold the arm and the rotors lift the drone'
+            )
+            text = (
+                text if is_commanded else 'the drone is supported, because no rotor commands arrive'
+            )
         elif not is_commanded:
             level, text = (
                 DiagnosticStatus.WARN,
-                ('no rotor commands: the rotors stand still, the drone falls'),
+                ('no rotor commands, so the rotors stop and the drone falls'),
             )
         if time.monotonic() - self._rejected_at < _REMEMBERED:
             level, text = DiagnosticStatus.WARN, f'rejected: {self._rejection}'
@@ -178,7 +182,7 @@ class FlyingDrone(EmulatedDrone):
         return 'drone', level, text, values
 
     def update(self, mode: str, stamp_ns: int) -> None:
-        """Publish what is due, and take the newest rotor command."""
+        """Publish the messages that are due, and take the newest rotor command."""
         super().update(mode, stamp_ns)
         odometry = self._odometry.update(stamp_ns)
         for publisher, sensor in self._others:
@@ -190,7 +194,7 @@ class FlyingDrone(EmulatedDrone):
             self._tell(*odometry)
 
     def restart(self) -> None:
-        """Publish the present pose next, without earlier ones: a user has moved the drone."""
+        """Publish the present pose next, because a user has moved the drone."""
         self._told_ns = 0
         self._imu.restart()
         self._odometry.restart()
@@ -198,15 +202,15 @@ class FlyingDrone(EmulatedDrone):
             sensor.restart()
 
     def is_behind(self) -> bool:
-        """Whether the last odometry still needs an answer of who answered those before."""
+        """Return whether the last odometry still needs the answer of the flight controller."""
         if not self._watch.awaits(self._told_ns):
             return False
         if self._commands.reader.publishers() == 0:
-            self._watch.forget()  # it has ended
+            self._watch.forget()  # the flight controller has ended
         return self._watch.expects
 
     def give_up(self) -> None:
-        """Expect no answer until the next one."""
+        """Stop waiting for answers until the next one arrives."""
         self._watch.give_up()
 
     def wait(self, timeout: float) -> None:

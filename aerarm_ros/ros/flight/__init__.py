@@ -1,5 +1,5 @@
-"""What the node that flies a drone is made of.
+"""Parts of the node that flies a drone.
 
-In come parameters and messages with places, ways and what the arm does; out go the pure objects of
-`aerarm_ros.flight`, and what is wrong with a message.
+The modules convert parameters and messages (set points, trajectories, the arm's load) to the
+ROS-free objects of `aerarm_ros.flight`, and reject invalid messages.
 """

@@ -1,4 +1,4 @@
-"""Messages for a flight controller: places, ways, and what its arm does."""
+"""Messages for a flight controller: set points, trajectories and the arm's load."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
 
 
 def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, MassProperties]:
-    """Return the arm, the drone, and both as one body with the arm at rest.
+    """Return the arm, the drone, and the mass properties of both with the arm at rest.
 
     Parameters
     ----------
     values
-        Of `ARM_FILES` and `DRONE_FILE`.
+        Values of `ARM_FILES` and `DRONE_FILE`.
 
     Raises
     ------
     ValueError
-        If no drone is named, or a file can't be used.
+        If no drone is named, or a file cannot be used.
     """
     config, robot = load_arm(values)
     drone = load_drone(values, config, robot)
@@ -47,16 +47,16 @@ def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, M
 
 
 class ArmTopics:
-    """Passes the messages of `base_reaction` to the feed-forward.
+    """Pass the messages of `base_reaction` to the feedforward.
 
     Parameters
     ----------
     node
         Owner of the subscriptions.
     arm
-        What is fed.
+        Feedforward that receives the messages.
     act
-        Runs an action in the loop's thread; it may reject its input.
+        Runs an action in the loop's thread; the action may reject its input.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class ArmTopics:
 
 
 def to_target(message: PoseStamped, frame: str) -> FlightTarget:
-    """Return the place of a set point in the odometry's frame; raises RejectedInputError."""
+    """Return the target of a set point in the odometry's frame; raises RejectedInputError."""
     _require_frame('flight_set_point', message.header.frame_id, frame)
     place, turn = _vector(message.pose.position), _quaternion(message.pose.orientation)
     if not np.all(np.isfinite(place)):
@@ -92,11 +92,13 @@ def to_target(message: PoseStamped, frame: str) -> FlightTarget:
 
 
 def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -> FlightPath:
-    """Return the way of a trajectory of one body; raises RejectedInputError."""
+    """Return the path of a trajectory of one body; raises RejectedInputError."""
     what, points = 'flight_trajectory', message.points
     _require_frame(what, message.header.frame_id, frame)
     if not points or any(len(point.transforms) != 1 for point in points):
-        raise RejectedInputError(f'{what}: each point needs the pose of one body, the drone')
+        raise RejectedInputError(
+            f'{what} rejected: each point needs the pose of one body (the drone)'
+        )
     poses = [point.transforms[0] for point in points]
     durations = [point.time_from_start for point in points]
     return FlightPath(
@@ -110,7 +112,7 @@ def to_path(message: MultiDOFJointTrajectory, frame: str, start: FlightTarget) -
 
 
 def _linear(rows: list[Any]) -> list[Array] | None:
-    """Return the linear parts of twists, one a point; None where no point has any."""
+    """Return the linear parts of twists, one per point; None if no point has a twist."""
     if not any(len(row) for row in rows):
         return None
     return [_vector(row[0].linear) if len(row) else np.full(3, np.nan) for row in rows]
@@ -118,12 +120,18 @@ def _linear(rows: list[Any]) -> list[Array] | None:
 
 def _require_frame(what: str, given: str, frame: str) -> None:
     if given not in ('', frame):
-        raise RejectedInputError(f'{what} is in frame {given!r}, the odometry in {frame!r}')
+        raise RejectedInputError(
+            f'{what} rejected, because its frame is {given!r}: send it in the frame of '
+            f'the odometry, {frame!r}'
+        )
 
 
 def _yaw(what: str, turn: Array) -> float:
     if not np.all(np.isfinite(turn)) or not 0.9 < np.linalg.norm(turn) < 1.1:
-        raise RejectedInputError(f'{what}: NaN, infinite, or no unit quaternion')
+        raise RejectedInputError(
+            f'{what} rejected: a value is NaN or infinite, or the quaternion is not a unit '
+            'quaternion; check its publisher'
+        )
     return yaw_of(rotation_matrix(turn / np.linalg.norm(turn)))
 
 

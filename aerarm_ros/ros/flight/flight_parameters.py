@@ -1,4 +1,4 @@
-"""Parameters of the flight controller, and the parts made from them."""
+"""Parameters of the flight controller, and the objects created from them."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ FLIGHT_PARAMETERS = (
             'damping ratio of the attitude loop', '', 0.1, 3.0),
         Parameter(
             'position_integral', _GAINS.position_integral,
-                'integral gain of the position loop, as a share of its bandwidth', '', 0.0, 1.0
+                'integral gain of the position loop, relative to its bandwidth', '', 0.0, 1.0
         ),
         Parameter(
             'attitude_integral', _GAINS.attitude_integral,
-                'integral gain of the attitude loop, as a share of its bandwidth', '', 0.0, 1.0
+                'integral gain of the attitude loop, relative to its bandwidth', '', 0.0, 1.0
         ),
         Parameter(
-            'speed_max', _GAINS.speed_max, 'velocity towards a set point', 'm/s', 0.01, 20
+            'speed_max', _GAINS.speed_max, 'largest velocity towards a set point', 'm/s', 0.01, 20
         ),
         Parameter('tilt_max', _GAINS.tilt_max, 'largest commanded tilt', 'rad', 0.05, 1.2),
         Parameter(
@@ -70,15 +70,15 @@ FLIGHT_PARAMETERS = (
         ),
         Parameter(
             'observer_frequency', 8.0,
-                "bandwidth of 'observer', or of the filter of 'indi'", 'rad/s', 0.1,
+                "bandwidth of the 'observer', or of the filter of 'indi'", 'rad/s', 0.1,
             200.0,
         ),
     ),
     *grouped(
         'Control loops of PX4',
         Parameter(
-            'loops', OWN, "loops that fly the drone: this node's; px4: an imitation of PX4's; "
-            'px4_sitl, betaflight: the firmware as a program of this host',
+            'loops', OWN, "control loops of the drone: this node's; px4, an imitation of PX4's "
+                          'loops; px4_sitl or betaflight, the firmware as a program on this host',
             choices=(OWN, PX4, PX4_SITL, BETAFLIGHT),
         ),
         Parameter(
@@ -90,8 +90,8 @@ FLIGHT_PARAMETERS = (
         ),
         Parameter(
             'mpc_xy_p', Px4Gains.mpc_xy_p, (
-                'horizontal velocity gain per position error; MPC_XY_VEL_P_ACC and _I_ACC follow '
-                "in PX4's proportion"
+                'horizontal velocity gain per position error; MPC_XY_VEL_P_ACC and _I_ACC scale '
+                "with it, as in PX4's defaults"
             ), '1/s', 0.1, 5.0,
         ),
         Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P and MC_PITCH_P', '1/s', 0.5, 30.0),
@@ -99,8 +99,9 @@ FLIGHT_PARAMETERS = (
             'mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K and MC_PITCHRATE_K', '', 0.1, 30.0
         ),
         Parameter(
-            'mc_yawrate_p', Px4Gains.mc_yawrate_p, 'MC_YAWRATE_P; tilted rotors give much more '
-            'moment about the vertical and need less', '', 0.001, 10.0,
+            'mc_yawrate_p', Px4Gains.mc_yawrate_p,
+                'MC_YAWRATE_P; set a smaller value for tilted rotors, whose yaw moment is much '
+                'larger', '', 0.001, 10.0,
         ),
         Parameter(
             'mc_yaw_tq_cutoff', Px4Gains.mc_yaw_tq_cutoff, 'MC_YAW_TQ_CUTOFF; 0 for no filter',
@@ -116,21 +117,21 @@ FLIGHT_PARAMETERS = (
     *grouped(
         'Arm feed-forward',
         Parameter('feed_posture', True,
-            'compensate mass, centre of mass and inertia of the arm: arm_inertia', live=True),
+            'compensate mass, centre of mass and inertia of the arm, from arm_inertia', live=True),
         Parameter('feed_motion', True,
-            'compensate the motion of the joints: base_wrench_motion', live=True),
+            'compensate the motion of the joints, from base_wrench_motion', live=True),
         Parameter(
             'feed_lead', 0.028, (
-                "delay from a sensor sample to the rotors' response; base_reaction must forecast "
-                'at least this far (preview time `lead`)'
+                "delay from a sensor sample to the rotors' response; the preview time `lead` of "
+                'base_reaction must be at least this large'
             ), 's', 0.0,
             0.08, live=True,
         ),
         Parameter(
             'arm_wait', 0.0, (
-                'longest wait for a late forecast of the arm; after a timeout the node waits again '
-                'only once a forecast is on time. For lockstep on a busy computer; 0 if the drone '
-                'falls meanwhile'
+                'longest wait for a late forecast of the arm, for lockstep on a busy computer. '
+                'After a timeout the node waits again once a forecast is on time. Set 0 if the '
+                'drone falls meanwhile'
             ), 's', 0.0, 10.0,
         ),
     ),
@@ -138,13 +139,13 @@ FLIGHT_PARAMETERS = (
 
 
 def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProperties) -> FlightLaw:
-    """Return the controller of a drone with its arm, of the values of `FLIGHT_PARAMETERS`.
+    """Return the controller of a drone with its arm, from the values of `FLIGHT_PARAMETERS`.
 
     Raises
     ------
     ValueError
-        If the imitated loops of PX4 are to fly a drone that pushes sideways, which they do not
-        know, or Betaflight one that it has no mixer for; or if a port is taken.
+        If PX4's loops cannot fly the drone (tilted rotors), Betaflight has no mixer for it, or a
+        port is in use.
     """
     gains = {name: getattr(values, name) for name in vars(_GAINS)}
     if values.loops in (PX4, PX4_SITL):
@@ -158,7 +159,10 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
         if values.loops == PX4_SITL:
             return _px4_firmware(values, drone, body, px4, FlightGains(**gains))
         if drone.is_fully_actuated:
-            raise ValueError("loops 'px4': PX4's loops tilt a drone, and this one pushes sideways")
+            raise ValueError(
+                "loops 'px4' tilt the drone to accelerate sideways, but this drone has "
+                'tilted rotors for that: choose other loops'
+            )
         return Px4Flight(drone, body, px4, values.tilt_ahead, values.hold_heading)
     if values.loops == BETAFLIGHT:
         return BetaflightFlight(drone, body, BetaflightLink(), FlightGains(**gains))
@@ -191,5 +195,5 @@ def _px4_firmware(
 def arm_feed_forward(
     values: SimpleNamespace, drone: DroneConfig, body: MassProperties
 ) -> ArmFeedForward:
-    """Return what is fed forward of the arm, of the values of `FLIGHT_PARAMETERS`."""
+    """Return the arm's feedforward from the values of `FLIGHT_PARAMETERS`."""
     return ArmFeedForward(drone, body, values.feed_posture, values.feed_motion, values.feed_lead)

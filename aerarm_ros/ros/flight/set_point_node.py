@@ -1,4 +1,4 @@
-"""What nodes are made of that add the arm's acceleration to an autopilot's set points."""
+"""Base class of nodes that add the arm's acceleration to an autopilot's set points."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
 from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock
 
-_SPIN = 0.1  # [s] longest time until a stop signal is noticed
+_SPIN = 0.1  # [s] longest delay until a stop signal takes effect
 _ATTITUDE_AGE = 0.2  # [s]
-_REMEMBERED = 5.0  # [s] for which a rejection is a warning
-# [s] An arm's time is that close to this computer's, lead and the way here included.
+_REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
+# [s] tolerated offset between the arm's time and this computer's, with preview and transport
 _CLOCK_TOLERANCE = 0.2
 
 
 FEED_PARAMETERS = (
-    Parameter('feed_lead', 0.03, "delay from a set point to its effect; base_reaction must "
-              "forecast at least this far (preview time `lead`)", 's', 0.0, 0.06,
+    Parameter('feed_lead', 0.03, 'delay from a set point to its effect; the preview time `lead` '
+                                 'of base_reaction must be at least this large', 's', 0.0, 0.06,
               live=True),
 )  # fmt: skip
 
@@ -59,39 +59,48 @@ def set_point_parameters(
         *grouped(
             "The autopilot's loops, for the preview of the tilt",
             Parameter('attitude_gain', Px4Gains.mc_att_p, 'angular velocity per attitude error '
-                      "(MC_ROLL_P, default as PX4's); 0 for no preview of the tilt", '1/s', 0.0,
+                                                          '(MC_ROLL_P, default as in PX4); 0 for '
+                                                          'no preview of the tilt', '1/s', 0.0,
                       50.0),
-            Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque per '
-                      'error of the angular velocity (MC_ROLLRATE_K times MC_ROLLRATE_P); the unit '
-                      'of torque follows from the drone_file; 0 ignores inertia and moment',
+            Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque '
+                                                                            'per error of the '
+                                                                            'angular velocity '
+                                                                            '(MC_ROLLRATE_K '
+                                                                            'times '
+                                                                            'MC_ROLLRATE_P); '
+                                                                            'drone_file '
+                                                                            'determines its unit '
+                                                                            'of torque; 0 '
+                                                                            'ignores inertia and '
+                                                                            'moment',
                       's/rad', 0.0, 10.0),
-            Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p, 'integral gain '
-                      'over rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
+            Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p,
+                'ratio of integral '
+                'gain and rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
         ),
     )  # fmt: skip
 
 
 class SetPointNode:
-    """Sends every set point again with what the arm's motion takes, until it is too old.
+    """Republish set points with the acceleration for the arm's motion, until they are too old.
 
-    Without an attitude for 0.2 s, or where nothing is told of the arm, set points go on as they
-    are. The arm's time is that of `joint_states`, without them this computer's: where it is more
-    than 0.2 s ahead, or so far behind that nothing is added, that is on /diagnostics.
+    Without an attitude for 0.2 s or without the arm's forecast, set points pass unchanged. The
+    arm's time is that of `joint_states`, or else this computer's. The node publishes a warning on
+    /diagnostics if the arm's time is more than 0.2 s ahead, or too late for an acceleration.
 
     Parameters
     ----------
-    name : str
     parameters : ParameterTable
-        Of `set_point_parameters`.
+        Table of `set_point_parameters`.
     package : str
-        That has the messages.
+        ROS package with the messages.
     advice : str
-        What to do where it is missing.
+        Recovery hint if the package is missing.
 
     Raises
     ------
     ValueError
-        If the package isn't installed, or no drone is given.
+        If the package is not installed, or no drone is given.
     """
 
     def __init__(self, name: str, parameters: ParameterTable, package: str, advice: str) -> None:
@@ -112,8 +121,8 @@ class SetPointNode:
         self._set_point_time = self._attitude_time = self._rejected_at = -np.inf
         self._rotation = np.eye(3)
         self._rejection = ''
-        # How far the arm's time is ahead [s]: the most since the last report, as what comes late
-        # makes it less. None if nothing was told.
+        # Largest advance of the arm's time since the last report [s]; a late message decreases it.
+        # None without a message.
         self._ahead: float | None = None
         self._sent = 0
         self._added = np.zeros(3)
@@ -132,33 +141,33 @@ class SetPointNode:
         create_steady_timer(self.node, 1.0 / values.rate, self._send)
         create_steady_timer(self.node, PERIOD, self._report)
 
-    # What an autopilot has of its own.
+    # Methods for each autopilot to override.
 
     def message_types(self) -> tuple[Any, Any]:
-        """Return the types of set points and attitudes."""
+        """Return the message types of set points and attitudes."""
         raise NotImplementedError
 
     def attitude(self, message: Any) -> Array:
-        """Return the attitude (x, y, z, w), forward-left-up in east-north-up, of a message."""
+        """Return a message's attitude (x, y, z, w), forward-left-up in east-north-up."""
         raise NotImplementedError
 
     def tilts_ahead(self, values: SimpleNamespace) -> bool:
-        """Return whether the autopilot's loops are PX4's cascade, whose inverse is known."""
+        """Return whether the autopilot uses PX4's cascade, whose inverse is known."""
         return True
 
     def publish(self, set_point: Any, now_ns: int) -> None:
-        """Send a set point to the autopilot."""
+        """Publish a set point for the autopilot."""
         self._publisher.publish(set_point)
 
     def with_acceleration(self, set_point: Any, acceleration: Array, now_ns: int) -> Any:
         """Return a set point with an acceleration (3,), east-north-up, added [m/s^2].
 
-        Raises RejectedInputError if it takes none.
+        Raises RejectedInputError if the set point accepts no acceleration.
         """
         raise NotImplementedError
 
     def run(self) -> None:
-        """Add until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Republish set points until SIGINT, SIGTERM, SIGHUP or a shutdown."""
         executor = SingleThreadedExecutor()
         executor.add_node(self.node)
         with StopSignals(self._on_stop):
@@ -192,8 +201,10 @@ class SetPointNode:
 
     def _on_attitude(self, message: Any) -> None:
         quaternion = self.attitude(message)
-        if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # NaN is not either
-            self._reject('attitude: NaN, or no unit quaternion')
+        if not 0.9 < float(np.linalg.norm(quaternion)) < 1.1:  # also rejects NaN
+            self._reject(
+                'attitude rejected: a value is NaN, or the quaternion is not a unit quaternion'
+            )
             return
         self._rotation = rotation_matrix(quaternion / np.linalg.norm(quaternion))
         self._attitude_time = time.monotonic()
@@ -224,9 +235,9 @@ class SetPointNode:
         ahead, self._ahead = self._ahead, None
         problem = ''
         if now - self._set_point_time > values.set_point_timeout:
-            problem = f'no set points on {values.set_point_topic}: the node sends none'
+            problem = f'no set points on {values.set_point_topic}, so the node sends none'
         elif now - self._attitude_time > _ATTITUDE_AGE:
-            problem = f'no attitude on {values.attitude_topic}: the node adds no acceleration'
+            problem = f'no attitude on {values.attitude_topic}, so the node adds no acceleration'
         elif ahead is not None and (late := time_problem(ahead, values.feed_lead)):
             problem = late
         elif now - self._rejected_at < _REMEMBERED:
@@ -239,7 +250,7 @@ class SetPointNode:
 
 
 def time_problem(ahead: float, lead: float) -> str:
-    """Return why what is told so far ahead [s] does not serve what needs it `lead` [s] ahead."""
+    """Return why a forecast of `ahead` [s] is unusable with a preview time `lead` [s]."""
     if -_CLOCK_TOLERANCE <= ahead < lead - HOLD:
         return (
             f"the arm's forecast is {lead - ahead:.2f} s too short, so the node adds no "

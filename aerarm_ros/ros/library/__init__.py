@@ -1,5 +1,6 @@
-"""What a program or a notebook calls: `import aerarm_ros`.
+"""Functions for programs and notebooks: `import aerarm_ros`.
 
-In come bags, tables or arrays, and a URDF; out go arrays of what was recorded, identified arms
-that say what they are worth, and motions worth recording. `docs/reference/python.md` shows it.
+The inputs are bags, tables or arrays, and a URDF. The results are arrays of recorded motion,
+identified arms with error estimates, and excitation trajectories. `docs/reference/python.md` has
+examples.
 """

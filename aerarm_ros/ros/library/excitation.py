@@ -1,4 +1,4 @@
-"""A motion worth recording, in one call."""
+"""Design of an excitation trajectory in one call."""
 
 from __future__ import annotations
 
@@ -33,14 +33,12 @@ from aerarm_ros.pages.html_text import paragraph, table
 
 
 class PlannedExcitation:
-    """A feasible Fourier trajectory, and how well it shows the arm's parameters.
+    """A feasible Fourier trajectory, and how well it excites the arm's parameters.
 
     Parameters
     ----------
-    specification : DesignSpecification
-    result : DesignResult
     periods : int
-        To be played.
+        Number of periods to play.
     """
 
     def __init__(
@@ -59,21 +57,21 @@ class PlannedExcitation:
 
     @property
     def condition_number(self) -> float:
-        """Of the regressor along the motion, thesis (5.2)."""
+        """Condition number of the regressor along the motion, thesis (5.2)."""
         return self.result.quality.condition_number
 
     @property
     def duration(self) -> float:
-        """Length of the motion from rest to rest [s]."""
+        """Duration of the motion from rest to rest [s]."""
         return self._motion.duration
 
     def sample(self, rate: float = 1000.0) -> tuple[Array, JointReference]:
-        """Return the motion from rest to rest as a controller would be given it.
+        """Return the motion from rest to rest, sampled as controller references.
 
         Parameters
         ----------
         rate : float
-            [Hz]
+            Sampling rate [Hz].
 
         Returns
         -------
@@ -93,16 +91,16 @@ class PlannedExcitation:
         return time, self._motion.evaluate(time)
 
     def summary(self) -> str:
-        """Return the figures, and what comes closest to each limit, as text."""
+        """Return condition number, duration and the smallest margin to each limit, as text."""
         return f'{self._headline()}\n{self.result.report.as_table()}'
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the trajectory file that `excitation` plays.
+        """Write the trajectory file that the node `excitation` plays.
 
         Raises
         ------
         ExcitationError
-            If it can't be written.
+            If the file cannot be written.
         """
         file = Path(path)
         designed_file(self._specification, self.result, self._periods).save(file)
@@ -116,11 +114,11 @@ class PlannedExcitation:
         )
 
     def __repr__(self) -> str:
-        """Return the figure that matters."""
+        """Return a text with the condition number."""
         return f'<PlannedExcitation: {self._headline()}>'
 
     def _repr_html_(self) -> str:
-        """Return a table for a notebook."""
+        """Return an HTML table for a notebook."""
         rows = [
             [
                 margin.limit,
@@ -151,41 +149,41 @@ def plan_excitation(
     package_directories: Sequence[str | os.PathLike[str]] = (),
     acceleration_limit: npt.ArrayLike = np.inf,
 ) -> PlannedExcitation:
-    """Design a motion that makes an arm's parameters visible, within all its limits.
+    """Design a motion that excites an arm's parameters, within all its limits.
 
     Parameters
     ----------
     urdf : path or Robot, optional
-        Of the arm; this package's by default.
+        Model of the arm; this package's arm by default.
     fundamental : float
-        f0 [Hz].
+        Fundamental frequency f0 [Hz].
     harmonics, periods : int
-        N, and how many periods to play.
+        Number N of harmonics, and number of periods to play.
     seconds : float
-        To search for; 0 takes the first random motion that is feasible.
+        Time for the optimization [s]; 0 returns the first feasible random motion.
     seed : int
-        Of the random starts.
+        Seed of the random starts.
     config : path, optional
         Motors and gears; known for this package's arm.
     room : path, optional
-        Surroundings and shares of the limits, as `config/excitation.yaml`; that file for this
-        package's arm, and no surroundings for others.
+        Surroundings and used fractions of the limits, in the form of `config/excitation.yaml`. The
+        default is that file for this package's arm, and no surroundings for other arms.
     bias : (n,) sequence, optional
-        Posture about which the arm moves [rad].
+        Centre of the motion [rad].
     lock : sequence of str
         Joints of the URDF that do not move.
     package_directories : sequence of paths
-        Where `package://` meshes are looked for.
+        Directories in which `package://` meshes are searched.
     acceleration_limit : float or (n,) array_like
         [rad/s^2], for an arm without motors and gears.
 
     Raises
     ------
     ConfigError, DescriptionError, ExcitationError
-        If something can't be used, or no motion is feasible; the message says what to check.
+        If an input cannot be used, or no motion is feasible; the message states what to check.
     """
     if not (np.isfinite(seconds) and seconds >= 0.0):
-        raise ExcitationError(f'seconds = {seconds:g} must be a time not below 0')
+        raise ExcitationError(f'seconds = {seconds:g} must not be negative')
     if periods < 1:
         raise ExcitationError(f'periods = {periods} must be at least 1')
     lock = [lock] if isinstance(lock, str) else list(lock)
@@ -198,13 +196,11 @@ def plan_excitation(
     arm = load_arm_config(None if config is None else Path(config)) if known else None
     if lock and (arm is not None or isinstance(urdf, Robot)):
         raise ExcitationError(
-            f'lock = {", ".join(lock)}: use it with the path of a URDF, without config; else pass '
+            f'lock = {", ".join(lock)} needs the path of a URDF and no config: otherwise pass '
             'load_robot(urdf, locked=...)'
         )
     if arm is not None and np.isfinite(acceleration_limit).any():
-        raise ExcitationError(
-            'acceleration_limit is for an arm without motors and gears: remove it'
-        )
+        raise ExcitationError('acceleration_limit needs an arm without motors and gears: remove it')
     robot = urdf if isinstance(urdf, Robot) else _robot(urdf, arm, lock)
     folders = tuple(Path(folder) for folder in package_directories)
     if arm is not None:
@@ -225,14 +221,14 @@ def _robot(
 
 
 def _designed(specification: DesignSpecification, seconds: float) -> DesignResult:
-    """Return the best of as many starts as the time allows."""
+    """Return the best design of as many random starts as the time allows."""
     end = time.monotonic() + seconds
     designer = TrajectoryDesigner(specification)
     best, start = designer.initial(0), 0
     while time.monotonic() < end:
         try:
             found = designer.design(start, lambda: time.monotonic() >= end)
-        except (DesignStoppedError, InfeasibleError):  # the other starts are as good
+        except (DesignStoppedError, InfeasibleError):  # the other starts remain valid
             start += 1
             continue
         start += 1

@@ -50,19 +50,17 @@ from aerarm_ros.ros.programs.identifier_run import RESULT_FILES, terminal_table,
 
 
 class IdentifiedModel:
-    """The whole model of an arm: links, rotors, friction, gravity.
+    """Complete dynamic model of an arm: links, rotors, friction and gravity.
 
     Parameters
     ----------
     robot : Robot
-        Under the gravity of the model; its links are replaced by those of the estimate.
-    estimate : Estimate
+        Arm under the model's gravity; the links of the estimate replace its links.
 
     Attributes
     ----------
     robot : Robot
-        With the links of the estimate.
-    estimate : Estimate
+        Arm with the links of the estimate.
     """
 
     def __init__(self, robot: Robot, estimate: Estimate) -> None:
@@ -71,7 +69,7 @@ class IdentifiedModel:
         self._regressor = Regressor(robot)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the torque of the whole model, thesis (3.5): links, rotors, friction.
+        """Return the joint torque of the complete model, thesis (3.5): links, rotors, friction.
 
         Parameters
         ----------
@@ -86,7 +84,7 @@ class IdentifiedModel:
         Raises
         ------
         ValueError
-            If the shapes differ, or are not those of this arm.
+            If the shapes differ from each other or from this arm's.
         """
         motion = [np.asarray(values, dtype=float) for values in (q, dq, ddq)]
         shape = motion[0].shape
@@ -94,7 +92,9 @@ class IdentifiedModel:
         is_known = shape[-1:] == (n,) and len(shape) <= 2
         if not is_known or any(values.shape != shape for values in motion):
             shapes = ', '.join(str(values.shape) for values in motion)
-            raise ValueError(f'q, dq and ddq have the shapes {shapes}: give ({n},) or (M, {n})')
+            raise ValueError(
+                f'q, dq and ddq have the shapes {shapes}: pass arrays of shape ({n},) or (M, {n})'
+            )
         rows = [values.reshape(-1, n) for values in motion]
         links = self._regressor.stack_rigid(*rows) @ self.estimate.inertial.ravel()
         torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2])
@@ -102,17 +102,17 @@ class IdentifiedModel:
 
 
 def load_identified(folder: str | os.PathLike[str]) -> IdentifiedModel:
-    """Return the whole model that an identification has written into a folder.
+    """Load the complete model from an identification's output directory.
 
     Parameters
     ----------
     folder : path
-        With `estimate.yaml` and `identified.urdf`.
+        Directory with `estimate.yaml` and `identified.urdf`.
 
     Raises
     ------
     ConfigError, DescriptionError, IdentificationError
-        If a file cannot be read, or is not what the identifier has written.
+        If a file cannot be read, or is not an output of the identifier.
     """
     path = Path(folder) / 'estimate.yaml'
     joints, gravity = estimated_arm(path)
@@ -122,14 +122,14 @@ def load_identified(folder: str | os.PathLike[str]) -> IdentifiedModel:
 
 
 class IdentifiedArm:
-    """An arm as identified: its parameters, and how well they predict torque.
+    """An identified arm: its parameters, and the errors of its torque prediction.
 
     Parameters
     ----------
     result : IdentificationResult
-        All that is known, for those who want more than is offered here.
+        Complete result, with more details than this class offers.
     seconds : dict of str to float
-        How long each stage took [s].
+        Duration of each stage [s].
     """
 
     def __init__(self, result: IdentificationResult, seconds: dict[str, float]) -> None:
@@ -143,17 +143,17 @@ class IdentifiedArm:
 
     @property
     def robot(self) -> Robot:
-        """The arm with the identified links, under gravity as it was found."""
+        """The arm with the identified links and gravity."""
         return self.result.robot.with_inertial_parameters(self.estimate.inertial)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by its name, as `m_link1` or `fv_joint2`, in SI units."""
+        """Every parameter by its name, such as `m_link1` or `fv_joint2`, in SI units."""
         names = self.estimate.model.columns
         return dict(zip(names, self.estimate.theta.tolist(), strict=True))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the torque of the whole model, thesis (3.5): links, rotors, friction.
+        """Return the joint torque of the complete model, thesis (3.5): links, rotors, friction.
 
         Parameters
         ----------
@@ -168,19 +168,19 @@ class IdentifiedArm:
         Raises
         ------
         ValueError
-            If the shapes differ, or are not those of this arm.
+            If the shapes differ from each other or from this arm's.
         """
         return IdentifiedModel(self.result.robot, self.estimate).torque(q, dq, ddq)
 
     @property
     def errors(self) -> list[BagAssessment]:
-        """Torque errors on validation, or, where there was none, on identification."""
+        """Torque errors on the validation data, or on the identification data if there is none."""
         recommended = self.result.recommended
         return recommended.validation or recommended.identification
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before trusting it, and what to check."""
+        """Warnings about the model's validity, with advice."""
         return list(self.result.warnings)
 
     def summary(self) -> str:
@@ -193,17 +193,17 @@ class IdentifiedArm:
         return summarise(self.result, self._seconds, exports=export_errors(self.result))
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write what the identifier writes: YAML, URDF, MJCF, SDF, summary.json and report.html.
+        """Write the identifier's output: YAML, URDF, MJCF, SDF, summary.json and report.html.
 
         Parameters
         ----------
         folder : path
-            May be missing, empty, or an earlier result, which is replaced.
+            New or empty directory, or an earlier result, which is replaced.
 
         Raises
         ------
         IdentificationError
-            If it can't be written, or holds something else.
+            If the directory cannot be written or contains other files.
         """
         with ResultDirectory(Path(folder), 'save(folder)', RESULT_FILES) as directory:
             extras = ReportExtras(exports=export_errors(self.result))
@@ -212,16 +212,16 @@ class IdentifiedArm:
         return directory.target
 
     def __repr__(self) -> str:
-        """Return the figure that matters."""
+        """Return a text with the torque error."""
         worst = max(self.errors, key=lambda bag: bag.filtered)
         return (
             f'<IdentifiedArm {self.result.robot.model.name}: torque error {worst.filtered:.2f} % '
-            f'filtered, {worst.filtered_measured:.2f} % only the measured one, {worst.raw:.2f} % '
-            f'raw on {worst.bag}>'
+            f'filtered, {worst.filtered_measured:.2f} % with only the measured torque filtered, '
+            f'{worst.raw:.2f} % raw, on {worst.bag}>'
         )
 
     def _repr_html_(self) -> str:
-        """Return tables for a notebook."""
+        """Return HTML tables for a notebook."""
         parts = [error_table(self.result)]
         if self.warnings:
             parts.append(bullets(self.warnings, 'warnings'))
@@ -244,25 +244,25 @@ def read_bag(
     degrees: bool = False,
     numbered_from: int | None = None,
 ) -> Motion:
-    """Return the joint states of a bag, or of a table, as arrays.
+    """Read the joint states of a bag or a table as arrays.
 
     Parameters
     ----------
     path : path
         rosbag2 directory, .mcap, .db3, .csv or .npz file, or .bag of ROS 1.
     topic : str
-        Of the bag's JointStates.
+        JointState topic in the bag.
     rate : float, optional
-        Of the rows [Hz], for a table without time.
+        Rate of the rows [Hz], for a table without time.
     degrees : bool
         Whether a table's angles are in degrees.
     numbered_from : {0, 1}, optional
-        Number of the first joint in a table's columns; recognized from the columns by default.
+        Number of the first joint in a table's columns; detected from the columns by default.
 
     Raises
     ------
     BagError, IdentificationError
-        If it can't be read; the message says what to check.
+        If the file cannot be read; the message states what to check.
     """
     file = Path(path)
     if file.suffix.lower() in TABLES:
@@ -281,7 +281,7 @@ def from_arrays(
     dq: npt.ArrayLike | None = None,
     names: Sequence[str] | None = None,
 ) -> Motion:
-    """Return arrays or lists as a motion.
+    """Create a motion from arrays or lists.
 
     Parameters
     ----------
@@ -290,9 +290,9 @@ def from_arrays(
     q, tau : (M, n) array_like
         Positions [rad] and torques [Nm].
     dq : (M, n) array_like, optional
-        Velocities [rad/s]; positions are differentiated without.
+        Velocities [rad/s]; by default the differentiated positions.
     names : sequence of n str, optional
-        Of the joints; joint1, joint2 ... by default.
+        Names of the joints; joint1, joint2 ... by default.
 
     Raises
     ------
@@ -302,28 +302,31 @@ def from_arrays(
     stamp = _numbers('time', time)
     if stamp.ndim != 1:
         raise IdentificationError(
-            f'time has the shape {stamp.shape}: give (M,), one value per sample'
+            f'time has the shape {stamp.shape}: pass (M,), one value per sample'
         )
     position = _numbers('q', q)
     if position.ndim != 2 or len(position) != len(stamp):
         raise IdentificationError(
-            f'q has the shape {position.shape}: give (M, n) with M = {len(stamp)} as time has it'
+            f'q has the shape {position.shape}: pass (M, n) with M = {len(stamp)}, the '
+            'length of time'
         )
     joints = NUMBERED[: position.shape[1]] if names is None else tuple(names)
     if len(joints) != position.shape[1]:
-        raise IdentificationError(f'{len(joints)} names for {position.shape[1]} joints of q')
+        raise IdentificationError(
+            f'{len(joints)} joint names for the {position.shape[1]} joints of q'
+        )
     velocity, effort = (_like(position, *given) for given in (('dq', dq), ('tau', tau)))
     return Motion(joints, stamp, position, velocity, effort)
 
 
 def _like(position: Array, word: str, given: npt.ArrayLike | None) -> Array:
-    """Return values (M, n) as positions have them, NaN without any."""
+    """Return values as an array of the positions' shape (M, n), filled with NaN without values."""
     if given is None:
         return np.full_like(position, np.nan)
     array = _numbers(word, given)
     if array.shape != position.shape:
         raise IdentificationError(
-            f'{word} has the shape {array.shape}: give {position.shape} as q has it'
+            f'{word} has the shape {array.shape}: pass {position.shape}, the shape of q'
         )
     return array
 
@@ -332,7 +335,7 @@ def _numbers(word: str, values: npt.ArrayLike) -> Array:
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise IdentificationError(f'{word} must be numbers, in rows of equal length') from None
+        raise IdentificationError(f'{word} must contain numbers, in rows of equal length') from None
 
 
 Bag = str | os.PathLike[str] | Motion
@@ -355,39 +358,39 @@ def identify(
     cutoff: float | None = None,
     options: IdentificationOptions | None = None,
 ) -> IdentifiedArm:
-    """Identify an arm from recorded motion, as the identifier does.
+    """Identify an arm from recorded motion, like the `identifier` command.
 
     Parameters
     ----------
     bags : path or Motion, or several of them
-        To identify from.
+        Recordings for the identification.
     urdf : path or Robot, optional
-        Of the arm; this package's by default.
+        Model of the arm; this package's arm by default.
     validation : path or Motion, or several of them
-        Only predicted.
+        Recordings for the validation only.
     holdout : float
-        Last share of each bag that is only predicted.
+        Fraction at the end of each bag that is used for validation only.
     config : path, optional
         Motors and gears; known for this package's arm.
     topic : str
-        Of JointStates in bags.
+        JointState topic in the bags.
     rename : mapping, optional
         Joint of the bags to joint of the URDF.
     lock, ignore : str or sequence of str
-        Joints of the URDF that do not move; joints of the bags that the arm doesn't have.
+        Joints of the URDF that do not move; joints of the bags that are not in the URDF.
     effort_gain : mapping, optional
-        Joint to the factor that makes torque [Nm] of its effort.
+        Joint to the factor that converts its effort to torque [Nm].
     gravity : (3,) array_like, optional
-        In the base frame [m/s^2].
+        Gravity in the base frame [m/s^2].
     cutoff : float, optional
-        Of the low-pass on torque [Hz]; chosen by the data otherwise.
+        Cut-off frequency of the low-pass on torque [Hz]; selected from the data by default.
     options : IdentificationOptions, optional
         Filters, friction model, solvers, bounds.
 
     Raises
     ------
     BagError, ConfigError, DescriptionError, IdentificationError
-        If something can't be used; the message says what to check.
+        If an input cannot be used; the message states what to check.
     """
     if not 0.0 <= holdout < 1.0:
         raise IdentificationError(f'holdout = {holdout:g} must lie in 0 .. 1')
@@ -398,7 +401,7 @@ def identify(
     reader = IdentifierBags(topic, robot.joint_names, mapping)
     groups = _listed('bags', bags), _listed('validation', validation)
     if not groups[0]:
-        raise IdentificationError('no bag to identify from')
+        raise IdentificationError('no bag to identify from: pass at least one')
     paths = [[Path(bag) for bag in group if not isinstance(bag, Motion)] for group in groups]
     names = bag_names([*paths[0], *paths[1]])
     first, second = (
@@ -424,14 +427,14 @@ def identify(
 
 
 def _listed(word: str, bags: Bag | Iterable[Bag]) -> list[Bag]:
-    """Return one or several bags as a list, checked."""
+    """Return one or several bags as a checked list."""
     one = not isinstance(bags, Iterable) or isinstance(bags, str | os.PathLike | Motion)
     listed: list[Bag] = [bags] if one else list(bags)  # type: ignore[list-item, arg-type]
     for bag in listed:
         if not isinstance(bag, str | os.PathLike | Motion):
             raise IdentificationError(
-                f'{word}: {type(bag).__name__} is neither a path nor a motion: make one of arrays '
-                'by from_arrays(time, q, tau)'
+                f'{word} contains a {type(bag).__name__}, which is neither a path nor a motion: '
+                'convert arrays with from_arrays(time, q, tau)'
             )
     return listed
 
@@ -449,7 +452,7 @@ def _robot(
     if isinstance(urdf, Robot):
         if lock:
             raise IdentificationError(
-                f'lock = {", ".join(lock)}: use it with the path of a URDF; else pass '
+                f'lock = {", ".join(lock)} needs the path of a URDF: otherwise pass '
                 'load_robot(urdf, locked=...)'
             )
         return urdf if gravity is None else urdf.with_gravity(gravity)
@@ -459,6 +462,6 @@ def _robot(
 
 
 def _of_motion(name: str, motion: Motion, robot: Robot, mapping: JointMapping) -> Recording:
-    if motion.names == NUMBERED[: robot.n]:  # numbers are counted from the base
+    if motion.names == NUMBERED[: robot.n]:  # Numbers count from the base.
         motion = replace(motion, names=robot.joint_names)
     return recording_from_states(name, motion, robot.joint_names, mapping)

@@ -1,4 +1,1 @@
-"""`ground_link`: topics and services of the drone, offered on the ground over one connection.
-
-In come topics and services of this host, and datagrams; out go the other host's.
-"""
+"""`ground_link`: offer the drone's topics and services on the ground over one connection."""

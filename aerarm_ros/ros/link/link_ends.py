@@ -44,26 +44,26 @@ from aerarm_ros.ros.link.relayed_topics import (
 DRONE, GROUND = 'drone', 'ground'
 CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
 
-_TICK = 0.02  # [s] 50 datagrams per second from each end at most
-_GROUND_TICK = 0.04  # [s] while there is nothing to send but confirmations
+_TICK = 0.02  # [s] for at most 50 datagrams per second from each end
+_GROUND_TICK = 0.04  # [s] while only acknowledgements are sent
 _CUT_TICK = 0.1  # [s] while the other end is silent
-_POLL = 0.005  # [s] between two looks for requests on the ground
-_RATES = {DRONE: 26_000.0, GROUND: 9_000.0}  # bytes/s: 0.28 Mbit/s in all
-_BUFFER = 8192  # bytes: a slow radio shall not collect a queue of old datagrams
+_POLL = 0.005  # [s] between two checks for requests on the ground
+_RATES = {DRONE: 26_000.0, GROUND: 9_000.0}  # bytes/s: 0.28 Mbit/s in total
+_BUFFER = 8192  # bytes; a slow radio must not queue old datagrams
 _CLOCK_MAX = 0.02  # [s]
 _CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
 _DATAGRAM_MAX = 2048
-# What an end of another version may send.
+# Exceptions caused by messages of another version of `ground_link`.
 _MALFORMED = (ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
 
 
 class LinkEnd:
-    """What both ends do.
+    """Common part of both ends.
 
     Parameters
     ----------
     node
-        Owner of all.
+        Owner of all ROS entities.
     values
         Parameters of `ground_link`.
     key
@@ -84,14 +84,14 @@ class LinkEnd:
         self._address: tuple[str, int] | None = None
         self._sent = self._reported = -inf
         self._was_up = False
-        self._away = 0.0  # [s] how long the other end was silent the last time
+        self._away = 0.0  # [s] length of the other end's last silence
         self._peers = 0
         self._counted = (0, 0)
         self._malformed = 0
-        self._refused = 0  # datagrams that the radio did not take
+        self._refused = 0  # datagrams that the radio rejected
 
     def step(self) -> None:
-        """Wait for a datagram or the next look, and do what is due."""
+        """Wait for a datagram or the next check, and do the due work."""
         with contextlib.suppress(InterruptedError):
             select.select([self._socket], [], [], _POLL)
         before = self.connection.last_received
@@ -116,17 +116,17 @@ class LinkEnd:
         """Close the socket."""
         self._socket.close()
 
-    # What each end does its own way.
+    # Methods that the ends override.
 
     def _take(self, received: Received) -> None:
         raise NotImplementedError
 
     def _update(self, now: float) -> bool:
-        """Do what is due; return whether there is something to send at once."""
+        """Do the due work; return whether a message must be sent at once."""
         raise NotImplementedError
 
     def _greet(self) -> None:
-        """Send what the other end must know, which has just been found."""
+        """Send the initial data to a newly found other end."""
 
     def _problem(self, now: float) -> str:
         return ''
@@ -143,20 +143,20 @@ class LinkEnd:
             return _TICK
         return _GROUND_TICK
 
-    # The same on both.
+    # Common methods.
 
     def _receive(self) -> list[Received]:
         came: list[Received] = []
         while True:
             try:
                 datagram, address = self._socket.recvfrom(_DATAGRAM_MAX)
-            except OSError:  # nothing more, or nobody listens at the other end yet
+            except OSError:  # no more data, or the other end has not started yet
                 return came
             now_ns = time.monotonic_ns()
             before = self.connection.traffic.received, self.connection.greets
             came += self.connection.receive(datagram, 1e-9 * now_ns, now_ns, time.time_ns())
             if before != (self.connection.traffic.received, self.connection.greets):
-                self._address = address  # genuine
+                self._address = address  # the datagram is authentic
 
     def _send(self, now: float) -> None:
         assert self._address is not None
@@ -169,7 +169,7 @@ class LinkEnd:
         assert self._address is not None
         try:
             self._socket.sendto(datagram, self._address)
-        except OSError:  # the radio is full or away
+        except OSError:  # the radio's queue is full, or the radio is gone
             self._refused += 1
             return False
         return True
@@ -178,7 +178,7 @@ class LinkEnd:
         self._malformed += 1
         if self._malformed == 1:
             self._node.get_logger().warning(
-                f'channel {received.channel} of the {self.other} is not understood ({error!r}): '
+                f'channel {received.channel} of the {self.other} cannot be decoded ({error!r}): '
                 'install the same version of aerarm_ros on both hosts'
             )
 
@@ -218,7 +218,9 @@ class LinkEnd:
     def _usual_problem(self, now: float) -> str:
         connection = self.connection
         if not connection.is_joined:
-            return f'no {self.other} found: is ground_link running there, with the same key file?'
+            return (
+                f'no {self.other} found: check that ground_link runs there with the same key file'
+            )
         if not connection.is_up(now):
             return f'the {self.other} has been silent for {now - connection.last_received:.1f} s'
         offset = connection.clock_offset
@@ -226,13 +228,13 @@ class LinkEnd:
             side = 'ahead of' if offset > 0.0 else 'behind'
             return (
                 f"the {self.other}'s clock is {1e3 * abs(offset):.0f} ms {side} this host's: run "
-                'chrony or PTP on both before stamps of both hosts are compared'
+                'chrony or PTP on both hosts before you compare their stamps'
             )
         return ''
 
 
 class DroneEnd(LinkEnd):
-    """The drone's end: serves one ground."""
+    """The drone's end, which serves one ground."""
 
     role, other = DRONE, GROUND
 
@@ -242,8 +244,8 @@ class DroneEnd(LinkEnd):
             self._socket.bind((values.address, values.port))
         except OSError as error:
             raise ValueError(
-                f'port {values.port} of {values.address}: {error.strerror}: does another '
-                'ground_link run here? Give another port or address'
+                f'port {values.port} of {values.address} cannot be opened ({error.strerror}): '
+                'stop the other ground_link of this host, or set another port or address'
             ) from None
         rates = topic_rates(values.rate, values.values_rate, values.rates)
         self._topics = DroneTopics(node, self.connection, rates)
@@ -293,19 +295,22 @@ class DroneEnd(LinkEnd):
 
 
 class GroundEnd(LinkEnd):
-    """The ground's end: finds its drone at one address."""
+    """The ground's end, which connects to its drone at one address."""
 
     role, other = GROUND, DRONE
 
     def __init__(self, node: Node, values: SimpleNamespace, key: bytes) -> None:
         super().__init__(node, values, key)
         if not values.drone:
-            raise ValueError("no address of the drone: give -p drone:=ADDRESS, as in '10.0.0.2'")
+            raise ValueError(
+                'the address of the drone is missing: set -p drone:=ADDRESS, for example '
+                'drone:="\'10.0.0.2\'"'
+            )
         try:
             self._address = socket.gethostbyname(values.drone), values.port
         except OSError as error:
             raise ValueError(
-                f"drone '{values.drone}': {error.strerror}: give its address"
+                f"drone '{values.drone}' is not reachable ({error.strerror}): set its address"
             ) from None
         self._drone = self._address
         node.get_logger().info(
@@ -350,7 +355,7 @@ class GroundEnd(LinkEnd):
     def _problem(self, now: float) -> str:
         kept = self._services.kept_stops
         if kept:
-            return f'e-stop NOT CONFIRMED by the drone yet: {" and ".join(kept)}'
+            return f'the drone has NOT CONFIRMED the e-stop yet: {" and ".join(kept)}'
         return self._sole.problem() or self._controllers.problem()
 
     def _rows(self) -> dict[str, object]:
@@ -361,10 +366,12 @@ class GroundEnd(LinkEnd):
 
     def _note_expired(self, topic: str) -> None:
         self._expired += 1
-        self._log(True, f'{topic}: a command was not delivered in time and is dropped: send again')
+        self._log(
+            True, f'a command on {topic} was not delivered in time and is dropped: send it again'
+        )
 
     def _log(self, is_warning: bool, text: str) -> None:
-        # rclpy ties a severity to the line that logs.
+        # rclpy fixes the severity of each line of code that logs.
         if is_warning:
             self._node.get_logger().warning(text)
         else:
@@ -408,7 +415,7 @@ class RemoteControllers:
 
 
 class GroundWatchdog:
-    """Acts when the ground has been silent for a time.
+    """Stop the motion, or move the arm home, when the ground has been silent for a time.
 
     Parameters
     ----------
@@ -420,7 +427,7 @@ class GroundWatchdog:
     Attributes
     ----------
     problem
-        What was done, '' while the ground is there.
+        Description of the last action; empty while the ground is connected.
     """
 
     def __init__(self, node: Node, values: SimpleNamespace) -> None:
@@ -438,13 +445,13 @@ class GroundWatchdog:
 
     @property
     def text(self) -> str:
-        """What it does, for people."""
+        """Description of the watchdog's action."""
         if not self._timeout:
             return CONTINUE
         return f'{self._action} after {self._timeout:g} s'
 
     def update(self, now: float, last_received: float) -> None:
-        """Act once per cut; nothing happens before the ground was there for the first time."""
+        """Act once per loss of connection, but not before the ground's first message."""
         is_lost = 0.0 < self._timeout < now - last_received < inf
         if not is_lost:
             self.problem = ''
@@ -460,4 +467,4 @@ class GroundWatchdog:
             self._stops.publish(JointTrajectory())
             self._goals.publish(self._home)
             return 'the arm returns to its home configuration'
-        return 'the motion goes on'
+        return 'the motion continues'

@@ -34,25 +34,25 @@ SERVICE_TYPES: Mapping[str, Any] = MappingProxyType(
         },
     }
 )
-"""Types of services that are relayed, by their names in ROS."""
+"""Types of relayed services, by their names in ROS."""
 E_STOP = 'e_stop'
 
 _CALL = struct.Struct('<IH')
 _LIFETIME = 1.0  # [s] in which a call must reach the drone
-_ANSWER_TIMEOUT = 30.0  # [s] as long as any request of `arm` waits
-_STOP_NOTICE = 1.0  # [s] after which somebody who pressed learns that it is not delivered yet
-_LOOKS = 0.5  # [s] between two looks for services
+_ANSWER_TIMEOUT = 30.0  # [s]; as long as the longest wait of the command `arm`
+_STOP_NOTICE = 1.0  # [s] after which the user is warned that the stop is not delivered yet
+_LOOKS = 0.5  # [s] between two checks for services
 
 
 class DroneServices:
-    """Announces the services of the drone's nodes and calls them for the ground.
+    """Announce the services of the drone's nodes, and call them for the ground.
 
     Parameters
     ----------
     node
         Owner of the clients.
     connection
-        To the ground.
+        Connection to the ground.
     """
 
     def __init__(self, node: Node, connection: Connection) -> None:
@@ -66,7 +66,7 @@ class DroneServices:
         self._calls: dict[tuple[str, int], tuple[int, float]] = {}
 
     def update(self, now: float) -> None:
-        """Look for services now and then, and send the answers that have come."""
+        """Check for services periodically, and send received answers."""
         if now - self._looked > _LOOKS:
             self._looked = now
             self._look()
@@ -111,7 +111,7 @@ class DroneServices:
         }
         for name, kind in offered.items():
             if name not in self._clients:
-                # Made before it is needed: a new client is discovered first.
+                # Created early, because a new client must be discovered first.
                 self._clients[name] = self._node.create_client(
                     SERVICE_TYPES[kind], name, callback_group=self._group
                 )
@@ -130,19 +130,20 @@ class _Call:
 
 
 class GroundServices:
-    """Offers the drone's services on the ground.
+    """Offer the drone's services on the ground.
 
-    An e-stop is kept until the drone confirms it, however long the connection is cut. Any other
-    request that does not reach the drone within a second is dropped and answered so.
+    An e-stop is re-sent until the drone confirms it, however long the connection is lost. Any
+    other request that does not reach the drone within a second is dropped and answered with a
+    failure.
 
     Parameters
     ----------
     node
         Owner of the services.
     connection
-        To the drone.
+        Connection to the drone.
     log
-        Takes (is_warning, text).
+        Receives (is_warning, text).
     """
 
     def __init__(
@@ -158,11 +159,11 @@ class GroundServices:
 
     @property
     def kept_stops(self) -> list[str]:
-        """Names of e-stop services that were called and are not confirmed."""
+        """Names of called e-stop services that are not confirmed."""
         return sorted({call.service.srv_name for call in self._calls.values() if _is_stop(call)})
 
     def take_offered(self, content: bytes) -> None:
-        """Offer what the drone announces, and no more."""
+        """Offer the services that the drone announces, and remove others."""
         offered = json.loads(content)
         for name in self._services.keys() - offered.keys():
             self._node.destroy_service(self._services.pop(name))
@@ -172,7 +173,7 @@ class GroundServices:
             )
 
     def update(self, now: float) -> bool:
-        """Forward the requests that have come; return whether there were any."""
+        """Forward received requests; return whether there were any."""
         has_sent = False
         for name, service in self._services.items():
             while True:
@@ -186,13 +187,13 @@ class GroundServices:
         return has_sent
 
     def take_result(self, content: bytes, now: float) -> None:
-        """Answer whoever called."""
+        """Answer the client of a call."""
         number, _ = _CALL.unpack_from(content)
         call = self._calls.get(number)
         if call is None:
             return
         response = deserialize_message(content[_CALL.size :], call.service.srv_type.Response)
-        # Stops that were requested while one was under way are part of it.
+        # Further stop requests during a stop are part of it.
         done = [n for n, other in self._calls.items() if other.message is call.message]
         for same in map(self._calls.pop, done):
             if not same.is_answered:
@@ -211,7 +212,7 @@ class GroundServices:
         is_stop = _offers_stop(service)
         kept = [call for call in self._calls.values() if call.service is service]
         if is_stop and kept and not kept[-1].message.is_confirmed:
-            message = kept[-1].message  # one is enough
+            message = kept[-1].message  # one message is enough
         elif is_stop:
             message = self._connection.send(STOPS, content, URGENT)
         else:
@@ -224,8 +225,9 @@ class GroundServices:
             if now - call.begin > _STOP_NOTICE and not call.is_answered:
                 state = 'delivered, but not confirmed' if call.message.is_confirmed else 'kept'
                 text = (
-                    f'NOT DELIVERED YET: the drone has been silent for {self._silence(now)}; the '
-                    f'e-stop is {state} and acts when the connection is back'
+                    'NOT DELIVERED YET, because the drone has been silent for '
+                    f'{self._silence(now)}; the e-stop is {state} and acts when the connection '
+                    'is back'
                 )
                 self._log(True, f'{name}: {text}')
                 call.is_answered = True
@@ -234,8 +236,8 @@ class GroundServices:
                 del self._calls[number]
         elif call.message.is_expired and not call.is_answered:
             del self._calls[number]
-            text = f'not delivered within {_LIFETIME:g} s: the drone has been silent for '
-            text += f'{self._silence(now)}; ask again when the connection is back'
+            text = f'not delivered within {_LIFETIME:g} s, because the drone has been silent for '
+            text += f'{self._silence(now)}: send the request again when the connection is back'
             self._log(True, f'{name}: {text}')
             if hasattr(call.service.srv_type.Response, 'success'):
                 self._answer(call, call.service.srv_type.Response(success=False, message=text))
@@ -257,10 +259,10 @@ def _is_stop(call: _Call) -> bool:
 
 
 def _offers_stop(service: Any) -> bool:
-    # Another machine may have a service of that name and of another type.
+    # A node on another host may have a service of that name with another type.
     return service.srv_type is Trigger and bool(service.srv_name.endswith(f'/{E_STOP}'))
 
 
 def _ignore(_: Any, response: Any) -> Any:
-    """Stand in for a callback; never called."""
+    """Stand in for a callback that is never called."""
     return response

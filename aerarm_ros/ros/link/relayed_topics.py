@@ -1,4 +1,4 @@
-"""Which topics `ground_link` relays, how, and what joint states become on the way."""
+"""Topics that `ground_link` relays, and the decimation of joint states."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WINDOWED = (
     topics.MOTOR_STATES,
     topics.ROTOR_COMMAND,
 )
-"""Joint states of the drone that are decimated with minimum and maximum."""
+"""Joint states of the drone that are decimated, with minimum and maximum."""
 VALUES = (
     topics.MOTOR_POWER,
     topics.ENERGY,
@@ -44,7 +44,7 @@ VALUES = (
     topics.STATIC_WRENCH,
     topics.RECORDED_UNTIL,
 )
-"""Other streams of the drone; the newest message of each window is sent as it is."""
+"""Other streams of the drone, of which the newest message of each window is sent unchanged."""
 EVENTS = (
     topics.ARM_MODE,
     topics.PLAN_STATUS,
@@ -54,7 +54,7 @@ EVENTS = (
     topics.COMMISSIONING_REPORT,
     topics.DIAGNOSTICS,
 )
-"""What the ground receives without loss."""
+"""Topics that the ground receives without loss."""
 COMMANDS = (
     topics.JOINT_TRAJECTORY,
     topics.JOINT_GOAL,
@@ -66,13 +66,18 @@ COMMANDS = (
     topics.FLIGHT_SET_POINT,
     topics.COMMISSIONING_REQUEST,
 )
-"""What the ground sends. `joint_command` is missing: a controller must run on the bridge's host."""
+"""Topics that the ground sends. `joint_command` is excluded, because a controller must run on the
+bridge's host.
+"""
 COMMAND_LIFETIME = 1.0
-"""A command that is not delivered within this time [s] is dropped, so that no motion that was
-requested before a cut begins after it."""
+"""[s] Lifetime of a command, so that no motion requested before a loss of connection begins after
+it.
+"""
 
 LAYOUTS, OFFERED, STOPS, CALLS, STOP_RESULTS, RESULTS = range(1000, 1006)
-"""Channels that are no topics. Stops have their own: nothing is in front of them."""
+"""Channels other than topics. Stop requests have their own channel, so that they never queue
+behind others.
+"""
 DOWN = (*WINDOWED, *VALUES, *EVENTS)
 UP_CHANNEL = 100
 _DEPTH = 100
@@ -81,14 +86,14 @@ _LATCHED = topics.LATCHED.durability
 
 
 class DroneTopics:
-    """Reads the drone's topics and sends them; publishes the ground's commands.
+    """Send the drone's topics, and publish the ground's commands.
 
     Parameters
     ----------
     node
         Owner of subscriptions and publishers.
     connection
-        To the ground.
+        Connection to the ground.
     rates
         [Hz] by topic name.
     """
@@ -104,7 +109,7 @@ class DroneTopics:
         self._publishers = [_publisher(node, topic) for topic in COMMANDS]
 
     def update(self, now: float) -> None:
-        """Take what has come and hand it to the connection."""
+        """Pass received messages to the connection."""
         for channel in range(len(DOWN)):
             while (message := self._reader.take(channel)) is not None:
                 self._take(channel, message[0])
@@ -114,7 +119,7 @@ class DroneTopics:
                 self._send_value(channel)
 
     def greet(self) -> None:
-        """Send what a ground that has just started must know."""
+        """Send the initial data to a ground that has just started."""
         for channel, (payload, message) in list(self._latched.items()):
             if message.is_confirmed:
                 self._send_event(channel, payload)
@@ -166,7 +171,7 @@ class JointStateStream:
     Attributes
     ----------
     layout
-        Names, frame and full fields of the messages; empty before the first.
+        Names, frame and field lengths of the messages; empty before the first.
     """
 
     def __init__(self) -> None:
@@ -176,7 +181,7 @@ class JointStateStream:
         self._stamp_ns = 0
 
     def add(self, payload: bytes) -> bool:
-        """Take a message; return whether its layout is new."""
+        """Add a message; return whether its layout is new."""
         sample = self._codec.unpack(payload) if self._codec is not None else None
         is_new = sample is None
         if sample is None:
@@ -184,7 +189,7 @@ class JointStateStream:
             try:
                 self._codec = JointStateCdr(list(message.name), message.header.frame_id)
             except ValueError:
-                return False  # without names it belongs to no arm
+                return False  # a message without names belongs to no arm
             sample = self._codec.unpack(payload)
             if sample is None:
                 return False
@@ -205,24 +210,24 @@ class JointStateStream:
         return is_new
 
     def take(self) -> Window | None:
-        """Return the window since the last call, None if no message came."""
+        """Return the window since the last call, None without a message."""
         samples, self._samples = self._samples, []
         return window_of(self._stamp_ns, samples) if samples else None
 
 
 class GroundTopics:
-    """Publishes the drone's topics on the ground; sends the ground's commands.
+    """Publish the drone's topics on the ground, and send the ground's commands.
 
-    A topic exists from its first message on, so that tools find what the drone has.
+    A topic is created with its first message, so tools show only topics that the drone publishes.
 
     Parameters
     ----------
     node
         Owner of subscriptions and publishers.
     connection
-        To the drone.
+        Connection to the drone.
     on_expired
-        Takes the name of a topic whose command was not delivered in time.
+        Receives the name of a topic whose command was not delivered in time.
     """
 
     def __init__(
@@ -237,7 +242,7 @@ class GroundTopics:
         self._under_way: list[tuple[str, Message]] = []
 
     def update(self, now: float) -> bool:
-        """Send the commands that have come; return whether there were any."""
+        """Send received commands; return whether there were any."""
         has_sent = False
         for place, topic in enumerate(COMMANDS):
             while (message := self._reader.take(place)) is not None:
@@ -265,7 +270,7 @@ class GroundTopics:
             self._publisher(DOWN[channel]).publish(payload)
 
     def take_layout(self, payload: bytes) -> None:
-        """Take the layout of a topic's joint states."""
+        """Store the layout of a topic's joint states."""
         given = json.loads(payload)
         codec = JointStateCdr(given['names'], given['frame'])
         self._layouts[given['channel']] = codec, given['full']
@@ -280,7 +285,7 @@ class GroundTopics:
         codec, full = self._layouts[channel]
         window = unpack_window(payload)
         if len(window.newest) != len(full) * len(codec.names):
-            return  # of a layout that is still on its way
+            return  # its layout has not arrived yet
         topic = DOWN[channel]
         for suffix, numbers in (
             ('', window.newest),
@@ -304,7 +309,7 @@ def topic_rates(rate: float, values_rate: float, changes: Sequence[str]) -> dict
     Parameters
     ----------
     rate, values_rate
-        Of joint states, and of other streams.
+        Rate of joint states, and of other streams [Hz].
     changes
         Texts NAME=HZ.
 
@@ -321,9 +326,11 @@ def topic_rates(rate: float, values_rate: float, changes: Sequence[str]) -> dict
         except ValueError:
             hertz = 0.0
         if name not in rates:
-            raise ValueError(f"rates: '{name}' is not decimated: give one of {', '.join(rates)}")
+            raise ValueError(
+                f"the rate of '{name}' (rates) cannot be set: choose one of {', '.join(rates)}"
+            )
         if not 0.1 <= hertz <= 50.0:
-            raise ValueError(f"rates: '{text}': write {name}=HZ with 0.1 to 50 Hz")
+            raise ValueError(f"'{text}' in rates is invalid: write {name}=HZ with 0.1 to 50 Hz")
         rates[name] = hertz
     return rates
 

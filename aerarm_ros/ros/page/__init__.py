@@ -1,6 +1,6 @@
-"""The arm in a browser.
+"""Web page of the arm.
 
-In come states, diagnostics and what a person presses; out go a moving picture, plots and tables,
-requests to the bridge, motions for the controller that runs, and programs that record, play and
-control. Other sites and strangers are refused before anything is served.
+The page shows states and diagnostics as a moving picture, plots and tables. Buttons send requests
+to the bridge, send motions to the running controller, and start programs that record, play and
+control. Requests from other sites and without a token are rejected first.
 """

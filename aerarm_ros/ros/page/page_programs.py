@@ -1,7 +1,8 @@
-"""Recorder, player and controller as the page runs them."""
+"""Recorder, player and controller that the page starts."""
 
 from __future__ import annotations
 
+import importlib
 import re
 import shutil
 import tempfile
@@ -11,26 +12,28 @@ from pathlib import Path
 
 from aerarm_ros.excitation.design_file import TrajectoryFile
 from aerarm_ros.excitation.settings import ExcitationError
+from aerarm_ros.executables import command_modules, controllers
 from aerarm_ros.ros.process.node_process import NodeProcess
 
-_WORDS_MAX = 300  # characters of its last line
+_WORDS_MAX = 300  # characters of a program's last line
 _LOG_PREFIX = re.compile(r'^\[[A-Z]+\] \[[0-9.]+\] \[[^]]*\]: ')
 
 
 class ChildProgram:
-    """Runs one node at a time, and knows its last words.
+    """Run one node at a time, and read the last line of its output.
 
-    A node that ends lets the bridge hold the arm, if it moved it; when the page ends so do these.
+    A player or controller that ends requests that the bridge holds the arm. These nodes end with
+    the page.
 
     Parameters
     ----------
     namespace
-        For the nodes.
+        Namespace of the nodes.
 
     Attributes
     ----------
     name
-        What runs, or ran last; '' before the first.
+        Node that runs or ran last; '' before the first.
     """
 
     def __init__(self, namespace: str) -> None:
@@ -39,7 +42,7 @@ class ChildProgram:
         self._logs: Path | None = None
         self._process: NodeProcess | None = None
         self._is_ending = False
-        self._starting = threading.Lock()  # clicks are served by several threads
+        self._starting = threading.Lock()  # several threads serve clicks
 
     @property
     def runs(self) -> bool:
@@ -48,81 +51,73 @@ class ChildProgram:
 
     @property
     def is_ending(self) -> bool:
-        """Whether it was asked to end, and has not."""
+        """Whether the node was requested to end but still runs."""
         return self._is_ending and self.runs
 
     def start(self, name: str, parameters: Mapping[str, object]) -> None:
         """Start a node; raises RuntimeError if one runs."""
         with self._starting:
             if self.runs:
-                raise RuntimeError(f'{self.name} runs already: stop it first')
-            if self._logs is None:  # not before: a page that cannot be served leaves nothing
+                raise RuntimeError(f'{self.name} is already running: stop it first')
+            if self._logs is None:  # not earlier: a page that cannot be served leaves no directory
                 self._logs = Path(tempfile.mkdtemp(prefix='aerarm_view_'))
             log = self._logs / f'{name}.log'
             self.name, self._is_ending = name, False
             self._process = NodeProcess(name, self._arguments, parameters, log=log)
 
     def end(self) -> None:
-        """Ask the node to end, as Ctrl-C does."""
+        """Request the node to end, as Ctrl-C does."""
         if self._process is not None and self.runs:
             self._is_ending = True
             self._process.ask_to_end()
 
     def last_words(self) -> str:
-        """Return the last line that the node printed, with its status if it failed."""
+        """Return the last line that the node printed, with its exit status if it failed."""
         if self._process is None:
             return ''
         lines = [line for line in self._process.tail(5).splitlines() if line.strip()]
-        # Progress is written over itself.
+        # A progress line is overwritten, so use its last version.
         words = _LOG_PREFIX.sub('', lines[-1].rsplit('\r', 1)[-1].strip()) if lines else ''
         words = words[:_WORDS_MAX]
         status = self._process.returncode
         return f'{words} (ended with {status})' if status not in (None, 0, 130) else words
 
     def close(self) -> None:
-        """End the node, wait for it, and forget what it said."""
+        """End the node, wait for it, and delete its output."""
         if self._process is not None:
             self._process.stop()
         if self._logs is not None:
             shutil.rmtree(self._logs, ignore_errors=True)
 
 
-CONTROLLERS = (
-    'computed_torque',
-    'gravity_compensation',
-    'kinematic_control',
-    'impedance_control',
-    'world_control',
-)
 RANDOM = 'random motion'
-_CARTESIAN = ('kinematic_control', 'impedance_control', 'world_control')
-_TOOL_SPEED = 0.8  # [m/s] at the whole speed limit
-# A name of a bag, and no way out of the folder.
+_SPEED, _TOOL_SPEED = 'tool_velocity_max', 0.8  # [m/s] tool speed at the full speed limit
+# Name of a bag, which cannot leave the directory.
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,60}')
-_LARGEST = 1_000_000  # [bytes] of a trajectory's file
+_LARGEST = 1_000_000  # [bytes] largest trajectory file
 _MOST_FILES = 200
 
 
 class PageProgramError(ValueError):
-    """A program cannot be started so; the message says why."""
+    """The program cannot be started; the message states the reason."""
 
 
 class PagePrograms:
     """At most one recorder, one player and one controller.
 
-    Nobody at the page names a file: bags lie in the folder, under plain names, and what is played
-    is chosen of the trajectories in it.
+    The page accepts no file paths: bags have plain names in one directory, and the player accepts
+    only the trajectories in it.
 
     Parameters
     ----------
     namespace
-        Of the page, for the nodes.
+        Namespace of the page and its nodes.
     folder
-        Where bags and trajectories are.
+        Directory of bags and trajectories.
     arm
-        Parameters that name the files of the arm.
+        Parameters with the files of the arm.
     drone_file
-        Drone that carries the arm, '' if none is known.
+        File of the drone that carries the arm, '' without a drone.
 
     Attributes
     ----------
@@ -142,7 +137,7 @@ class PagePrograms:
         self._known: dict[tuple[str, int], bool] = {}
 
     def trajectories(self) -> tuple[str, ...]:
-        """Return the names of the trajectories that may be played."""
+        """Return the names of the trajectories that can be played."""
         names = []
         for path in sorted(self._folder.glob('*.yaml'))[:_MOST_FILES]:
             try:
@@ -157,33 +152,38 @@ class PagePrograms:
         return (RANDOM, *names)
 
     def record(self, name: str) -> str:
-        """Record a bag of that name, and return where; raises PageProgramError, RuntimeError."""
+        """Record a bag with a name; return its path. Raises PageProgramError, RuntimeError."""
         if not _NAME.fullmatch(name):
             raise PageProgramError('invalid bag name: use letters, digits, _ - and .')
         bag = self._folder / name
         if bag.exists():
-            raise PageProgramError(f'{bag} exists: give another name')
+            raise PageProgramError(f'{bag} already exists: choose another name')
         self.recorder.start('recorder', {'bag': bag})
         return str(bag)
 
     def play(self, name: str) -> None:
         """Play one of `trajectories`; raises PageProgramError, RuntimeError."""
         if name not in self.trajectories():
-            raise PageProgramError(f'no trajectory {name!r} in {self._folder}')
+            raise PageProgramError(f'{self._folder} has no trajectory {name!r}')
         chosen = {'seed': 1} if name == RANDOM else {'trajectory': self._folder / name}
         self.player.start('excitation', {**self._arm, **chosen})
 
     def control(self, name: str, speed_share: float) -> None:
         """Start a controller; raises PageProgramError, RuntimeError."""
-        if name not in CONTROLLERS:
+        if name not in controllers():
             raise PageProgramError(f'unknown controller {name!r}')
-        speed = {'tool_velocity_max': speed_share * _TOOL_SPEED} if name in _CARTESIAN else {}
+        speed = {_SPEED: speed_share * _TOOL_SPEED} if _has_tool_target(name) else {}
         self.controller.start(name, {**self._arm, **self._drone, **speed})
 
     def close(self) -> None:
-        """End what runs: first what moves the arm."""
+        """End all programs, first those that move the arm."""
         for program in (self.player, self.controller, self.recorder):
             program.close()
+
+
+def _has_tool_target(name: str) -> bool:
+    module = importlib.import_module(command_modules()[name])
+    return any(parameter.name == _SPEED for parameter in module.PARAMETERS)
 
 
 def _is_trajectory(path: Path) -> bool:

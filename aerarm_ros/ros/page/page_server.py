@@ -1,4 +1,4 @@
-"""The web server of the page, with a guard in front of it."""
+"""Web server of the page, with a guard that checks all requests."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _FOLDER = Path(__file__).parent
 
 @cache
 def _additions() -> bytes:
-    """Return what the head of the page gets: style and script."""
+    """Return the style and the script for the head of the page."""
     style, script = (_FOLDER.joinpath(name).read_bytes() for name in ('view.css', 'view.js'))
     return b'<style>\n%b</style><script>\n%b</script></head>' % (style, script)
 
 
 def dress(response: Response) -> None:
-    """Add title and layout to a page that is served, in place; leave anything else alone."""
+    """Add title and layout to a served page in place; leave other responses unchanged."""
     if not response.headers.get('Content-Type', '').startswith('text/html'):
         return
     packed = response.headers.get('Content-Encoding') == 'gzip'
@@ -56,20 +56,19 @@ _LOOPBACK = ('localhost', '127.0.0.1', '::1')
 
 
 class PageGuard:
-    """Judges requests before anything is answered.
+    """Check requests before the server answers them.
 
-    A browser lets every site open connections to every address, the loopback one included, and
-    tells in `Origin` which site it is: only the page itself may. A site whose name its owner has
-    led to this computer (DNS rebinding) is its own origin, but its name is in `Host`: only
-    names of this computer may be there. On a network a token, the first part of the path, is
-    asked for as well.
+    A browser lets every site connect to every address, even the loopback one, and sends the site's
+    name in `Origin`: only the page itself is allowed. With DNS rebinding a site passes this check,
+    but its name is in `Host`: only names of this computer are allowed. On a network, the path must
+    also begin with a token.
 
     Parameters
     ----------
     host
-        Name or address at which the page is served, or that of all interfaces.
+        Host name or address of the page, or the address of all interfaces.
     token
-        What the path begins with; none is asked for if empty.
+        Required first part of the path; empty for none.
     """
 
     def __init__(self, host: str, token: str = '') -> None:
@@ -79,29 +78,29 @@ class PageGuard:
 
     @classmethod
     def for_host(cls, host: str) -> PageGuard:
-        """Return a guard with a new token, unless only this computer can reach the page."""
+        """Return a guard with a new token, or without a token for a loopback address."""
         return cls(host, '' if is_loopback(host) else secrets.token_urlsafe(24))
 
     def refusal(
         self, path: str, hosts: Sequence[str], origins: Sequence[str], socket_wanted: bool
     ) -> str:
-        """Return why a request is refused, '' if it may be answered.
+        """Return why a request is refused, or an empty text.
 
         Parameters
         ----------
         path
-            Its path, with query.
+            Path of the request, with query.
         hosts, origins
-            All its headers of these names.
+            All headers of these names.
         socket_wanted
-            Whether it asks for a websocket; browsers then tell the origin, always.
+            Whether the request opens a websocket; browsers then always send the origin.
         """
         if len(hosts) != 1 or not self._is_own(hosts[0]):
             return f'{_shown(hosts)} is not a name of this computer: use the printed URL'
         if len(origins) > 1 or (socket_wanted and not origins):
-            return f'the origin is {_shown(origins)}, not the page'
+            return f'the request comes from {_shown(origins)}, not from this page'
         if origins and origins[0].lower() != f'http://{hosts[0]}'.lower():
-            return f'the origin is {_shown(origins)}, another site'
+            return f'the request comes from another site, {_shown(origins)}'
         given, _ = _split(path)
         if self._token and not hmac.compare_digest(given.encode(errors='replace'), self._token):
             return 'the address lacks the token: use the URL printed at the start'
@@ -112,7 +111,7 @@ class PageGuard:
         return _split(path)[1] if self._token else path
 
     def address(self, host: str, port: int) -> str:
-        """Return what to open in a browser."""
+        """Return the address to open in a browser."""
         name = socket.gethostname() if host in _WILDCARDS else host
         shown = f'[{name}]' if ':' in name else name
         return f'http://{shown}:{port}' + (f'/{self._token.decode()}/' if self._token else '')
@@ -127,12 +126,12 @@ class PageGuard:
             return False
         if name in self._names:
             return True
-        # Whoever asks for a number is led astray by no name.
+        # A request for a numeric address cannot result from DNS rebinding.
         return self._any_address and _is_number(name)
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether only this computer reaches what is served there."""
+    """Return whether only this computer can reach a server at `host`."""
     return host.lower() == 'localhost' or (_is_number(host) and ip_address(host).is_loopback)
 
 
@@ -152,14 +151,14 @@ def _is_number(host: str) -> bool:
 
 
 def _split(path: str) -> tuple[str, str]:
-    """Return the first part of a path and, from its slash on, the rest."""
+    """Return the first part of a path, and the rest from its slash."""
     plain, question, query = path.partition('?')
     first, _, rest = plain.removeprefix('/').partition('/')
     return first, f'/{rest}{question}{query}'
 
 
 def _shown(headers: Sequence[str]) -> str:
-    """Return headers for people, short and without control characters."""
+    """Return headers as short text without control characters."""
     return repr(', '.join(headers)[:80]) if headers else 'an empty value'
 
 
@@ -184,7 +183,7 @@ class CameraMoved(
 
 
 class Change(msgspec.Struct, forbid_unknown_fields=True):
-    """What a click changes of a button, a slider, a box to tick, a list or a text."""
+    """Properties of a button, slider, checkbox, list or text that a click may change."""
 
     value: bool | float | Text
 
@@ -192,7 +191,7 @@ class Change(msgspec.Struct, forbid_unknown_fields=True):
 class ElementChanged(
     msgspec.Struct, tag_field='type', tag='GuiUpdateMessage', forbid_unknown_fields=True
 ):
-    """A click. The same message could hide, rename or disable any element for everybody."""
+    """Message of a click; a forged one could hide, rename or disable elements for all users."""
 
     uuid: str
     updates: Change
@@ -204,7 +203,7 @@ class TargetMoved(
     tag='TransformControlsUpdateMessage',
     forbid_unknown_fields=True,
 ):
-    """The tool's target, dragged."""
+    """Message that the tool's target was dragged."""
 
     name: Text
     wxyz: tuple[float, float, float, float]
@@ -218,7 +217,7 @@ class TargetTaken(
     tag='TransformControlsDragStartMessage',
     forbid_unknown_fields=True,
 ):
-    """The tool's target is held from now on."""
+    """Message that the user grabbed the tool's target."""
 
     name: Text
     owner: Text
@@ -230,7 +229,7 @@ class TargetLeft(
     tag='TransformControlsDragEndMessage',
     forbid_unknown_fields=True,
 ):
-    """The tool's target is held no more."""
+    """Message that the user released the tool's target."""
 
     name: Text
     owner: Text
@@ -242,7 +241,7 @@ _DECODER = msgspec.msgpack.Decoder(
 
 
 def is_allowed(message: object) -> bool:
-    """Tell whether a message of a websocket is one that the page itself sends."""
+    """Return whether a websocket message is one that the page itself sends."""
     if not isinstance(message, bytes):
         return False
     try:
@@ -252,16 +251,16 @@ def is_allowed(message: object) -> bool:
     return True
 
 
-MESSAGE_MAX = 4096  # [bytes] the page's own are a tenth of it
+MESSAGE_MAX = 4096  # [bytes]; messages of the page have a tenth of this size
 _REPORT_PERIOD = 10.0  # [s]
 _HEADERS = {
-    # In a frame of another site the button could be clicked unseen.
+    # Another site could hide the button in a frame and provoke a click.
     'Content-Security-Policy': "frame-ancestors 'none'",
     'X-Frame-Options': 'DENY',
     'Cross-Origin-Resource-Policy': 'same-origin',
     'X-Content-Type-Options': 'nosniff',
     'Cache-Control': 'no-store',
-    # The token is in the address.
+    # The address contains the token.
     'Referrer-Policy': 'no-referrer',
 }
 
@@ -269,25 +268,25 @@ Report = Callable[[str], None]
 
 
 class PageError(RuntimeError):
-    """The page cannot be guarded; the message says what to do."""
+    """The page cannot be guarded; the message states the recovery hint."""
 
 
 def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.ViserServer:
-    """Serve a page of which every request and every message is judged.
+    """Serve a page and check every request and every message.
 
     Parameters
     ----------
     host, port
-        Where; the next free port is taken.
+        Address; if the port is in use, the next free port.
     guard
-        Judges requests.
+        Guard that checks the requests.
     report
-        Called with what was refused, at most every ten seconds, from the server's thread.
+        Called from the server's thread with refused requests, at most every ten seconds.
 
     Raises
     ------
     PageError
-        If this viser serves in a way that cannot be guarded.
+        If the installed viser cannot be guarded.
     """
     gate = _Gate(guard, report)
     with _guarded(gate):
@@ -295,19 +294,19 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     if not gate.closed:
         server.stop()
         raise PageError(
-            f'the page of viser {viser.__version__} cannot be guarded against other sites: '
+            f'viser {viser.__version__} offers no way to protect the page against other sites: '
             "pip install 'viser>=1.1,<1.2'"
         )
     return server
 
 
 class _Gate:
-    """Applies the guard to requests, and the list of messages to connections.
+    """Apply the guard to requests, and the list of allowed messages to connections.
 
     Attributes
     ----------
     closed
-        Whether the server was made with it.
+        Whether the websocket server was created with this gate.
     """
 
     def __init__(self, guard: PageGuard, report: Report) -> None:
@@ -317,7 +316,7 @@ class _Gate:
         self._silent_until = 0.0
 
     def options(self, options: dict[str, Any]) -> dict[str, Any]:
-        """Return options of a websocket server with the gate in them."""
+        """Return the options of a websocket server, with this gate."""
         inner = options.get('process_request')
         if inner is None:
             return options
@@ -325,11 +324,11 @@ class _Gate:
         gate = self
 
         class PageConnection(ServerConnection):
-            """A connection that accepts only the page's own messages."""
+            """Websocket connection that accepts only the page's own messages."""
 
             async def recv(self, decode: bool | None = None) -> Any:
                 while not is_allowed(message := await super().recv(decode)):
-                    gate.refused('a message type that the page does not send')
+                    gate.refused('the page does not send messages of this type')
                 return message
 
         def process(connection: ServerConnection, request: Request) -> Response | None:
@@ -344,7 +343,7 @@ class _Gate:
         }
 
     def refused(self, what: str) -> None:
-        """Say what was refused, unless something was just now."""
+        """Report a refused request, unless one was reported recently."""
         now = time.monotonic()
         if now >= self._silent_until:
             self._silent_until = now + _REPORT_PERIOD
@@ -376,9 +375,9 @@ class _Gate:
 
 @contextmanager
 def _guarded(gate: _Gate) -> Iterator[None]:
-    """Let whatever websocket server is made meanwhile have the gate.
+    """Context in which each new websocket server gets the gate.
 
-    viser makes its server itself and takes no options for it.
+    viser creates its server internally and passes no options to it.
     """
     serve = websocket_server.serve
 

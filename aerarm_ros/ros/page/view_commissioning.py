@@ -1,4 +1,4 @@
-"""Folder of the page that commissions a new arm."""
+"""Folder of the page for the commissioning of a new arm."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ _STOPPED = 'stopped: the motors are off'
 
 
 class PageCommissioning:
-    """Leads through one procedure at a time, in a thread of its own.
+    """Run one commissioning procedure at a time, in its own thread.
 
-    Pictures may be rare and the drawing of them slow; the bridge wants ten requests per second.
+    The display may be slow, but the bridge needs ten requests per second.
 
     Parameters
     ----------
     node
-        An executor must spin it in another thread.
+        Node that an executor spins in another thread.
     config, urdf
         Files of the arm, '' for the packaged ones.
     is_watched
-        Tells whether somebody looks at the page: else the procedure ends, and the motors are off.
+        Returns whether a browser shows the page; otherwise the procedure ends with motors off.
 
     Attributes
     ----------
     outcome
-        Whether the last procedure ended well, and what came of it; '' before and during one.
+        Whether the last procedure succeeded, and its result; '' before and during a procedure.
     """
 
     def __init__(self, node: Node, config: str, urdf: str, is_watched: Callable[[], bool]) -> None:
@@ -46,43 +46,43 @@ class PageCommissioning:
         self._node = node
         self._files = config, urdf
         self._is_watched = is_watched
-        self._lock = threading.Lock()  # clicks are served by several threads
+        self._lock = threading.Lock()  # several threads serve clicks
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._client: CommissioningClient | None = None
 
     @property
     def runs(self) -> bool:
-        """Whether a procedure is under way."""
+        """Whether a procedure is running."""
         return self._thread is not None and self._thread.is_alive()
 
     @property
     def prompt(self) -> Prompt | None:
-        """What a person has to confirm now, None if nothing."""
+        """Question that the user must confirm now, or None."""
         return self._client.prompt if self.runs and self._client is not None else None
 
     @property
     def news(self) -> list[str]:
-        """Lines of the last procedure: joints begun, findings, verdicts."""
+        """Lines of the last procedure: joints, findings, verdicts."""
         guided = self._client.guided if self._client is not None else None
         return [] if guided is None else list(guided.news)
 
     @property
     def record(self) -> str:
-        """File in which the verdicts are, '' before there are any."""
+        """File with the verdicts; empty before the first verdict."""
         client = self._client
         has_any = client is not None and client.guided is not None and client.guided.record.joints
         return str(client.path) if client is not None and has_any else ''
 
     def begin(self, joints: Sequence[str], resume: bool, emulated: str = '') -> None:
-        """Begin with joints, all if none is named; with `resume` those that have not passed.
+        """Start with the given joints, or all; `resume` skips joints that have passed.
 
-        On the bridge `emulated`, if one is named, an emulated hand does and confirms everything.
-        Raises RuntimeError if a procedure is under way.
+        If `emulated` names a bridge, an emulated hand turns the joints and confirms everything.
+        Raises RuntimeError if a procedure is running.
         """
         with self._lock:
             if self.runs:
-                raise RuntimeError('commissioning is in progress')
+                raise RuntimeError('commissioning is already in progress: wait or stop it')
             self._stop.clear()
             self.outcome, self._client = (False, ''), None
             arguments = (joints, resume, emulated)
@@ -90,14 +90,14 @@ class PageCommissioning:
             self._thread.start()
 
     def answer(self, prompt: Prompt, yes: bool) -> None:
-        """Answer a prompt, unless it is another by now: a double click confirms only one."""
+        """Answer a prompt, unless it has changed: a double click confirms only one."""
         with self._lock:
             guided = self._client.guided if self._client is not None else None
             if guided is not None and guided.prompt is prompt:
                 guided.answer(yes)
 
     def end(self) -> None:
-        """Stop, wait until the bridge was asked to switch the motors off."""
+        """Stop, and wait until the bridge was requested to switch the motors off."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -128,20 +128,20 @@ class PageCommissioning:
 
     def _lead(self, client: CommissioningClient, emulated: str) -> None:
         if emulated and not (client.report and client.report.emulated):
-            raise ValueError('an emulated hand turns emulated joints only')
+            raise ValueError('an emulated hand can turn emulated joints only')
         person = EmulatedPerson(self._node, client, emulated) if emulated else None
         while client.is_on:
             with self._lock:
                 client.poll()
                 if client.problem:
-                    raise ValueError(f'{client.problem}: check its console')
+                    raise ValueError(f'{client.problem}: check the log of the bridge')
                 if person is not None:
                     person.poll()
             self._pause()
         client.poll()  # an answer may have ended the last joint
 
     def _pause(self) -> None:
-        """Wait for the next turn; raises ValueError if there is none."""
+        """Wait for the next step; raises ValueError if the procedure was stopped."""
         if self._stop.wait(_PERIOD):
             raise ValueError(_STOPPED)
         if not self._is_watched():
@@ -149,23 +149,23 @@ class PageCommissioning:
 
 
 ALL = 'all joints'
-_READING = 1.0  # [s] that a prompt is shown before it can be confirmed: a second click is no answer
+_READING = 1.0  # [s] of display before a prompt can be confirmed, against double clicks
 _LINES = 20
 
 
 class ViewCommissioning:
-    """Prompts, two answers, and what was found so far.
+    """Display of the prompts, two answer buttons, and the findings.
 
     Parameters
     ----------
     server
-        Where it is shown.
+        Server of the page.
     panel
-        Tells what came of it.
+        Panel that shows the result.
     procedure
-        Does it.
+        Commissioning procedure.
     names
-        Joints, as files name them.
+        Joint names in the files.
     emulated
         Returns the node name of a bridge with emulated boards, or ''.
     """
@@ -190,7 +190,7 @@ class ViewCommissioning:
             )
             self._begin = gui.add_button('Begin commissioning')
             self._words = gui.add_html('')
-            self._yes = gui.add_button('Done, go on', color='green', visible=False)
+            self._yes = gui.add_button('Done, continue', color='green', visible=False)
             self._no = gui.add_button('Skip this step', visible=False)
         self._begin.on_click(lambda _: self._toggle())
         self._yes.on_click(lambda _: self._answer(True))
@@ -234,7 +234,7 @@ class ViewCommissioning:
                 self._emulated() if self._is_by_hand() else '',
             )
         except RuntimeError as error:
-            self._panel.tell(False, 'not begun:', str(error))
+            self._panel.tell(False, 'not started:', str(error))
 
     def _answer(self, yes: bool) -> None:
         prompt = self._prompt
@@ -242,5 +242,5 @@ class ViewCommissioning:
             self._procedure.answer(prompt, yes)
 
     def _is_by_hand(self) -> bool:
-        """Whether an emulated hand answers: never with real boards."""
+        """Return whether an emulated hand answers, which never happens with real boards."""
         return bool(self._hand.value and self._emulated())

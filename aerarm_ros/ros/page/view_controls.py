@@ -1,4 +1,4 @@
-"""Folders of the page that move the arm, record, play and control."""
+"""Folders of the page for moving the arm, recording, playing and controlling."""
 
 from __future__ import annotations
 
@@ -16,34 +16,35 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.executables import controllers
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.graph import endpoint_name
-from aerarm_ros.ros.page.page_programs import CONTROLLERS, ChildProgram, PagePrograms
+from aerarm_ros.ros.page.page_programs import ChildProgram, PagePrograms
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented
 from aerarm_ros.ros.page.view_scene import ARM_BASE
 from aerarm_ros.ros.requests.bridge_service import BridgeService, StopService
 
 _SHORTEST = 0.5  # [s]
-# The controller starts where it wants the arm, which is not quite where the arm is: at the whole of
-# a limit the way from there would be refused.
+# The controller starts at its reference, which differs slightly from the measured posture. A
+# motion with the full limit would be rejected.
 _OF_LIMITS = 0.95
-# They hear everything, and move nothing.
+# These nodes subscribe to everything but move nothing.
 _LISTENERS = ('recorder', 'view')
 
 
 class PageMotion:
-    """Publishes postures to go to, and places for the tool.
+    """Publish postures for the arm, and places for the tool.
 
     Parameters
     ----------
     node
         Owner of the publishers.
     config
-        The arm, its limits.
+        Configuration of the arm, with its limits.
     base
-        Link in which the tool's place is given.
+        Link in whose frame the tool's place is given.
     """
 
     def __init__(self, node: Node, config: ArmConfig, base: str) -> None:
@@ -58,19 +59,19 @@ class PageMotion:
         )
 
     def go(self, start: Array, goal: Sequence[float], share: float) -> tuple[bool, str]:
-        """Send the arm from joint angles to others, (n,) [rad] each.
+        """Move the arm from joint angles (n,) to others [rad].
 
         Parameters
         ----------
         start, goal
-            Where it is, and where it shall be.
+            Present and final joint angles [rad].
         share
-            Of the speed limits, that no joint exceeds on the way.
+            Largest joint speed as a fraction of the limits.
 
         Returns
         -------
         sent, text
-            Whether somebody listens, and what to tell.
+            Whether a controller receives the motion, and a message for the user.
         """
         if not self._is_heard(topics.JOINT_TRAJECTORY.name):
             return False, 'no active joint controller: start computed_torque'
@@ -87,9 +88,9 @@ class PageMotion:
         return True, f'moving, {duration:.1f} s'
 
     def aim(self, place: Sequence[float]) -> tuple[bool, str]:
-        """Send the tool to a place (3,) [m] in the base; returns as `go`.
+        """Move the tool to a place (3,) [m] in the base frame; returns as `go`.
 
-        Under world_control the tool is held where that place is in the world.
+        Under world_control the tool is then held at the corresponding place in the world.
         """
         if not self._is_heard(topics.TOOL_TRAJECTORY.name):
             return False, 'no active tool controller: start kinematic_control or world_control'
@@ -102,7 +103,7 @@ class PageMotion:
         return True, f'tool to {p.x:.3f}, {p.y:.3f}, {p.z:.3f} m'
 
     def _is_heard(self, topic: str) -> bool:
-        """Whether a node that moves the arm listens."""
+        """Return whether a node that moves the arm subscribes to the topic."""
         listeners = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topic))
         names = [endpoint_name(listener).rpartition('/')[2] for listener in listeners]
         return any(name and name not in _LISTENERS for name in names)
@@ -114,12 +115,12 @@ _TIMEOUT = 3.0  # [s] to find a parameter's node, and again for its answer
 
 
 class PageRequests:
-    """Calls the bridge's services, and mends an emulated board as `arm fault` does.
+    """Call the bridge's services, and repair emulated boards like `arm fault`.
 
     Parameters
     ----------
     node
-        An executor must spin it in another thread.
+        Node that an executor spins in another thread.
     bridges
         Node names of the bridges.
     """
@@ -138,21 +139,21 @@ class PageRequests:
 
     @property
     def emulated(self) -> str:
-        """Node name of a bridge with emulated boards that is there, or ''."""
+        """Node name of a running bridge with emulated boards, or ''."""
         return self._services[PUT_BACK].found
 
     def look_for_bridges(self) -> None:
-        """Get ready to stop those that are there by now, whatever they are called."""
+        """Prepare stop requests to all running bridges of any name."""
         for stop in self._stops.values():
             stop.look()
 
     def ask(self, action: str) -> tuple[bool, str]:
-        """Ask for an action by its name, or for 'fault NAME:BOARD'; blocks until it is answered.
+        """Request an action by its name, or 'fault NAME:BOARD'; blocks until answered.
 
         Returns
         -------
         done, text
-            Whether it was done, and what the bridge says.
+            Whether the request succeeded, and the bridge's answer.
         """
         if action.startswith(_FAULT):
             return self._mend(action.removeprefix(_FAULT))
@@ -185,24 +186,24 @@ class PageRequests:
 
 _STEP = 0.01  # [rad] of a slider
 _TARGET_SCALE = 0.25
-_LOOK_PERIOD = 1.0  # [s] between two looks for trajectories: a folder may hold many files
+_LOOK_PERIOD = 1.0  # [s] between two searches of the directory
 
 
 class ViewControls:
     """Sliders, a target for the tool, and programs.
 
-    What a browser sends is judged here once more: a slider's number may be any.
+    All values from the browser are checked again, because a message can contain any number.
 
     Parameters
     ----------
     server
-        Where they are shown.
+        Server of the page.
     panel
-        Tells what came of it.
+        Panel that shows the result.
     motion, programs
-        Do it.
+        Objects that carry out the requests.
     names, limits
-        Joints, n of them, and (n, 2) their position limits [rad].
+        Names of the n joints, and their position limits (n, 2) [rad].
     """
 
     def __init__(
@@ -221,7 +222,7 @@ class ViewControls:
         self._looked = -np.inf
         gui = server.gui
         with gui.add_folder('Control'):
-            self._controller = gui.add_dropdown('controller', CONTROLLERS)
+            self._controller = gui.add_dropdown('controller', controllers())
             self._control_button = gui.add_button('Start controller')
             self._control_words = gui.add_html('')
         with gui.add_folder('Move by sliders', expand_by_default=False):
@@ -247,16 +248,16 @@ class ViewControls:
         self._connect()
 
     def show(self, now: float, posture: Array | None, tool: Array) -> None:
-        """Show what the programs say.
+        """Show the state of the programs.
 
         Parameters
         ----------
         now
             Monotonic time [s].
         posture
-            (n,) [rad] where the arm is, or None.
+            (n,) present joint angles [rad], or None.
         tool
-            (3,) [m] where its tool is, in the base.
+            (3,) [m] place of the tool in the base frame.
         """
         if self._posture is None and posture is not None:
             self._posture = posture

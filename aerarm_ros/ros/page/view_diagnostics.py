@@ -1,4 +1,4 @@
-"""Diagnostics as tables for people."""
+"""Tables of the diagnostics for people."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 
 from aerarm_ros.pages.html_text import Html, macros
 
-_ERROR, _STALE = 2, 3  # of the levels in view.html
-_WAY_OUT = 'way out'
+_ERROR, _STALE = 2, 3  # levels in view.html
+_WAY_OUT = 'recovery hint'
 _STATISTICS = ('mean', 'std', 'p50', 'p99', 'p99.9', 'max')
 _TIMING_KEY = re.compile(rf'(.+) ({"|".join(map(re.escape, _STATISTICS))}) \[us\]')
-# Column of the motors' table: what its keys on /diagnostics end with.
+# Column of the motors' table, and the end of its keys on /diagnostics.
 _MOTOR_COLUMNS = {
     'winding': 'winding [degC]',
     'housing': 'housing [degC]',
@@ -38,7 +38,7 @@ class ViewStatus:
     level
         0 OK, 1 WARN, 2 ERROR, 3 STALE.
     message
-        What the publisher says.
+        Text of the publisher.
     values
         Key to value.
     received
@@ -52,14 +52,14 @@ class ViewStatus:
 
 
 class ViewDiagnostics:
-    """Newest status of every name, and how long ago it came.
+    """Newest status of every name, with its age.
 
     Parameters
     ----------
     stale_after
-        Age at which a status is shown as stale [s]; publishers send once a second.
+        Age at which a status is shown as stale [s]; publishers send one per second.
     gone_after
-        Age at which it is shown no more: its node has ended [s].
+        Age at which a status is no longer shown, because its node has ended [s].
     """
 
     def __init__(self, stale_after: float = 3.0, gone_after: float = 10.0) -> None:
@@ -68,8 +68,8 @@ class ViewDiagnostics:
         self._statuses: dict[str, ViewStatus] = {}
 
     def add(self, name: str, status: ViewStatus) -> None:
-        """Store a status; it replaces the one of the same name."""
-        # A copy: the thread that shows them reads the one before meanwhile.
+        """Store a status; it replaces the previous one of that name."""
+        # A copy, because the thread that shows the statuses may be reading the old one.
         latest = {**self._statuses, name: status}
         self._statuses = {
             key: kept
@@ -78,7 +78,7 @@ class ViewDiagnostics:
         }
 
     def way_out(self, now: float) -> str:
-        """Return what ends the arm's fault, as its bridge tells it; '' without one."""
+        """Return the recovery hint that the bridge reports for a fault, or an empty text."""
         texts = [
             status.values.get(_WAY_OUT, '')
             for _, status in self._present(now)
@@ -87,7 +87,7 @@ class ViewDiagnostics:
         return next(filter(None, texts), '')
 
     def timing_html(self, now: float) -> Html:
-        """Return a table of the quantiles [us] in all statuses, '' if none has any."""
+        """Return a table of the quantiles [us] in all statuses, or an empty text."""
         tables = [
             (name, self._level(status, now), _cells(rows), _counts(status.values))
             for name, status in self._present(now)
@@ -96,7 +96,7 @@ class ViewDiagnostics:
         return Html(elements().tables(tables, 'us', _STATISTICS))
 
     def motors_html(self, now: float) -> Html:
-        """Return a table of temperatures and torque limits, '' if no status has any."""
+        """Return a table of temperatures and torque limits, or an empty text."""
         heads = [f'{name} {end[end.index("[") :]}' for name, end in _MOTOR_COLUMNS.items()]
         tables = [
             (name, self._level(status, now), rows.items(), None)
@@ -115,7 +115,7 @@ class ViewDiagnostics:
     def _level(self, status: ViewStatus, now: float) -> int:
         if now - status.received > self._stale_after:
             return _STALE
-        # Anybody can publish there, and any byte.
+        # Any node can publish there, with any byte.
         return status.level if status.level <= _STALE else _ERROR
 
     def _present(self, now: float) -> list[tuple[str, ViewStatus]]:
@@ -124,7 +124,7 @@ class ViewDiagnostics:
 
 
 def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Return quantity -> statistic -> microseconds out of keys like 'period p99 [us]'."""
+    """Convert keys such as 'period p99 [us]' to quantity -> statistic -> microseconds."""
     rows: dict[str, dict[str, str]] = {}
     for key, value in values.items():
         match = _TIMING_KEY.fullmatch(key)
@@ -134,7 +134,7 @@ def timing_rows(values: Mapping[str, str]) -> dict[str, dict[str, str]]:
 
 
 def motor_rows(values: Mapping[str, str]) -> dict[str, list[str]]:
-    """Return joint -> a text a column, out of keys like 'joint2 winding [degC]'."""
+    """Convert keys such as 'joint2 winding [degC]' to joint -> one text per column."""
     ends = list(_MOTOR_COLUMNS.values())
     joints = [key.removesuffix(f' {ends[0]}') for key in values if key.endswith(f' {ends[0]}')]
     return {joint: [values.get(f'{joint} {end}', '') for end in ends] for joint in joints}

@@ -10,7 +10,7 @@ import viser
 from aerarm_ros.pages.html_text import Html
 from aerarm_ros.ros.page.view_diagnostics import elements
 
-# Does what it is named; returns whether that succeeded, and what to tell. May block.
+# Runs the named action; returns whether it succeeded, and a message. May block.
 Ask = Callable[[str], tuple[bool, str]]
 
 _ARM_WIDTH = 400  # [pixels]
@@ -25,7 +25,7 @@ _MODE_COLORS = {
     'running': '#2b8a3e',
     'unhomed': '#b06000',
 }
-# Label of each button, and the modes in which it does something.
+# Label of each button, and the modes in which it has an effect.
 _BUTTONS = {
     'enable': ('Enable: the motors align, the arm moves', ('idle',)),
     'hold': ('Hold the arm', ('damping',)),
@@ -44,19 +44,19 @@ _STEP = re.compile(r"'arm ([a-z_]+(?: [a-z0-9_:.]+)?)'")
 
 
 class ViewPanel:
-    """The panel at the left of the scene.
+    """Panel at the left of the scene.
 
-    Everything that came from the ROS graph is escaped before it becomes HTML.
+    All text from the ROS graph is escaped before it becomes HTML.
 
     Parameters
     ----------
     server
-        Where it is shown.
+        Server of the page.
     name
-        Of the arm.
+        Name of the arm.
     ask
-        Asks the bridge for what a button says: 'e_stop', a key of the bridge's actions, or
-        'fault NAME:BOARD'.
+        Sends a button's request to the bridge: 'e_stop', a key of the bridge's actions, or 'fault
+        NAME:BOARD'.
     """
 
     def __init__(self, server: viser.ViserServer, name: str, ask: Ask) -> None:
@@ -85,7 +85,7 @@ class ViewPanel:
         return lambda _: self.answer(action)
 
     def add_reports(self, server: viser.ViserServer) -> None:
-        """Show motors, timing and diagnostics below what is there so far."""
+        """Add motors, timing and diagnostics at the bottom of the panel."""
         with server.gui.add_folder('Motors'):
             self._motors = server.gui.add_html('')
         with server.gui.add_folder('Timing', expand_by_default=False):
@@ -94,16 +94,16 @@ class ViewPanel:
             self._diagnostics = server.gui.add_html('')
 
     def show_mode(self, mode: str, states: str, way_out: str = '', emulated: bool = False) -> None:
-        """Show the arm's mode, a line about its states, and what can be done in it.
+        """Show the arm's mode, a line about its states, and the possible actions.
 
         Parameters
         ----------
         mode
             Last arm_mode, '' before the first.
         states
-            What is heard of the arm, or waited for.
+            Text about the received or missing states.
         way_out
-            Of a fault, as the bridge tells it: commands are in quotes.
+            Recovery hint of a fault from the bridge, with commands in quotes.
         emulated
             Whether the arm can be put back.
         """
@@ -127,7 +127,7 @@ class ViewPanel:
         self._diagnostics.content = indented(statuses)
 
     def tell(self, done: bool, word: str, text: str) -> None:
-        """Show what came of something, in colour."""
+        """Show the result of an action, in colour."""
         self._answer.content = indented(elements().outcome(done, word, text))
 
     def answer(self, action: str) -> None:
@@ -144,5 +144,5 @@ class ViewPanel:
 
 
 def indented(content: str) -> str:
-    """Return a text, or HTML, with the margin that the page gives to everything else."""
+    """Return a text, or HTML, with the page's margin."""
     return str(elements().indented(content))

@@ -1,4 +1,4 @@
-"""The last seconds as plots, of which a person chooses."""
+"""Plots of the last seconds, which the user selects."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class ViewHistory:
     Parameters
     ----------
     shape
-        Of what is kept each time.
+        Shape of each sample.
     duration
-        Time kept [s].
+        Stored time [s].
     rate
-        Samples a second.
+        Samples per second.
     """
 
     def __init__(self, shape: tuple[int, ...], duration: float, rate: float) -> None:
@@ -41,17 +41,17 @@ class ViewHistory:
         self._next = 0
 
     def add(self, now: float, values: Array) -> None:
-        """Store values of the shape given, taken at the monotonic time `now` [s]."""
+        """Store a sample, taken at the monotonic time `now` [s]."""
         self._time[self._next] = now
         self._values[self._next] = values
         self._next = (self._next + 1) % len(self._time)
 
     def window(self, now: float) -> tuple[Array, Array]:
-        """Return what is at most `duration` old.
+        """Return the samples that are at most `duration` old.
 
         Returns
         -------
-        time : (k,) before `now`, so negative, ascending [s]
+        time : (k,) relative to `now`, so negative, ascending [s]
         values : (k, *shape)
         """
         order = np.roll(np.arange(len(self._time)), -self._next)
@@ -59,16 +59,16 @@ class ViewHistory:
         return self._time[order] - now, self._values[order]
 
 
-# Rows of what is kept of each joint.
+# Rows stored per joint.
 _WINDOWED = ('q', 'dq', 'tau', 'current')
 _MINIMA = tuple(f'{name}_min' for name in _WINDOWED)
 _MAXIMA = tuple(f'{name}_max' for name in _WINDOWED)
 ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power', *_MINIMA, *_MAXIMA)
 BASE_ROWS = ('x [m]', 'y [m]', 'z [m]', 'roll [rad]', 'pitch [rad]', 'yaw [rad]')
-_SILENT = 1.0  # [s] without states that is told
+_SILENT = 1.0  # [s] without states before a notice
 _SIDES = ('minimum', 'maximum')
 _WINDOWS = 10  # that may wait
-_STALE = 0.3  # [s] after which a reference, a current or a power counts as none
+_STALE = 0.3  # [s] after which a reference, a current or a power is dropped
 
 
 class WindowReader:
@@ -118,20 +118,20 @@ class WindowReader:
 
 
 class ViewFeed:
-    """Samples states, references, currents, powers and the base's pose, and keeps the last seconds.
+    """Sample states, references, currents, powers and the base's pose of the last seconds.
 
     Parameters
     ----------
     node
         Owner of the subscriptions.
     names
-        Joint names, n of them.
+        Names of the n joints.
     duration
-        Time kept [s].
+        Stored time [s].
     rate
-        Samples a second.
+        Samples per second.
     has_base
-        Whether the base moves, as `odometry` says.
+        Whether the base moves according to `odometry`.
 
     Attributes
     ----------
@@ -160,14 +160,14 @@ class ViewFeed:
         self._powers = RawReader(node, topics.MOTOR_POWER)
         self._power_cdr = Float64ArrayCdr(n)
         self._row = np.full((len(ROWS), n), np.nan)
-        self._heard = np.full(4, -np.inf)  # states, commands, motors, powers
+        self._heard = np.full(4, -np.inf)  # reception times of states, commands, motors, powers
         self._odometry: Odometry | None = None
         if has_base:
             topic = topics.ODOMETRY
             node.create_subscription(topic.type, topic.name, self._on_odometry, topic.qos)
 
     def update(self, now: float) -> bool:
-        """Take what is new at the monotonic time `now` [s]; return whether the arm has moved on."""
+        """Read new messages at the monotonic time `now` [s]; return whether the arm has moved."""
         self._take_rest(now)
         self._take_pose(now)
         state = self._states.newest()
@@ -181,15 +181,15 @@ class ViewFeed:
         return True
 
     def describe(self, now: float) -> str:
-        """Say what comes, or what is waited for."""
+        """Return a text about the received or missing states."""
         missing = self._states.missing
         if missing:
             return f'joint_states lacks {", ".join(missing)}: check config, urdf, tf_prefix'
         if self._states.unknown:
             names = ', '.join(self._states.unknown)
             return (
-                f'the angle of {names} is unknown until the arm is homed: the drawn configuration '
-                'is wrong'
+                f'the angle of {names} is unknown until the arm is homed, so the drawn '
+                'configuration is wrong'
             )
         silent = now - self._heard[0]
         if not np.isfinite(silent):
@@ -264,17 +264,17 @@ def _angles(wxyz: Array) -> Array:
 _STROKES = ('#e8590c', '#1971c2', '#2f9e44', '#9c36b5', '#e03131', '#0c8599', '#f08c00')
 _LIMIT = '#adb5bd'
 _WIDTH, _HEIGHT = 440, 190  # [pixels]
-_PADDING = (10, 24, 0, 0)  # [pixels] top, right, bottom, left: half a number at the top
+_PADDING = (10, 24, 0, 0)  # [pixels] top, right, bottom, left; the top margin fits half a number
 _TICKS: viser.uplot.Axis_Ticks = {'show': True, 'stroke': 'rgba(128, 128, 128, 0.3)'}
 _ACROSS = viser.uplot.Axis(size=64, ticks=_TICKS)  # [pixels] for a minus and three decimals
 
 
 @dataclass(frozen=True)
 class _Quantity:
-    """What a plot shows: rows of `ROWS`, or of `BASE_ROWS` if there is no value.
+    """Quantity of a plot: rows of `ROWS`, or of `BASE_ROWS` if there is no value.
 
-    What is less than `small` about zero does not fill the plot: it would be noise, and numbers have
-    three decimals.
+    Values below `small` do not fill the plot, because they would be noise, and labels have three
+    decimals.
     """
 
     title: str
@@ -297,20 +297,20 @@ _BASE = (_Quantity('base position [m]', small=0.05), _Quantity('base attitude [r
 
 
 class ViewPlots:
-    """A panel at the right of the scene, with a box to tick for each plot.
+    """Panel at the right of the scene, with one checkbox per plot.
 
     Parameters
     ----------
     server
-        Where it is shown.
+        Server of the page.
     names
-        Joint names, n of them.
+        Names of the n joints.
     duration
-        Time the plots show [s].
+        Time span of the plots [s].
     limits
         (n, 2) of 'position', 'velocity' and 'effort', lower and upper.
     has_base
-        Whether there is a base that moves.
+        Whether the base moves.
     """
 
     def __init__(
@@ -327,7 +327,7 @@ class ViewPlots:
         panel = gui.add_panel()
         self._tab = panel.add_tab('Plots')
         with self._tab:
-            with gui.add_folder('Which', expand_by_default=False):
+            with gui.add_folder('Quantities', expand_by_default=False):
                 quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
                 self._with_limits = gui.add_checkbox('limits', False)
@@ -341,7 +341,7 @@ class ViewPlots:
         panel.set_width(_WIDTH)
 
     def show(self, time: Array, values: Array) -> None:
-        """Draw what is of the joints.
+        """Draw the quantities of the joints.
 
         Parameters
         ----------
@@ -359,7 +359,7 @@ class ViewPlots:
                 plot.data = self._columns(quantity, time, values)
 
     def show_base(self, time: Array, values: Array) -> None:
-        """Draw what is of the base: (k,) [s], and (k, 6), columns as `BASE_ROWS`."""
+        """Draw the quantities of the base: time (k,) [s], and (k, 6), columns as `BASE_ROWS`."""
         if len(time) < 2:
             return
         for quantity, columns in zip(_BASE, (values[:, :3], values[:, 3:]), strict=True):
@@ -373,7 +373,8 @@ class ViewPlots:
             return (time, *np.ascontiguousarray(np.nan_to_num(error.T)))
         rows = np.nan_to_num(values[:, ROWS.index(quantity.value)].T)
         columns = [rows]
-        # What there is none of lies below the joint's own line: gaps would take the plot its scale.
+        # A missing reference repeats the joint's value, because gaps would remove the plot's
+        # scale.
         if quantity.reference:
             wanted = values[:, ROWS.index(quantity.reference)].T
             columns.insert(0, np.where(np.isnan(wanted), rows, wanted))
@@ -408,9 +409,9 @@ class ViewPlots:
     def _add(
         self, gui: viser.GuiApi, quantity: _Quantity, old: viser.GuiUplotHandle | None = None
     ) -> viser.GuiUplotHandle:
-        """Return a plot whose time axis is fixed: following its data, it freezes at the first.
+        """Return a plot with a fixed time axis; an automatic one freezes at the first data.
 
-        It takes the place of an `old` one.
+        It replaces the `old` plot, if given.
         """
         series = self._series(quantity)
         start = np.array([-self._duration, 0.0])
@@ -438,7 +439,7 @@ class ViewPlots:
         lines = [_line(name, color) for name, color in zip(self._names, colors, strict=True)]
         if self._has_extremes(quantity):
             lines = [_line(side, f'{c}60') for side in _SIDES for c in colors] + lines
-        # The joints last, so that they lie on top.
+        # The joints last, so that their curves are on top.
         if quantity.reference:
             lines = [_line('reference', color, (5, 4)) for color in colors] + lines
         if quantity.limit:
@@ -458,7 +459,7 @@ class ViewPlots:
 
 
 def _at_least(small: float) -> dict[str, viser.uplot.Scale]:
-    """Return a vertical scale that goes as far as `small` to each side of zero, or farther."""
+    """Return a vertical scale that extends at least `small` to each side of zero."""
     if not small:
         return {}
     sides = {'min': -small, 'max': small}
@@ -471,7 +472,7 @@ def _color(k: int) -> str:
 
 
 def _legend(names: Sequence[str]) -> str:
-    """Return which colour is whose, once for all plots."""
+    """Return the legend of colours for all plots."""
     return str(elements().legend([(_color(k), name) for k, name in enumerate(names)]))
 
 

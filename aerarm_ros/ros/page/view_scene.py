@@ -1,4 +1,4 @@
-"""The arm in three dimensions, as its URDF draws it."""
+"""Three-dimensional view of the arm's URDF."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ARM_BASE = '/arm/base_of_arm'
 _GRID_SIZE = 2.0  # [m]
 _CLOSE, _FAR = (1.0, 0.35), (1.5, 1.0)  # distance [1.2 m] and height [m] of the camera
 _TRAIL_COLOR = (30, 120, 230)
-_TRAIL_STEP = 2e-3  # [m] the tool's path gets a new point after this distance
+_TRAIL_STEP = 2e-3  # [m] travelled by the tool between two points of its path
 _TRAIL_WIDTH = 2.0  # pixels
 _TRAIL_POINTS = 400
 
@@ -31,23 +31,23 @@ class ViewScene:
     Parameters
     ----------
     server
-        Where the scene is shown. Its up direction is against gravity, so a hanging arm hangs.
+        Server of the page. The view's up direction is against gravity, so a hanging arm hangs.
     robot
-        The arm, with visual shapes in its URDF; collision shapes are drawn where it has none.
+        The arm, with the visual shapes of its URDF, or else its collision shapes.
     tool
-        Frame whose path is drawn; the last one of the model if empty.
+        Frame whose path is drawn; the last frame of the model by default.
     base
-        Link in which the tool's place is told; the URDF's root if empty. No joint moves it.
+        Fixed link in whose frame the tool's place is given; the URDF's root by default.
 
     Attributes
     ----------
     tool
-        Place (3,) [m] of that frame in the base.
+        Place (3,) [m] of the tool frame in the base frame.
 
     Raises
     ------
     ValueError
-        If there is no such frame, or a mesh is larger than an arm needs.
+        If a frame is unknown, or a mesh is larger than an arm needs.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class ViewScene:
         tool = tool and robot.full_name(tool)
         if tool and not robot.model.existFrame(tool):
             known = ', '.join(frame.name for frame in robot.model.frames)
-            raise ValueError(f'the URDF has no frame {tool!r}: it has {known}')
+            raise ValueError(f'frame {tool!r} is not in the URDF: choose one of {known}')
         self._tool = robot.model.getFrameId(tool) if tool else robot.model.nframes - 1
         self._scene = server.scene
         self._prepare(server, robot, self._usual_place(robot))
@@ -72,7 +72,7 @@ class ViewScene:
             position=self._mount.translation,
         )
         self.tool: Array = np.zeros(3)
-        # Each joint in the one before it: a turn is all that most of them have to be told.
+        # Joints are nested, so most of them only need a new angle.
         self._paths = _paths(robot.model)
         self._joints = [self._scene.add_frame(path, show_axes=False) for path in self._paths[1:]]
         for shape in _shapes(robot):
@@ -86,7 +86,7 @@ class ViewScene:
             thickness_units='screen',
         )
         self.update(np.clip(np.zeros(robot.n), robot.position_min, robot.position_max))
-        self._path.clear()  # nobody has seen the arm there
+        self._path.clear()  # the browser has not shown the arm there
 
     def update(self, q: Array) -> None:
         """Move the links to joint angles q (n,) [rad]."""
@@ -102,19 +102,19 @@ class ViewScene:
             self._path.append(tool.copy())
 
     def move_base(self, position: Array, wxyz: Array) -> None:
-        """Put what the URDF's root is at a position (3,) [m], turned by a unit quaternion."""
+        """Move the URDF's root to a position (3,) [m] and an orientation (unit quaternion)."""
         self._base.position, self._base.wxyz = position, wxyz
         rotation = pin.Quaternion(*wxyz.tolist()).matrix()
         self._base_pose = pin.SE3(rotation, position)
 
     def update_path(self) -> None:
-        """Draw the path of the tool as far as it is known."""
+        """Draw the path of the tool."""
         points = np.array(self._path)
         if len(points) > 1:
             self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
 
     def _usual_place(self, robot: Robot) -> Array:
-        """Return where the tool is in the middle of the joints' ranges, (3,) [m]."""
+        """Return the tool's place in the middle of the joints' ranges, (3,) [m]."""
         low, high = robot.position_min, robot.position_max
         known = np.isfinite(low) & np.isfinite(high)
         middle = np.zeros(robot.n)
@@ -129,7 +129,7 @@ class ViewScene:
         self._scene.set_up_direction(tuple(up))
         self._scene.add_grid('/grid', _GRID_SIZE, _GRID_SIZE, cell_size=0.1, section_size=0.5)
         self._scene.add_frame('/base', axes_length=0.12, axes_radius=0.003)
-        # An arm that hangs has its drone above it.
+        # A hanging arm has its drone above.
         distance, height = _CLOSE if tool @ up > 0.0 else _FAR
         server.initial_camera.look_at = tuple(0.4 * tool)
         server.initial_camera.position = tuple(
@@ -158,7 +158,7 @@ class ViewScene:
 
 
 def _paths(model: pin.Model) -> list[str]:
-    """Return where each joint is in the scene, by its place in the model; first the base."""
+    """Return the scene path of each joint in the model's order, the base first."""
     paths = ['/arm']
     for name, parent in zip(list(model.names)[1:], list(model.parents)[1:], strict=True):
         paths.append(f'{paths[parent]}/{name}')
@@ -166,7 +166,7 @@ def _paths(model: pin.Model) -> list[str]:
 
 
 def _shapes(robot: Robot) -> list[pin.GeometryObject]:
-    """Return the visual shapes, else the collision shapes; none where their meshes are missing."""
+    """Return the visual shapes, else the collision shapes; none if their meshes are missing."""
     for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION):
         try:
             found = load_shapes(robot, kind)

@@ -1,7 +1,6 @@
-"""What a user can set: tables of parameters, and what several nodes make of theirs.
+"""User settings: tables of parameters, and parameters that several nodes share.
 
-In comes a table, and what a command line or a YAML file gives; out go values that are kept up to
-date, or a `ParameterError` that says what would be right. Files of arm and
-drone and wishes to the
-operating system are parameters of several nodes, so they are here.
+A table and the user's values (command line, YAML file) give up-to-date values, or a
+`ParameterError` with the valid range. Shared parameters are the files of arm and drone, and
+real-time settings of the operating system.
 """

@@ -22,29 +22,28 @@ ParameterValue = (
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter with everything a user may ask about it.
+    """A node's parameter with all its documentation.
 
     Attributes
     ----------
     name
         Name, lower case with underscores.
     default
-        Value when the user gives none; its type is the parameter's type. An empty list
-        has no type: give `element`.
+        Default value, which determines the type. For an empty list, also set `element`.
     description
-        What it does, in one sentence.
+        Meaning, in one sentence.
     unit
         SI unit, '' for none.
     minimum, maximum
-        Bounds, both allowed values; for a list, bounds of every element.
+        Smallest and largest allowed value; for a list, of every element.
     choices
-        The only values allowed, for strings and integers.
+        The allowed values of a string or integer.
     live
-        Whether it may change while the node runs.
+        Whether the value may change while the node runs.
     element
         Type of the elements of a list whose default is empty.
     group
-        Heading under which help lists it; the node's own, which come first, have none.
+        Heading in the help; '' for the node's own parameters, which come first.
     """
 
     name: str
@@ -60,18 +59,18 @@ class Parameter:
 
     @property
     def type(self) -> RosParameter.Type:
-        """Type as ROS names it."""
+        """Parameter type in ROS."""
         if isinstance(self.default, (list, tuple)) and not self.default:
             return RosParameter.Type.from_parameter_value([self.element()])
         return RosParameter.Type.from_parameter_value(self.default)
 
     @property
     def is_list(self) -> bool:
-        """Whether its value is a list."""
+        """Whether the value is a list."""
         return bool(self.type.name.endswith('_ARRAY'))
 
     def descriptor(self) -> ParameterDescriptor:
-        """Return what `ros2 param describe` shows."""
+        """Return the descriptor for `ros2 param describe`."""
         unit = f' [{self.unit}]' if self.unit else ''
         descriptor = ParameterDescriptor(
             name=self.name,
@@ -82,7 +81,7 @@ class Parameter:
         )
         if self.minimum is None and self.maximum is None:
             return descriptor
-        # ROS knows two-sided ranges only; an open side becomes the largest number there is.
+        # ROS has two-sided ranges only, so an open side becomes the largest number.
         if self.type is RosParameter.Type.DOUBLE:
             low = -math.inf if self.minimum is None else float(self.minimum)
             high = math.inf if self.maximum is None else float(self.maximum)
@@ -94,7 +93,7 @@ class Parameter:
         return descriptor
 
     def heading(self) -> str:
-        """Return name, type, unit, default, bounds and whether it is live, in one line."""
+        """Return name, type, unit, default, bounds and liveness in one line."""
         kind = self.type.name.lower().replace('_array', ' list')
         default = self._default_text()
         details = (
@@ -106,7 +105,7 @@ class Parameter:
         return f'{self.name} ({", ".join(filter(None, details))})'
 
     def adapt(self, value: Any) -> Any:
-        """Return whole numbers as floating-point ones where the parameter is such."""
+        """Convert whole numbers to floating-point numbers for a floating-point parameter."""
         if self.type is RosParameter.Type.DOUBLE and _is_whole(value):
             return float(value)
         if self.type is RosParameter.Type.DOUBLE_ARRAY and isinstance(value, list):
@@ -114,14 +113,14 @@ class Parameter:
         return value
 
     def problem(self, value: Any) -> str | None:
-        """Say what is wrong with a value and what would be right, or return None."""
+        """Return why a value is invalid and which values are valid, or None."""
         elements = value if isinstance(value, (list, tuple)) else (value,)
         if self.has_type(value) and all(self._is_allowed(element) for element in elements):
             return None
         return f'parameter {self.name} must be {self._wanted()}, not {value!r}'
 
     def has_type(self, value: Any) -> bool:
-        """Tell whether a value has the parameter's type."""
+        """Return whether a value has the parameter's type."""
         if isinstance(value, (list, tuple)) and not value:
             return self.is_list
         try:
@@ -154,7 +153,7 @@ class Parameter:
         return '' if self.maximum is None else f'at most {self.maximum}'
 
     def _default_text(self) -> str:
-        """Return the default as it is typed after `NAME:=`, '' if it is empty."""
+        """Return the default in the form for `NAME:=`; '' if it is empty."""
         if isinstance(self.default, (list, tuple)):
             return f'[{", ".join(map(str, self.default))}]' if self.default else ''
         return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
@@ -163,7 +162,7 @@ class Parameter:
         when = (
             ''
             if self.live
-            else ('parameter is read-only: set it when the node starts, -p NAME:=VALUE')
+            else ('this parameter is read-only: set it when the node starts, -p NAME:=VALUE')
         )
         return '; '.join(filter(None, (self._bounds(), when)))
 
@@ -185,13 +184,14 @@ def _is_whole(value: Any) -> bool:
 
 
 def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
-    """Return parameters under a heading of the help, those that have one already under theirs."""
+    """Return parameters under a heading of the help, unless they already have another heading."""
     return tuple(item if item.group else replace(item, group=group) for item in parameters)
 
 
 _SIM_TIME = 'use_sim_time'
 _IGNORED = (
-    f'{_SIM_TIME} is ignored: this node uses the stamps of received messages, or the system clock'
+    f'{_SIM_TIME} is ignored, because this node uses the stamps of received messages, or '
+    'the system clock'
 )
 
 LiveCallback = Callable[[str, Any], None]
@@ -199,14 +199,14 @@ Check = Callable[[dict[str, Any]], str]
 
 
 class ParameterError(ValueError):
-    """A parameter given at the start that the node can't run with."""
+    """A parameter's start value is invalid."""
 
 
 class ParameterTable:
-    """The parameters of a node: declared, checked, and kept up to date.
+    """The parameters of a node: declared, checked and kept up to date.
 
-    A bad value is rejected with what would be right, never clamped. Whole numbers are taken
-    for floating-point parameters, so `-p rate:=100` works as `-p rate:=100.0`.
+    An invalid value is rejected with the valid range, never clamped. Floating-point parameters
+    accept whole numbers, so `-p rate:=100` equals `-p rate:=100.0`.
 
     Parameters
     ----------
@@ -216,13 +216,13 @@ class ParameterTable:
     Raises
     ------
     ValueError
-        If a name occurs twice or a default breaks its own bounds.
+        If a name occurs twice or a default is out of its bounds.
     """
 
     def __init__(self, *parameters: Parameter) -> None:
         self._parameters = {parameter.name: parameter for parameter in parameters}
         if len(self._parameters) != len(parameters):
-            raise ValueError(f'a parameter is in the table twice: {[p.name for p in parameters]}')
+            raise ValueError(f'a parameter is twice in the table: {[p.name for p in parameters]}')
         for parameter in parameters:
             problem = parameter.problem(parameter.default)
             if problem:
@@ -239,18 +239,18 @@ class ParameterTable:
         Parameters
         ----------
         node
-            Its parameter overrides (command line, YAML) count.
+            Node whose parameter overrides (command line, YAML) are applied.
         on_change
-            Called with name and value after a live parameter was set. It runs in the
-            thread that serves the node's parameter services.
+            Called with name and value after a live parameter was set, in the thread of the node's
+            parameter services.
         check
-            Called before live parameters are stored with the new values that are set
-            together, by name; returns why they can't be taken, or ''. Same thread.
+            Called with the new values, by name, before live parameters are set together. Returns
+            why they are invalid, or an empty text. Same thread.
 
         Returns
         -------
         SimpleNamespace
-            One attribute a parameter, kept up to date.
+            One up-to-date attribute per parameter.
 
         Raises
         ------
@@ -284,10 +284,10 @@ class ParameterTable:
         return values
 
     def _declare_one(self, node: Node, parameter: Parameter) -> Any:
-        # Declared with an open type first, to see what the user gave and say what is wrong.
+        # An open type at first, so that the error message can show the user's value.
         open_type = ParameterDescriptor(dynamic_typing=True)
         given = node.declare_parameter(parameter.name, _plain(parameter.default), open_type)
-        # rcl reads the empty list of a parameter file as a parameter that is not set.
+        # rcl reads the empty list of a parameter file as an unset parameter.
         is_empty_list = given.value is None and parameter.is_list
         value = [] if is_empty_list else parameter.adapt(_plain(given.value))
         problem = parameter.problem(value)
@@ -306,7 +306,7 @@ class ParameterTable:
             return change
         value = parameter.adapt(_plain(change.value))
         if not parameter.has_type(value):
-            return change  # rclpy says which type it expects
+            return change  # rclpy reports the expected type
         return RosParameter(change.name, parameter.type, value)
 
     def _problem(self, change: RosParameter) -> str | None:
@@ -317,12 +317,12 @@ class ParameterTable:
 
 
 def _use_system_clock(node: Node) -> None:
-    """Switch simulated time off, which would be another time than that of the states' stamps."""
+    """Switch simulated time off, because it would differ from the time of the states' stamps."""
     if node.get_parameter(_SIM_TIME).value:
         node.get_logger().warning(_IGNORED)
         node.set_parameters([RosParameter(_SIM_TIME, value=False)])
 
 
 def _plain(value: Any) -> Any:
-    """Return tuples and rclpy's arrays as lists."""
+    """Convert tuples and rclpy's arrays to lists."""
     return list(value) if hasattr(value, '__len__') and not isinstance(value, str) else value

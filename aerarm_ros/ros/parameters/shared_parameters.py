@@ -1,4 +1,4 @@
-"""Parameters that several nodes share: files of arm and drone, real time."""
+"""Parameters that several nodes share: files of arm and drone, and real-time settings."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ if TYPE_CHECKING:  # loaded only by nodes with a drone or planned motion
     from aerarm_ros.excitation.excitation_setup import ExcitationSetup
 
 ARM_FILES = grouped(
-    'Which arm',
+    'Arm',
     Parameter('config', '', 'YAML file of the drive train; the packaged arm if empty'),
     Parameter('urdf', '',
         'URDF of the arm, for example an identified one; the packaged arm if empty'),
     Parameter('tf_prefix', '', (
-        'prefix of all link and joint names on topics, for example left_, for several arms in one '
-        'tf tree; files and parameters use names without it'
+        'prefix of all link and joint names on topics, for example left_, for several arms in '
+        'one tf tree; names in files and parameters have no prefix'
     )),
 )  # fmt: skip
 
 
 SURROUNDINGS = (
     Parameter('excitation_config', '',
-        'YAML file of obstacles and usable shares of the limits; the packaged file if empty'),
+        'YAML file of obstacles and usable fractions of the limits; the packaged file if empty'),
     Parameter('package_directories', [''],
         'search path for package:// meshes of the URDF, in addition to its parent folders'),
 )  # fmt: skip
 
 
 def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> ExcitationSetup:
-    """Return the checks of an arm's motions that the values of `SURROUNDINGS` describe.
+    """Return the motion checks that the values of `SURROUNDINGS` describe.
 
     Raises
     ------
@@ -64,15 +64,14 @@ def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Exci
 def load_arm(values: SimpleNamespace) -> tuple[ArmConfig, Robot]:
     """Return the arm that the values of `ARM_FILES` name, under its configuration's gravity.
 
-    This is where it gets its prefix: all names are those of the topics from here on.
-
-    With a `DRONE_FILE` among the values gravity is that under the level drone, as its mount says.
+    This function adds the name prefix, so later code uses the names of the topics. If the values
+    name a `DRONE_FILE`, gravity is that under the level drone with its mount.
 
     Raises
     ------
     ValueError
-        If a file cannot be read or used, the two do not fit each other, or the prefix cannot
-        stand before names; the message says what to check.
+        If a file cannot be read or used, the files contradict each other, or the prefix is not a
+        valid name; the message states what to check.
     """
     config = load_arm_config(values.config or None)
     if getattr(values, 'drone_file', ''):
@@ -93,17 +92,17 @@ DRONE_FILE = Parameter(
     'drone_file', '', (
         'YAML file of the drone that carries the arm, or the name of a packaged file, for example '
         'config/drone.yaml; none if empty'
-    ), group='Which arm'
+    ), group='Arm'
 )  # fmt: skip
 
 
 def load_drone(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> DroneConfig | None:
-    """Return the drone that the value of `DRONE_FILE` names, None if that is empty.
+    """Return the drone that the value of `DRONE_FILE` names, or None if the value is empty.
 
     Raises
     ------
     ValueError
-        If the file cannot be read or used, or the drone cannot lift this arm; the message says
+        If the file cannot be read or used, or the drone cannot lift this arm; the message states
         what to check.
     """
     if not values.drone_file:
@@ -136,17 +135,17 @@ REAL_TIME_PARAMETERS = grouped(
 
 
 def prepare_thread(values: SimpleNamespace, logger: RcutilsLogger) -> None:
-    """Ask for what real time needs, for the calling thread and its process.
+    """Request real-time settings for the calling thread and its process.
 
-    What the system refuses is a warning with advice: the node works without.
+    A setting that the system refuses causes a warning with advice; the node works without it.
 
     Parameters
     ----------
     values
-        Of `REAL_TIME_PARAMETERS`; beside them `cpus` (list of CPUs) and `freeze_gc` (bool,
-        otherwise true) if the node has these.
+        Values of `REAL_TIME_PARAMETERS`, optionally with `cpus` (list of CPUs) and `freeze_gc`
+        (bool, true by default).
     logger
-        Of the node.
+        Logger of the node.
     """
     cpus = getattr(values, 'cpus', ())
     warnings = [

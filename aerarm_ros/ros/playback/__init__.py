@@ -1,5 +1,5 @@
-"""A planned motion, played on the arm.
+"""Playback of a planned motion on the arm.
 
-In comes an `ExcitationPlayer`; out go its commands, once bridge, listeners and recorder are
-there, and what a motor bench measures meanwhile.
+The playback waits for bridge, subscribers and recorder, publishes the commands of an
+`ExcitationPlayer`, and collects the measurements of the motor bench.
 """

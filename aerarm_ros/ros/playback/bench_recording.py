@@ -1,4 +1,4 @@
-"""What the motor bench measured: samples for its own use, and a bag for everybody's."""
+"""Measurements of the motor bench: samples for its evaluation, and a bag."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _STATES, _POWER = 0, 1
 class MotorReadings:
     """Current, speed and power of each motor, and the resistance that its board reports.
 
-    Diagnostics come by an executor that spins the node.
+    An executor that spins the node receives the diagnostics.
 
     Parameters
     ----------
     node
         Owner of the subscriptions.
     joint_names
-        Of the n joints.
+        Names of the n joints.
     """
 
     def __init__(self, node: Node, joint_names: tuple[str, ...]) -> None:
@@ -42,14 +42,14 @@ class MotorReadings:
         self._namespace = node.get_namespace()
         self._reader = RawReader(node, topics.MOTOR_STATES, topics.MOTOR_POWER)
         self._states, self._power = JointStateCdr(joint_names), Float64ArrayCdr(len(joint_names))
-        self._waiting: dict[int, tuple[int, bytes]] = {}  # by topic: number and message
+        self._waiting: dict[int, tuple[int, bytes]] = {}  # message number and message, by topic
         self._rows: list[NDArray[np.float64]] = []
         self._told: dict[str, str] = {}
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
 
     def take(self) -> None:
-        """Take what is new; states and power count where they are of the same cycle."""
+        """Read new messages; states and power of one cycle are combined."""
         for index in (_STATES, _POWER):
             message = self._reader.take_newest(index)
             if message is not None:
@@ -59,7 +59,7 @@ class MotorReadings:
             self._waiting.clear()
 
     def supply(self, joint: int) -> MotorSupply:
-        """Return what was read of a joint's motor."""
+        """Return the readings of a joint's motor."""
         rows = self._rows if self._told.get(POWER_FROM) == 'voltage' else []
         table = np.array(rows).reshape(len(rows), 1 + 3 * len(self._names))
         current, speed, power = np.split(table[:, 1:], 3, axis=1)
@@ -70,7 +70,7 @@ class MotorReadings:
     def _reported(self, joint: int) -> float:
         try:
             return float(self._told[resistance_key(self._names[joint])])
-        except (KeyError, ValueError):  # whoever may publish diagnostics
+        except (KeyError, ValueError):  # Any node may publish diagnostics.
             return float('nan')
 
     def destroy(self) -> None:
@@ -103,11 +103,11 @@ class BenchRecording:
     Parameters
     ----------
     bag
-        Directory of the bag, must not exist.
+        Directory of the bag, which must not exist.
     joint_names
-        Of the n joints.
+        Names of the n joints.
     topics
-        Names of joint_states and joint_command, as resolved.
+        Full names of joint_states and joint_command.
     """
 
     def __init__(self, bag: Path, joint_names: tuple[str, ...], topics: tuple[str, str]) -> None:
@@ -117,7 +117,7 @@ class BenchRecording:
         self._first_ns: int | None = None
 
     def add(self, stamp_ns: int, path_time: float, state: ArmState, command: bytes) -> None:
-        """Keep a state, when along the motion [s] it was measured, and its command."""
+        """Store a state, its time along the motion [s], and its command."""
         if self._first_ns is None:
             self._first_ns = stamp_ns
         time = 1e-9 * (stamp_ns - self._first_ns)
@@ -132,7 +132,7 @@ class BenchRecording:
         self._writer.close()
 
     def runs(self, measurements: list[BenchMeasurement]) -> dict[int, list[MotorRun]]:
-        """Return the runs of each joint."""
+        """Return the test runs of each joint."""
         table = np.array(self._rows)
         path_time, time = table[:, 0], table[:, 1]
         q, dq, tau = np.split(table[:, 2:], 3, axis=1)

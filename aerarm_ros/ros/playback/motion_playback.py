@@ -1,4 +1,4 @@
-"""Waits for an arm that rests, and plays a planned motion on it."""
+"""Wait for an arm at rest, and play a planned motion."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ _DAMPED = 'damping'
 
 
 class DampingAccount:
-    """Counts how often and for how long a bridge damped the arm during a motion.
+    """Count how often and for how long a bridge damped the arm during a motion.
 
-    A bridge damps when commands come too late, and follows the next one: the motion goes on,
-    but it is not the one that was planned. Times are those of the monotonic clock.
+    A bridge damps the arm if commands come too late, and follows the next command. The motion then
+    continues, but differs from the plan. Times are on the monotonic clock.
     """
 
     def __init__(self) -> None:
@@ -41,20 +41,20 @@ class DampingAccount:
         self._begin = self._end = 0
 
     def note(self, mode: str, now_ns: int) -> None:
-        """Note a mode and when this host received it [ns]; from any thread."""
+        """Store a mode and its reception time on this host [ns]; callable from any thread."""
         self._modes.append((now_ns, mode))
 
     def begin(self, now_ns: int) -> None:
-        """Note the beginning of the motion [ns]."""
+        """Store the start of the motion [ns]."""
         self._begin = self._end = now_ns
 
     def end(self, now_ns: int) -> None:
-        """Note the end of the motion [ns]."""
+        """Store the end of the motion [ns]."""
         self._end = now_ns
 
     @property
     def damped(self) -> tuple[int, float]:
-        """How often, and for how long [s], the arm was damped during the motion."""
+        """Number and total duration [s] of the bridge's damping during the motion."""
         times, total = 0, 0
         modes = sorted(self._modes)
         ends = [when for when, _ in modes[1:]] + [self._end]
@@ -69,13 +69,13 @@ class DampingAccount:
 
     @property
     def share(self) -> float:
-        """Share of the motion's time during which the arm was damped, 0 to 1."""
+        """Fraction of the motion's time during which the arm was damped, 0 to 1."""
         duration = 1e-9 * (self._end - self._begin)
         return self.damped[1] / duration if duration > 0.0 else 0.0
 
     @property
     def text(self) -> str:
-        """The same in words, '' if it never was."""
+        """Number and duration of damping as text, or an empty text."""
         times, seconds = self.damped
         if not times:
             return ''
@@ -84,24 +84,24 @@ class DampingAccount:
         return f'the bridge damped the arm {often}, for {seconds:.2f} s ({share})'
 
 
-# Nobody commands the arm then, and the bridge holds it where it is.
+# In this mode the bridge holds the arm, and no controller commands it.
 MOVABLE = 'ready'
-# What ends a mode in which the arm follows no command.
+# Recovery hints for modes in which the arm follows no command.
 _ADVICE = {
     'inactive': "activate the bridge: 'ros2 lifecycle set /NAME activate'",
     'disconnected': 'the boards do not respond: check the log of the bridge',
     'aligning': 'the motors will be aligned in a few seconds',
-    'homing': 'the joints will be at their index in a few seconds',
+    'homing': 'the joints will reach their index pulses in a few seconds',
     'unhomed': f'run {to_switch_on("unhomed")} (the arm moves)',
     'commissioning': "the arm is being commissioned: wait, then 'arm home'",
-    'running': 'another node commands the arm: stop it',
-    'damping': "run 'arm hold', which holds the arm where it is",
+    'running': 'another node commands the arm: stop that node',
+    'damping': "run 'arm hold', which holds the arm in place",
 }
-# By then all nodes in the domain have announced themselves (config/fastdds.xml) [s].
+# [s] in which all nodes of the domain have announced themselves (config/fastdds.xml).
 _DISCOVERY_TIME = 0.5
-_DEPTH = 100  # messages that may wait for this process
+_DEPTH = 100  # queue length in messages
 _LISTENERS = {
-    topics.JOINT_COMMAND.name: 'check that the bridge, and the recorder if used, run',
+    topics.JOINT_COMMAND.name: 'check that the bridge runs, and the recorder if used',
     topics.JOINT_STATES.name: 'check that the recorder runs',
 }
 _ENABLE = "run 'arm enable' (the arm moves)"
@@ -114,9 +114,9 @@ def _all_of(topic: Topic) -> QoSProfile:
 
 
 class StartConditions:
-    """Follows arm_mode and recorder_status, and says in words what is missing.
+    """Follow arm_mode and recorder_status, and report missing conditions.
 
-    Its callbacks need an executor that spins the node.
+    The callbacks need an executor that spins the node.
 
     Parameters
     ----------
@@ -125,11 +125,11 @@ class StartConditions:
     commands
         Publisher of joint_command.
     subscribers
-        How many subscribers joint_command and joint_states must have.
+        Required number of subscribers of joint_command and joint_states.
     recorder
-        Whether the recorder must have found both.
+        Whether the recorder must have discovered both topics.
     on_mode
-        Called with each arm_mode and when it was received [ns, monotonic].
+        Called with each arm_mode and its reception time [ns, monotonic].
 
     Attributes
     ----------
@@ -158,16 +158,16 @@ class StartConditions:
             (topics.ARM_MODE, self._on_mode),
             (topics.RECORDER_STATUS, self._on_recorder_status),
         ):
-            # Each of the modes counts, however fast they change.
+            # Every mode counts, however fast they change.
             node.create_subscription(topic.type, topic.name, callback, _all_of(topic))
 
     def missing(self) -> list[str]:
-        """Return what is missing, a phrase each.
+        """Return the missing conditions, one phrase each.
 
         Raises
         ------
         ExcitationError
-            If the arm is in fault, which waiting does not mend.
+            If the arm is in fault, which waiting cannot repair.
         """
         if self.mode == 'fault':
             raise ExcitationError(
@@ -187,7 +187,7 @@ class StartConditions:
         for name, count in matched.items():
             if count < self._subscribers:
                 missing.append(
-                    f'{name} has {count} of {self._subscribers} subscribers: {_LISTENERS[name]}'
+                    f'{name} has {count} of {self._subscribers} subscribers ({_LISTENERS[name]})'
                 )
         resolve = self._node.resolve_topic_name
         unrecorded = [name for name in matched if resolve(name) not in self._recorded]
@@ -210,39 +210,39 @@ class StartConditions:
             self._node.get_logger().warning(f'recorder_status is invalid: {error}')
 
 
-# A joint slower than this counts as resting [rad/s]; the velocity filter's noise stays below.
+# [rad/s] A slower joint counts as resting; the noise of the velocity filter is smaller.
 RESTING = 0.1
-_LOOKS = 20  # states at the most until the motion begins
+_LOOKS = 20  # largest number of states until the motion starts
 
 Listener = Callable[[int, ArmState, bytes], None]
 
 
 class MotionPlayback:
-    """One command for every joint state, from the first to the last.
+    """Publish one command for every joint state of a motion.
 
-    Its callbacks need an executor that spins the node.
+    The callbacks need an executor that spins the node.
 
     Parameters
     ----------
     node
         Owner of publisher and subscriptions.
     joint_names
-        In the order of all arrays.
+        Joint names in the order of all arrays.
     subscribers, recorder
-        What to wait for beside the arm, see `StartConditions`.
+        Further start conditions, see `StartConditions`.
     on_rejection
         Called with the reason of each state that cannot be used.
 
     Attributes
     ----------
     stop_asked
-        Whether the arm shall come to rest, or has.
+        Whether a stop was requested.
     states
         The stream of joint states.
     damping
-        How often and how long the bridge damped the arm during the motion.
+        Number and duration of the bridge's damping during the motion.
     latency_ns
-        From the publication of the state answered last to its finished command [ns].
+        Time from the publication of the last answered state to its finished command [ns].
     """
 
     def __init__(
@@ -275,12 +275,12 @@ class MotionPlayback:
         self.states = StateStream(node, joint_names, self._reject, imu=False)
 
     def wait_for_arm(self, timeout: float) -> NDArray[np.float64] | None:
-        """Return the posture (n,) [rad] once the arm is there and rests; None if asked to stop.
+        """Return the posture (n,) [rad] once the arm is ready and at rest; None after a stop.
 
         Raises
         ------
         ExcitationError
-            If that takes longer than `timeout` [s], with what is missing.
+            If the conditions are not met within `timeout` [s]; the message states what is missing.
         """
         begin = time.monotonic()
         notice = WaitingNotice(begin)
@@ -295,7 +295,7 @@ class MotionPlayback:
                 return state.q
             if now - begin > timeout:
                 reasons = [*missing, self._rejection] if self._rejection else missing
-                raise ExcitationError(f'waited {timeout:g} s, and {"; ".join(reasons)}')
+                raise ExcitationError(f'waited {timeout:g} s, but {"; ".join(reasons)}')
             self.states.wait(0.1)
             newest = self.states.newest_state()
             state = state if newest is None else newest[1]
@@ -307,17 +307,17 @@ class MotionPlayback:
         Parameters
         ----------
         player
-            Has the motion.
+            Player of the motion.
         silence
-            Longest time without a joint state [s].
+            Longest time without a joint state [s]. For an emulated arm it is longer, because its
+            time pauses when the host is busy.
         listener
-            Called with stamp [ns], state and the serialized command that answers it.
+            Called with stamp [ns], state and the serialized command that answers the state.
 
         Raises
         ------
         ExcitationError
-            If the states stop coming, the arm is stopped, or does not follow. An emulated arm may
-            be silent for longer: its time stands still when the host is busy.
+            If the states stop arriving, the arm is stopped, or does not follow.
         """
         progress = ProgressLine(self._name)
         heard = time.monotonic()
@@ -342,8 +342,8 @@ class MotionPlayback:
         except ExcitationError as error:
             if not self.stop_asked:
                 raise
-            # Who ends everything at once ends the bridge too, which waits for nobody.
-            self._logger.info(f'stopped, and not brought to rest: {error}')
+            # A stop of all nodes also ends the bridge, which waits for no other node.
+            self._logger.info(f'stopped, but the arm may still move: {error}')
         finally:
             self.damping.end(time.monotonic_ns())
             progress.close()
@@ -351,7 +351,7 @@ class MotionPlayback:
             raise ExcitationError(player.fault)
 
     def ask_stop(self) -> None:
-        """Let the arm come to rest; may be called from a signal handler."""
+        """Request that the arm comes to rest; callable from a signal handler."""
         self.stop_asked = True
 
     def destroy(self) -> None:
@@ -371,29 +371,29 @@ class MotionPlayback:
             listener(stamp_ns, state, payload)
 
     def _check_mode(self, stage: str) -> None:
-        # A pause of this process damps the arm, and the next command is followed again. What the
-        # pause did to the motion is judged by the tracking error.
+        # A pause of this process makes the bridge damp the arm until the next command. The
+        # tracking error shows the effect of the pause on the motion.
         if self._conditions.mode not in COMMANDABLE:
             raise ExcitationError(
-                f"arm_mode became '{self._conditions.mode}' in the {stage}: check the console of "
-                'the bridge, or view'
+                f"arm_mode became '{self._conditions.mode}' in the {stage}: check the log of the "
+                'bridge, or the page of view'
             )
 
     def _is_in_touch(self, stamp_ns: int, silence: float) -> bool:
-        """Whether to answer a state before the motion; see if it begins at this one.
+        """Return whether to answer a state before the motion; start the motion if it is recent.
 
-        A motion that begins before states and answers go to and fro in time would end by a jump of
-        the stamps: on a busy host the newest state after planning may be seconds old, and who
-        publishes for the first time may be held up for a second (docs/decisions.md, 69). So the
-        arm is told to stay first, until a state comes shortly after one that was answered.
+        If the motion started before states and answers arrive in time, a jump of the stamps would
+        end it. On a busy host the newest state after planning may be seconds old, and a first
+        publication may be one second late (docs/decisions.md, 69). So the arm is commanded to stay
+        until a state arrives shortly after an answered one.
         """
         before_ns, self._seen_ns = self._seen_ns, stamp_ns
         self._looks -= stamp_ns != before_ns
         is_recent = before_ns is not None and 0 <= stamp_ns - before_ns <= round(1e9 * silence)
         is_answered = before_ns is not None and self._answered_ns == before_ns
-        # What is wrong with stamps that jump all the time is said by who takes the states.
+        # If stamps jump all the time, the code that reads the states reports it.
         self._has_begun = (is_recent and is_answered) or self._looks <= 0
-        # Nothing that came before the motion is told to be unanswered.
+        # States before the motion do not count as unanswered.
         self.states.begin_count()
         return self._has_begun or is_recent
 
@@ -407,7 +407,7 @@ class MotionPlayback:
                 'check that the bridge runs and that the computer is not overloaded; '
                 'state_timeout lengthens the wait'
             )
-            raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}: {why}')
+            raise ExcitationError(f'no joint state for {timeout:g} s in the {stage}, {why}')
 
     def _reject(self, reason: str) -> None:
         self._rejection = reason
@@ -419,7 +419,7 @@ def _missing_rest(state: ArmState | None) -> list[str]:
     if state is None:
         return ['no joint_states received: check that the bridge runs in this domain']
     if np.abs(state.dq).max() >= RESTING:
-        return [f'the arm is not at rest (below {RESTING} rad/s)']
+        return [f'the arm is not at rest (speed below {RESTING} rad/s)']
     return []
 
 

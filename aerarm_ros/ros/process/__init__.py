@@ -1,6 +1,6 @@
-"""An executable as a process: its command line, its start, signals, its end, and its children.
+"""Command line, start, signals, end and child processes of an executable.
 
-In come arguments and what makes a node; out goes an exit status, with one line on standard error
-for whatever a user can mend. `NodeProcess` starts another executable and ends it. Some modules
-serve programs that have no node, and import no ROS.
+An executable returns an exit status, and prints one line on standard error for each problem that a
+user can solve. `NodeProcess` starts and ends another executable. Some modules serve programs
+without a node and do not import ROS.
 """

@@ -1,4 +1,4 @@
-"""The command line of a node: its help, and what is wrong with what was given."""
+"""Command line of a node: its help, and checks of its arguments."""
 
 from __future__ import annotations
 
@@ -23,13 +23,12 @@ from aerarm_ros.ros.process.ros_arguments import (
 _HELP = ('-h', '--help')
 # Parameters that every node of rclpy has.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service')
-# Similarity of a name that is meant to be the other one. Where other nodes' names are
-# expected as well, only a slip of the pen counts.
+# Smallest similarity of a misspelt name. Between node names, only a nearly equal name counts.
 _SIMILAR, _NEARLY_SAME = 0.6, 0.8
 
 
 class CommandLine:
-    """Command line arguments of a node.
+    """Command-line arguments of a node.
 
     Parameters
     ----------
@@ -38,12 +37,7 @@ class CommandLine:
     parameters
         The node's parameters.
     description
-        What the node does.
-
-    Attributes
-    ----------
-    name
-        As given.
+        Description of the node.
     """
 
     def __init__(self, name: str, parameters: ParameterTable, description: str | None) -> None:
@@ -52,7 +46,7 @@ class CommandLine:
         self._description = cleandoc(description or '')
 
     def asks_help(self, arguments: RosArguments) -> bool:
-        """Tell whether help is wanted, and nothing else."""
+        """Return whether the arguments only request the help."""
         return any(argument in _HELP for argument in arguments.plain)
 
     def help(self) -> str:
@@ -76,7 +70,7 @@ class CommandLine:
         return '\n'.join(lines)
 
     def complete(self) -> None:
-        """Answer a shell that asks for completions: the options of ROS, parameters behind -p."""
+        """Print completions for a shell: the options of ROS, and parameters after -p."""
         parser = argparse.ArgumentParser(prog=self.name)
         parser.add_argument('--ros-args', action='store_true')
         rules = [f'{name}:=' for name in self._parameters]
@@ -85,39 +79,41 @@ class CommandLine:
         complete(parser)
 
     def check(self, arguments: RosArguments) -> list[str]:
-        """Return warnings of what is probably a mistake.
+        """Return warnings about probable mistakes.
 
         Raises
         ------
         UsageError
-            If an argument is not understood, or this node is given a parameter that it does
-            not have. In a file's section for nodes of any name that is no error: the
-            parameter may be another node's.
+            If an argument is unknown, or the node is given an unknown parameter. An unknown
+            parameter in a file's section for all nodes is no error, because it may be another
+            node's.
         """
         if arguments.plain:
             raise UsageError(
                 f"unknown argument '{arguments.plain[0]}': set parameters with --ros-args -p "
-                f'NAME:=VALUE, {self.name} --help lists them'
+                f'NAME:=VALUE, see {self.name} --help'
             )
         node = arguments.full_name(self.name)
         warnings = [self._judge(given, node) for given in arguments.parameters]
         return [*filter(None, warnings), *_misnamed_sections(arguments.parameters, node)]
 
     def _judge(self, given: GivenParameter, node: str) -> str:
-        """Return a warning, '' if there is none, or raise UsageError."""
+        """Return a warning or an empty text, or raise UsageError."""
         if not given.is_for(node):
             if given.source == '-p':
                 raise UsageError(
-                    f'-p {given.node[1:]}:{given.name} is for {given.node}, not {node}'
+                    f'-p {given.node[1:]}:{given.name} sets a parameter of {given.node}, '
+                    f'but this node is {node}'
                 )
             return ''
         if self._knows(given.name):
             return ''
         similar = _NEARLY_SAME if given.is_for_any_node else _SIMILAR
         closest = _closest(given.name, list(self._parameters), similar)
-        hint = f": did you mean '{closest}'?" if closest else ''
+        hint = f", did you mean '{closest}'?" if closest else ''
         text = (
-            f"{given.source}: unknown parameter '{given.name}'{hint} ({self.name} --help lists all)"
+            f"unknown parameter '{given.name}' in {given.source}{hint} ({self.name} "
+            '--help lists all)'
         )
         if not given.is_for_any_node:
             raise UsageError(text)
@@ -128,13 +124,13 @@ class CommandLine:
 
 
 def _misnamed_sections(given: Sequence[GivenParameter], node: str) -> Iterator[str]:
-    """Yield a warning for each file that names only a node with nearly this one's name."""
+    """Yield a warning for each file that only names a node with a similar name."""
     for file in dict.fromkeys(p.source for p in given if p.source != '-p'):
         sections = {p.node for p in given if p.source == file and not p.is_for_any_node}
         bases = {section.rpartition('/')[2]: section for section in sections}
         closest = _closest(node.rpartition('/')[2], list(bases), _NEARLY_SAME)
         if closest and closest != node.rpartition('/')[2]:
-            yield f'{file} has no section for {node}, but {bases[closest]}: check the spelling'
+            yield f'{file} has no section for {node}, only for {bases[closest]}: check the spelling'
 
 
 def _closest(name: str, known: Sequence[str], cutoff: float) -> str:

@@ -1,8 +1,9 @@
-"""The end of a process with the process that started it.
+"""End a process together with its parent process.
 
-A parent that is killed (SIGKILL, out of memory) cannot stop its children. Linux can. Each command
-of this package asks for that as the first thing it does, if its environment names the parent: code
-run between fork and exec (`preexec_fn`) may hang where a parent has threads, as one with ROS has.
+A parent that is killed (SIGKILL, out of memory) cannot stop its children, but Linux can. Each
+command of this package requests it first, if its environment names the parent. Code between fork
+and exec (`preexec_fn`) is not suitable, because it may hang if the parent has threads, as with
+ROS.
 """
 
 import ctypes
@@ -17,19 +18,19 @@ LAUNCH_PID = 'AERARM_ROS_LAUNCH_PID'
 
 
 def die_with_parent(parent: int) -> None:
-    """Ask for SIGTERM when the thread that started this process ends.
+    """Request SIGTERM when the thread that started this process ends.
 
     Parameters
     ----------
     parent
-        Process that should be the parent.
+        Expected parent process.
 
     Raises
     ------
     OSError
         If the system refuses.
     ProcessLookupError
-        If `parent` has ended already.
+        If `parent` has already ended.
     """
     if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0):
         number = ctypes.get_errno()
@@ -39,18 +40,18 @@ def die_with_parent(parent: int) -> None:
 
 
 def die_with_launch() -> None:
-    """End with SIGTERM when the launch that started this process is gone.
+    """Request SIGTERM when the launch that started this process ends.
 
-    Launch can end before what it started: by an exception while it still starts others, by
-    SIGTERM or SIGQUIT, killed. Without launch in the environment nothing is asked for, and neither
-    for a process that one started by launch has started: it belongs to that one.
+    Launch can end before its processes: by an exception during start, by SIGTERM or SIGQUIT, or if
+    it is killed. Without launch in the environment this function does nothing. A grandchild of
+    launch is not affected either, because it belongs to its own parent.
 
     Raises
     ------
     OSError
         If the system refuses.
     SystemExit
-        If launch has gone already.
+        If launch has already ended.
     """
     launch = os.environ.get(LAUNCH_PID, '')
     if not launch.isdigit():

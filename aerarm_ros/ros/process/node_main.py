@@ -1,4 +1,4 @@
-"""What every executable does around its node: start, run, end cleanly."""
+"""Start, run and end an executable's node."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ from aerarm_ros.ros.process.process_end import (
 )
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 
-# The first of these that is set tells ROS where, and without any it does not start.
+# The first of these variables that is set selects ROS's log directory. Without any of them ROS
+# does not start.
 Result = TypeVar('Result')
 
 
@@ -49,7 +50,7 @@ class Runnable(Protocol):
         """Work until the ROS context is shut down."""
 
     def close(self) -> None:
-        """Leave everything safe and destroy the node; called once, whatever happened."""
+        """Leave everything safe and destroy the node; called once in every case."""
 
 
 def run_node(
@@ -61,26 +62,25 @@ def run_node(
 ) -> int:
     """Create a node, run it, close it, and return the exit status.
 
-    SIGINT, SIGTERM, SIGHUP and a shutdown from outside are ordinary ends (0), however many they
-    are, and so is a request for help, which starts nothing. A node that had something to do and
-    was interrupted before ends with 130; while the command line is read KeyboardInterrupt comes
-    out of here, as nobody knows yet what it would do. An argument or parameter that the node does
-    not have is one line on standard error (2), and so is what else a user can repair (a
-    parameter's value, a file: ValueError while creating, OSError at any time; 1). Anything else is
-    a defect and keeps its traceback.
+    SIGINT, SIGTERM, SIGHUP and an external shutdown are normal ends (0), and so is a request for
+    help. A task that was interrupted before its end returns 130. While the command line is read,
+    an interrupt raises KeyboardInterrupt, because the kind of program is not known yet. An unknown
+    argument or parameter returns 2. Any other problem that a user can solve, such as an invalid
+    parameter value or file, returns 1 (ValueError during creation, OSError at any time). Each is
+    one line on standard error. Any other exception is a defect and keeps its traceback.
 
     Parameters
     ----------
     name
         Executable, for error messages.
     create
-        Makes the node; rclpy is initialised by then.
+        Creates the node, after the initialization of rclpy.
     args
         Command line with ROS arguments, by default the process's own.
     parameters
-        The node's parameters; without them the caller has looked at the command line.
+        The node's parameters; without them the caller has checked the command line.
     description
-        What the node does, for the help.
+        Description of the node, for the help.
     """
     interruption = _Interruption()
     with StopSignals(interruption.ask):
@@ -95,10 +95,10 @@ def run_node(
 
 
 class _Interruption:
-    """Ends what may be interrupted, and only notes a signal at all other times.
+    """Interrupt interruptible work, and only store the signal at other times.
 
-    An exception inside a constructor would be swallowed by the extension modules that are
-    imported there, and inside `close` it would leave half of it undone.
+    Extension modules that a constructor imports would swallow an exception. Inside `close`, an
+    exception would leave half of the work undone.
     """
 
     def __init__(self) -> None:
@@ -106,13 +106,13 @@ class _Interruption:
         self._is_let_in = False
 
     def ask(self) -> None:
-        """Take a stop signal; raises KeyboardInterrupt inside `during`."""
+        """Process a stop signal; raises KeyboardInterrupt inside `during`."""
         self.is_asked = True
         if self._is_let_in:
             raise KeyboardInterrupt
 
     def during(self, action: Callable[[], Result]) -> Result:
-        """Return what a function returns; raises KeyboardInterrupt when a signal comes or has."""
+        """Return a function's result; raises KeyboardInterrupt at a past or new stop signal."""
         try:
             self._is_let_in = True
             if self.is_asked:
@@ -139,7 +139,7 @@ def _run_node(
             return _report(name, error)
         interruption.during(node.run)
     except KeyboardInterrupt:
-        if node is not None and node.status:  # it had something to do
+        if node is not None and node.status:  # the node had a task to finish
             node.status = INTERRUPTED
             print_error(name, 'interrupted before the task was complete')
     except ExternalShutdownException:
@@ -151,7 +151,7 @@ def _run_node(
             node.status = 1
         return _report(name, error)
     except (RCLError, InvalidHandle) as error:
-        # A shutdown from outside takes the context away under whatever call is going on.
+        # An external shutdown invalidates the context during any call.
         if node is None:
             return _report(name, error)
         if rclpy.ok():
@@ -167,7 +167,7 @@ def _run_node(
 
 
 def _may_start(name: str) -> bool:
-    """Prepare the environment of ROS; return whether it can be used."""
+    """Prepare ROS's environment variables; return whether they are valid."""
     try:
         notice = stay_on_this_host()
     except ValueError as error:
@@ -179,7 +179,7 @@ def _may_start(name: str) -> bool:
 
 
 def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) -> int | None:
-    """Answer a command line that starts no node; return its exit status, None if one shall."""
+    """Handle a command line that starts no node; return its exit status, else None."""
     name = command_line.name
     command_line.complete()
     try:
@@ -197,8 +197,8 @@ def _read_command_line(command_line: CommandLine, args: Sequence[str] | None) ->
 def _print_help(text: str) -> None:
     try:
         print(text, flush=True)
-    except BrokenPipeError:  # whoever reads it, such as head, has seen enough
-        # Python flushes once more when it ends.
+    except BrokenPipeError:  # the reading process, such as head, has ended
+        # Python flushes once more at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -17,25 +17,25 @@ from typing import IO
 from aerarm_ros.description.resources import resource
 from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 
-# [s] Far longer than any node's own shut-down (a bag's last chunk, the boards' last frames), which
-# takes 0.3 s alone and more than 10 s beside 20 busy programs: what is killed must hang, for a
-# recorder that is killed loses the end of its bag.
+# [s] Much longer than any node's own shut-down (a bag's last chunk, the boards' last frames). A
+# shut-down takes 0.3 s on an idle host and more than 10 s next to 20 busy programs. Only a hanging
+# node may be killed, because a killed recorder loses the end of its bag.
 STOP_TIMEOUT = 60.0
-_TAIL = 65536  # [bytes] a page looks at it many times a second, and logs grow for days
+_TAIL = 65536  # [bytes]; a page reads the log many times per second, and logs grow for days
 
 
 _LOG_CHOICES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')
 
 
 def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Let ROS log where it does by default, or else among temporary files.
+    """Let ROS log to its default directory, or else to a temporary one.
 
     Schedulers and service managers start programs without HOME. To be called before `rclpy.init`.
 
     Parameters
     ----------
     environment
-        Of this process, or of one to be started.
+        Environment of this process, or of a process to be started.
     """
     if any(environment.get(name) for name in _LOG_CHOICES):
         return
@@ -47,7 +47,7 @@ def find_log_directory(environment: MutableMapping[str, str] = os.environ) -> No
 
 
 def _home_of_this_user() -> str | None:
-    """Return the home directory that the system knows of, None without one."""
+    """Return the user's home directory from the system's user database, or None."""
     try:
         home = getpwuid(os.getuid()).pw_dir
     except KeyError:
@@ -56,10 +56,11 @@ def _home_of_this_user() -> str | None:
 
 
 class NodeProcess:
-    """One executable of the package, run as `python -m aerarm_ros.executables NAME`.
+    """An executable of the package, run as `python -m aerarm_ros.executables NAME`.
 
-    It ends with this process, even if that is killed (and with the thread that started it).
-    Ctrl-C does not reach it, so that one process decides in which order all others end.
+    The child process ends with this process, even if this process is killed, and with the thread
+    that started it. Ctrl-C does not reach the child, so one process decides the order in which all
+    others end.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ class NodeProcess:
     environment
         Variables added to this process's own, for example ``ROS_DOMAIN_ID``.
     log
-        File that takes standard output and error; they are inherited if None.
+        File for standard output and error; they are inherited if None.
     """
 
     def __init__(
@@ -108,23 +109,24 @@ class NodeProcess:
         return self._process.pid
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for the end of the process [s] and return its exit status.
+        """Wait up to `timeout` [s] for the process to end, and return its exit status.
 
         Raises
         ------
         subprocess.TimeoutExpired
-            If it still runs after `timeout`.
+            If the process still runs after `timeout`.
         """
         return self._process.wait(timeout)
 
     def ask_to_end(self) -> None:
-        """Ask the process to end, and do not wait for it."""
+        """Request the process to end, without waiting."""
         self._process.send_signal(signal.SIGTERM)
 
     def stop(self, sent: signal.Signals = signal.SIGTERM, timeout: float = STOP_TIMEOUT) -> int:
-        """Ask the process to end, wait, and kill it if it does not; return its exit status.
+        """Request the process to end, wait, and kill it after a time-out; return its exit status.
 
-        SIGINT would leave a traceback of a process that still imports its modules.
+        The default is not SIGINT, which causes a traceback in a process that is still importing
+        modules.
         """
         if self._process.poll() is None:
             self._process.send_signal(sent)
@@ -138,7 +140,7 @@ class NodeProcess:
         return self._process.returncode
 
     def tail(self, lines: int = 15) -> str:
-        """Last lines of the log, of its last 64 KiB."""
+        """Last lines of the log, from its last 64 KiB."""
         if not self.log:
             return ''
         with self.log.open('rb') as stream:
@@ -170,7 +172,7 @@ def parameter_arguments(parameters: Mapping[str, object]) -> list[str]:
     """Return the command-line arguments that give a node these parameters."""
     arguments = []
     for key, value in parameters.items():
-        # ROS arguments may appear in several groups; one a parameter reads well in `ps`.
+        # ROS accepts several groups of arguments; one group per parameter is readable in `ps`.
         arguments += ['--ros-args', '-p', f'{key}:={_as_yaml(value)}', '--']
     return arguments
 
@@ -186,21 +188,21 @@ def _as_yaml(value: object) -> str:
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _PEERS = ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
 NETWORK = 'AERARM_NETWORK'
-"""Environment variable; `open` lets nodes be found from other hosts."""
+"""Environment variable; with `open` other hosts can discover the nodes."""
 _OPEN = 'open'
 
 
 def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str:
-    """Let nodes be found from this host only, unless AERARM_NETWORK is `open`.
+    """Restrict discovery to this host, unless AERARM_NETWORK is `open`.
 
     A socket that sends to a radio blocks the cycle once the radio's queue is full. So the 1 kHz
-    topics use shared memory and the loopback interface, whatever the environment says about
-    discovery; `ground_link` speaks to other hosts. To be called before `rclpy.init`.
+    topics always use shared memory and the loopback interface. `ground_link` connects to other
+    hosts. To be called before `rclpy.init`.
 
     Returns
     -------
     notice
-        Which variables are ignored and what to do, '' if none is.
+        Ignored variables and advice; empty if no variable is ignored.
 
     Raises
     ------
@@ -215,7 +217,7 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
     ignored = [name for name in _PEERS if environment.pop(name, '')]
     if environment.get(_RANGE, '').upper() not in ('', 'LOCALHOST', 'OFF'):
         ignored.append(f'{_RANGE}={environment[_RANGE]}')
-    # It has precedence over the range in ROS 2 Jazzy.
+    # This variable has precedence over the discovery range in ROS 2 Jazzy.
     if environment.pop('ROS_LOCALHOST_ONLY', '') == '0':
         ignored.append('ROS_LOCALHOST_ONLY=0')
     if environment.get(_RANGE, '').upper() != 'OFF':
@@ -223,13 +225,13 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
     if not ignored:
         return ''
     return (
-        f'{", ".join(ignored)} ignored: the 1 kHz topics stay on this host, because a slow network '
-        f'stops the loop; use ground_link between hosts, or set {NETWORK}={_OPEN}'
+        f'{", ".join(ignored)} ignored, because a slow network would stop the loop: the 1 kHz '
+        f'topics stay on this host. Use ground_link between hosts, or set {NETWORK}={_OPEN}'
     )
 
 
 def is_on_this_host(environment: Mapping[str, str] = os.environ) -> bool:
-    """Tell whether an environment lets nodes be found from this host, and from nowhere else."""
+    """Return whether an environment restricts discovery to this host."""
     if environment.get('ROS_STATIC_PEERS') or environment.get('ROS_DISCOVERY_SERVER'):
         return False
     return (
@@ -238,35 +240,40 @@ def is_on_this_host(environment: Mapping[str, str] = os.environ) -> bool:
     )
 
 
-def is_domain_free(domain: int) -> bool:
-    """Tell whether no node on this host seems to be in a ROS domain of 0 to 101.
+_PARTICIPANTS = 20  # discovery ports of a domain that are tried
 
-    The first one in a domain has its discovery port (RTPS 2.2, 9.6.1.1).
+
+def is_domain_free(domain: int) -> bool:
+    """Return whether no node on this host uses a ROS domain of 0 to 101.
+
+    Each of the first participants in a domain binds its own discovery port (RTPS 2.2, 9.6.1.1). The
+    first participant may have ended before the others, so the function tries 20 ports.
     """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('', 7400 + 250 * domain + 10))
-        except OSError:
-            return False
+    for participant in range(_PARTICIPANTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', 7400 + 250 * domain + 10 + 2 * participant))
+            except OSError:
+                return False
     return True
 
 
-# Read by Fast DDS when a process's first participant is made; other middleware ignores it.
+# Read by Fast DDS when a process creates its first participant; other middleware ignores it.
 PROFILES_FILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _EVERYWHERE, _LOOPBACK = 'fastdds.xml', 'fastdds_loopback.xml'
 
 
 def use_packaged_profile(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Let Fast DDS use a packaged profile, unless the environment names another.
+    """Select a packaged Fast DDS profile, unless the environment names another profile.
 
-    With it a new node is announced often enough that nodes find each other in a fraction of a
-    second, not sometimes in three. Where nodes are to be found from this host only, it listens
-    on no other interface. To be called before `rclpy.init`, and after `stay_on_this_host`.
+    With the profile, nodes announce themselves often, so discovery takes a fraction of a second
+    instead of up to three seconds. If discovery is restricted to this host, the profile uses only
+    the loopback interface. To be called before `rclpy.init`, and after `stay_on_this_host`.
 
     Parameters
     ----------
     environment
-        Of this process, or of one to be started.
+        Environment of this process, or of a process to be started.
 
     Raises
     ------
@@ -275,7 +282,8 @@ def use_packaged_profile(environment: MutableMapping[str, str] = os.environ) -> 
     """
     profiles = {name: resource('config', name) for name in (_EVERYWHERE, _LOOPBACK)}
     named = environment.get(PROFILES_FILE)
-    # A parent process, or the user, may have chosen one of ours for another discovery range.
+    # A parent process, or the user, may have selected a packaged profile for another discovery
+    # range.
     if not named or _content(Path(named)) in map(_content, profiles.values()):
         name = _LOOPBACK if is_on_this_host(environment) else _EVERYWHERE
         environment[PROFILES_FILE] = str(profiles[name])

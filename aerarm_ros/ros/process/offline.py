@@ -9,7 +9,7 @@ from typing import Any
 
 from aerarm_ros.ros.process.process_end import INTERRUPTED
 
-_AGAIN = 1.0  # [s] longer than it takes to remove what was begun
+_AGAIN = 1.0  # [s] longer than the removal of unfinished files takes
 
 
 def run_offline(name: str, run: Callable[[], int]) -> int:
@@ -18,13 +18,13 @@ def run_offline(name: str, run: Callable[[], int]) -> int:
     Parameters
     ----------
     name : str
-        Of the program, for its message.
+        Program name, for messages.
     run : callable
-        What to do. An interrupt raises KeyboardInterrupt in it, also where a shell has made
+        Function to run. An interrupt raises KeyboardInterrupt in it, even if the shell had made
         interrupts ignored.
     """
     interrupt = _Interrupt()
-    # SIGINT too: a shell that starts this in the background, or in a script, makes it ignored.
+    # A shell that starts this program in the background makes SIGINT ignored, so set it too.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, interrupt)
     try:
@@ -46,16 +46,16 @@ def without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
 
 
 class _Interrupt:
-    """Handler of the signals that interrupt: asked twice, it raises once."""
+    """Signal handler that raises KeyboardInterrupt once, even for several signals."""
 
     def __init__(self) -> None:
         self._is_asked = False
 
     def __call__(self, number: int, frame: Any) -> None:
         if self._is_asked and number != signal.SIGALRM:
-            return  # what was begun is being removed
+            return  # the program is removing unfinished files
         self._is_asked = True
-        # What is raised inside a callback of an extension module, or while an object is destroyed,
-        # is lost. So it is raised again, unless the program has ended by then.
+        # An exception inside a callback of an extension module or a destructor is lost. So a timer
+        # raises it again, unless the program has ended by then.
         signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         raise KeyboardInterrupt

@@ -1,17 +1,17 @@
-"""The end of a process: exit status, signals and time limits.
+"""End of a process: exit status, signals and time limits.
 
-Fast DDS takes leave of the others when a node is destroyed or, where something still holds it, in
-an exit handler of the C library. There it may spin without an end (docs/decisions.md, 70). Python
-is gone by then or waits in C, and with it every signal handler and thread of Python; so the C
-library keeps the limit.
+Fast DDS announces its end when a node is destroyed, or else in an exit handler of the C library.
+The exit handler may loop for ever (docs/decisions.md, 70). Python and its signal handlers are gone
+by then or wait in C, so the C library enforces the limit.
 
-A node that drives motors must finish its cycle and leave the boards safe. With rclpy's own
-handlers the context dies first and publishing fails; with Python's, KeyboardInterrupt comes
-out of the middle of an exchange; and SIGHUP, which comes when the terminal is closed or ssh
-loses its connection, would end the process on the spot, as would SIGQUIT, SIGXCPU (the limit of a
-real-time process) and a dozen more. What cannot be caught is SIGKILL, and what the processor says
-of an instruction (SIGSEGV, SIGBUS, SIGFPE, SIGILL): Python's handlers run after that instruction,
-which is never over. Nor can abort() be kept from ending the process.
+A node that drives motors must finish its cycle and leave the boards safe. rclpy's signal handlers
+invalidate the context first, so publishing fails. Python's handlers raise KeyboardInterrupt in the
+middle of an exchange. SIGHUP (terminal closed, ssh connection lost), SIGQUIT, SIGXCPU (limit of a
+real-time process) and a dozen others would end the process at once.
+
+A process cannot catch SIGKILL. A Python process cannot handle SIGSEGV, SIGBUS, SIGFPE and SIGILL
+either: Python's handlers run after the faulty instruction, which never ends. Nor can a process
+survive abort().
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import ClassVar, TextIO
 
-USER_ERROR = 2  # what was asked for cannot be done as asked
-INTERRUPTED = 130  # ended by Ctrl-C, as shells say it
+USER_ERROR = 2  # the user's request is invalid
+INTERRUPTED = 130  # ended by Ctrl-C, as in shells
 
 
 def print_error(name: str, error: object) -> None:
@@ -47,7 +47,7 @@ def print_answer(answer: str) -> None:
 
 
 def print_account(name: str, account: str) -> None:
-    """Print the last words of an executable, if its terminal is still there."""
+    """Print the final summary of an executable; a closed stream does not end the program."""
     _print(f'{name}: {account}', sys.stdout)
 
 
@@ -55,11 +55,12 @@ def _print(text: str, stream: TextIO) -> None:
     try:
         print(text, file=stream, flush=True)
     except OSError:
-        # The terminal is closed. Python tries once more when it ends, and would end with 120.
+        # The terminal is closed. Python would flush again at its end, fail, and exit with 120.
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-# Processor time [s] for taking leave, which needs tenths: what is stopped or starved has no less.
+# [s] of processor time for the end of the process, which needs tenths of a second. Processor time
+# leaves a stopped or starved process its full limit.
 LIMIT = 10.0
 _SIGEV_THREAD = 2  # <bits/sigevent-consts.h>: a thread of the C library calls a function
 
@@ -69,7 +70,7 @@ class _Value(ctypes.Union):
 
 
 class _Event(ctypes.Structure):
-    """`struct sigevent` of <bits/types/sigevent_t.h>, as long as it is there."""
+    """`struct sigevent` of <bits/types/sigevent_t.h>, with its full size."""
 
     _fields_ = (
         ('value', _Value),
@@ -88,17 +89,17 @@ class _Times(ctypes.Structure):
 
 
 class ExitLimit:
-    """Context that ends this process by `_exit` if it takes too much of the processor.
+    """Context that ends this process by `_exit` if it uses too much processor time.
 
-    The thread goes on without real-time priority: at that of a loop it would let nobody on its
-    processor interrupt it. Where the system knows no such timer there is no limit.
+    The thread continues without real-time priority, because at the loop's priority other threads
+    could not interrupt it. On a system without this timer there is no limit.
 
     Parameters
     ----------
     status
-        Exit status of an end by the limit.
+        Exit status if the limit ends the process.
     limit
-        Processor time of all threads from entering on [s], above 0.
+        Processor time of all threads from entering the context [s], above 0.
     """
 
     def __init__(self, status: int, limit: float = LIMIT) -> None:
@@ -132,16 +133,16 @@ class ExitLimit:
 
 
 def exit_within(status: int, limit: float = LIMIT) -> None:
-    """End this process by `_exit` if it takes more than `limit` [s] of the processor to end.
+    """End this process by `_exit` if its end takes more than `limit` [s] of processor time.
 
-    For the last that Python does; `status` is the exit status also then.
+    To be called as the last action; `status` is the exit status in both cases.
     """
     ExitLimit(status, limit).__enter__()
 
 
-# Asked for by a person or a supervisor: when they ask again, they mean it.
+# Signals from a person or a supervisor; a repetition ends the process at once.
 _ASKED = (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT)
-# What else ends a process, where nobody has a use for it.
+# Other signals that end a process, unless they have a handler.
 _ENDING: tuple[int, ...] = tuple(
     signal.Signals[name]
     for name in (
@@ -159,44 +160,44 @@ _ENDING: tuple[int, ...] = tuple(
         'SIGSYS',
         'SIGTRAP',
     )
-    if name in signal.Signals.__members__  # others than Linux have not all of them
+    if name in signal.Signals.__members__  # systems other than Linux lack some of them
 )
 _ENDING += tuple(range(signal.SIGRTMIN, signal.SIGRTMAX + 1))
-# What holds a process up until somebody lets it go on: Ctrl-Z, and a terminal of another's.
+# Signals that stop a process until it is continued: Ctrl-Z, and access from the background.
 _FREEZING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
-# A terminal and a supervisor may both pass on the same Ctrl-C [s]: what comes so soon is no second
-# thought, and the boards are being told to switch off.
+# [s] A terminal and a supervisor may both pass on one Ctrl-C. A second signal within this time is
+# not a repetition, and the boards are being switched off.
 _SAME = 1.0
 
 
 @dataclass
 class _Request:
-    """What was asked so far, for all contexts that lie within each other."""
+    """Signals received so far, shared by nested contexts."""
 
     is_made: bool = False
-    asked: float | None = None  # when first by one of _ASKED [s, monotonic]
+    asked: float | None = None  # time of the first signal in _ASKED [s, monotonic]
 
 
 class StopSignals:
     """Context in which the stop signals call a function.
 
-    A second SIGINT, SIGTERM or SIGQUIT, a second or more after the first, ends the process. SIGHUP
-    never does: a closing terminal sends it more than once. Where it is ignored already, as under
-    nohup, it stays so; so are the other signals left alone where they have a use.
+    A second SIGINT, SIGTERM or SIGQUIT, one second or more after the first, ends the process.
+    SIGHUP never does, because a closing terminal sends it more than once. A signal that is already
+    ignored, such as SIGHUP under nohup, or that has another handler, stays unchanged.
 
-    A context may lie within another. What the inner one was asked counts as asked of the outer:
-    while a process ends, the same signal again calls nothing.
+    Contexts may be nested. A signal received in the inner context counts for the outer one too:
+    while a process ends, a further signal calls nothing.
 
     Parameters
     ----------
     on_stop
-        Called once, in the main thread, between two of its instructions: it should set a
-        flag and return. Called at once if the outer context was asked already.
+        Called once, in the main thread, between two of its instructions: it should set a flag and
+        return. Called at once if the outer context has already received a signal.
     stays_awake
-        True for a process that Ctrl-Z shall not stop: its boards would let the arm fall.
+        True for a process that Ctrl-Z must not stop, because its boards would let the arm fall.
     is_last
-        True where nothing is left to do after the context: it leaves the signals as `ignore` does,
-        so that a late one finds no moment at which it ends the process.
+        True if no work follows the context. The signals then stay ignored as by `ignore`, so that
+        a late signal cannot end the process.
     """
 
     _innermost: ClassVar[StopSignals | None] = None
@@ -237,16 +238,16 @@ class StopSignals:
 
     @staticmethod
     def ignore() -> None:
-        """Let the signals do nothing any more: everything is done, and Python only takes leave.
+        """Ignore the signals from now on, because only Python's own end remains.
 
-        It would give its own handlers up on the way, and a late signal end the process as if that
-        had failed.
+        Python removes its handlers during its end, and a late signal would then cause a failure
+        status.
         """
         for number in (*_ASKED, *_ENDING):
             signal.signal(number, signal.SIG_IGN)
 
     def _may_take(self, number: int) -> bool:
-        """Whether a signal means nothing but an end, here or in the outer context."""
+        """Return whether a signal has no other use, in this or the outer context."""
         handler = signal.getsignal(number)
         if number == signal.SIGHUP:
             return handler is not signal.SIG_IGN

@@ -1,4 +1,4 @@
-"""ROS arguments of a command line, read without ROS."""
+"""ROS arguments of a command line, parsed without ROS."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from aerarm_ros.description.config_reader import LOADER, ConfigError, plain_data
 from aerarm_ros.ros.process.process_end import USER_ERROR
 
 COMPLETING = '_ARGCOMPLETE'
-"""Variable by which a shell asks a program for completions, in place of running it."""
+"""Environment variable with which a shell requests completions from a program."""
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer a shell that asks for completions, and end the process; else do nothing."""
+    """Print the completions that a shell requests, and end the process; otherwise do nothing."""
     if COMPLETING in os.environ:
         import argcomplete
 
@@ -29,9 +29,9 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Names a wrong argument and the way to the help, in place of the whole usage.
+    """Print a one-line error with the way to the help, instead of the whole usage.
 
-    Its words are completed where they are parsed.
+    The parser also serves a shell's requests for completions.
     """
 
     def parse_args(  # type: ignore[override]
@@ -42,8 +42,8 @@ class OneLineParser(argparse.ArgumentParser):
         return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """End the process."""
-        self.exit(USER_ERROR, f'{self.prog}: {message}: see {self.prog} --help\n')
+        """Print the error and end the process."""
+        self.exit(USER_ERROR, f'{self.prog}: {message}; see {self.prog} --help\n')
 
 
 PARAMETER = ('-p', '--param')
@@ -54,7 +54,7 @@ ANY_NODE = '/**'
 
 
 class _Untagged(LOADER):  # type: ignore[misc]
-    """Overlooks tags, as rcl does: ROS's launch writes tuples as `!!python/tuple`."""
+    """YAML loader that ignores tags, as rcl does: ROS's launch writes `!!python/tuple`."""
 
 
 def _without_tag(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> object:
@@ -70,7 +70,7 @@ _Untagged.add_multi_constructor('', _without_tag)
 
 
 class UsageError(ValueError):
-    """An argument that a node can't run with; the message says what would be right."""
+    """An argument is invalid; the message states valid ones."""
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ class GivenParameter:
     Attributes
     ----------
     node
-        Full name of the node it is for, or a pattern: ``*`` is one name, ``**`` any number.
+        Full name of its node, or a pattern: ``*`` is one name, ``**`` any number.
     name
-        Its name.
+        Name of the parameter.
     source
-        Where it stands: ``-p``, or the file.
+        Place of the value: ``-p``, or the file.
     """
 
     node: str
@@ -93,17 +93,17 @@ class GivenParameter:
 
     @property
     def is_for_any_node(self) -> bool:
-        """Whether a file gives it to nodes whatever their name."""
+        """Whether a file gives the parameter to nodes of any name."""
         return self.node.endswith('*') and self.source not in PARAMETER
 
     def is_for(self, node: str) -> bool:
-        """Tell whether the node with this full name takes it."""
+        """Return whether the parameter applies to the node with this full name."""
         pattern = re.escape(self.node).replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'/\w+')
         return re.fullmatch(pattern, node) is not None
 
 
 class RosArguments:
-    """The arguments of a process, those for ROS apart from its own.
+    """Arguments of a process, split into those for ROS and its own.
 
     Groups of ROS arguments begin with ``--ros-args`` and end with ``--`` or the line.
 
@@ -115,14 +115,14 @@ class RosArguments:
     Attributes
     ----------
     plain : list of str
-        What is not for ROS.
+        Arguments that are not for ROS.
     parameters : list of GivenParameter
         In their order.
 
     Raises
     ------
     UsageError
-        If a parameter or its file cannot be read. Other faults are left to rclpy.
+        If a parameter or its file cannot be read. rclpy reports other errors.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
@@ -138,13 +138,13 @@ class RosArguments:
                 self.parameters += _parameters_of_file(value)
 
     def full_name(self, name: str) -> str:
-        """Return a node's name with its namespace, both as the command line remaps them."""
+        """Return a node's name with its namespace, after the remappings of the command line."""
         namespace = self._remapped('__ns', name) or '/'
         base = self._remapped('__node', name) or self._remapped('__name', name) or name
         return f'{namespace.rstrip("/")}/{base}'
 
     def _remapped(self, what: str, node: str) -> str:
-        """Return what the first rule for the node says, '' without one."""
+        """Return a name's remapping by the first rule for the node, or an empty text."""
         for rule in self._remaps:
             left, _, value = rule.partition(':=')
             if left in (what, f'{node}:{what}'):
@@ -173,14 +173,14 @@ def _parameter_of_rule(rule: str) -> GivenParameter:
     """Read [NODE:]NAME:=VALUE."""
     left, separator, value = rule.partition(':=')
     if not separator:
-        raise UsageError(f'-p {rule}: write -p NAME:=VALUE')
+        raise UsageError(f'-p {rule} is invalid: write -p NAME:=VALUE')
     _check_value(rule, left, value)
     node, colon, name = left.rpartition(':')
     return GivenParameter(f'/{node.lstrip("/")}' if colon else ANY_NODE, name, '-p')
 
 
 def _check_value(rule: str, left: str, value: str) -> None:
-    """Raise UsageError for what rcl cannot read, of which it would tell in lines of its own."""
+    """Raise UsageError for a value that rcl cannot read, to avoid rcl's long messages."""
     if not value:
         raise UsageError(
             f'-p {rule} has no value: write -p {left}:=VALUE, for an empty text -p {left}:="\'\'"'
@@ -191,7 +191,7 @@ def _check_value(rule: str, left: str, value: str) -> None:
         is_read = False
     if not is_read:
         raise UsageError(
-            f"-p {rule} has no readable value: use 2.5, true, '[1.0, 2.0]' or a text; a text with "
+            f"-p {rule} has no valid value: use 2.5, true, '[1.0, 2.0]' or a text; a text with "
             f'special characters of YAML needs two pairs of quotes, -p {left}:="\'TEXT\'"'
         )
 
@@ -202,19 +202,22 @@ def _parameters_of_file(file: str) -> Iterator[GivenParameter]:
     except OSError as error:
         raise UsageError(f'parameter file {file}: {error.strerror}') from None
     except ConfigError as error:
-        raise UsageError(f'parameter file {file} is not valid YAML: {error}') from None
+        raise UsageError(
+            f'parameter file {file} is not valid YAML ({error}): correct the file'
+        ) from None
     if not isinstance(content, Mapping):
-        raise UsageError(f'parameter file {file} has no section NODE: {_SECTION}:')
+        raise UsageError(f"parameter file {file} has no section 'NODE: {_SECTION}:': add one")
     for node, values in _sections(content, '', file):
         for name in _leaves(values):
             yield GivenParameter(node, name, file)
 
 
 def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
-    """Yield the full name of every node of a file, and what stands below ros__parameters."""
+    """Yield the full name of each node in a file, and the content of its ros__parameters."""
     if not isinstance(content, Mapping):
         raise UsageError(
-            f"parameter file {file}: '{node.lstrip('/')}' is in no section NODE: {_SECTION}:"
+            f"parameter '{node.lstrip('/')}' in parameter file {file} is outside of any section "
+            f"'NODE: {_SECTION}:': move it into one"
         )
     for key, below in content.items():
         if key == _SECTION:

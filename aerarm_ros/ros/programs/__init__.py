@@ -1,5 +1,5 @@
-"""What the larger programs do once their command line is read: each run is an object.
+"""Runs of the larger programs after their command line is parsed.
 
-In come options of `identifier`, `payload_estimator --bag`, `excitation_designer`, `demo` or
-`arm init`; out go files, and text for a terminal.
+`identifier`, `payload_estimator --bag`, `excitation_designer`, `demo` and `arm init` each have a
+class, which takes the options and writes files and text for a terminal.
 """

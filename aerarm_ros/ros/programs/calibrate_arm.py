@@ -1,4 +1,4 @@
-"""`arm calibrate`: drives the arm through postures, waits at rest in each, and records a bag."""
+"""`arm calibrate`: move the arm through postures, wait in each, and record a bag."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ SENSOR_TYPES = (
     'geometry_msgs/msg/TransformStamped',
     'tf2_msgs/msg/TFMessage',
 )
-_OWN = ('joint_states', 'arm_mode', 'imu', 'odometry')  # of the suite, recorded as well
-_STILL = 0.01  # [rad/s] joints slower than this are at rest
-_WAY = 60  # postures of a way that are checked
+_OWN = ('joint_states', 'arm_mode', 'imu', 'odometry')  # topics of the suite in the bag
+_STILL = 0.01  # [rad/s] speed below which a joint is at rest
+_WAY = 60  # checked postures of a path
 _DISCOVERY = 3.0  # [s]
 _RECORDER = 20.0  # [s] until the recorder records
-_NEAR = 0.05  # [rad] that is there
+_NEAR = 0.05  # [rad] largest error at a posture
 
 
 class CalibrateArm:
-    """Drives, waits and records.
+    """Move the arm through postures, wait in each, and record.
 
     Parameters
     ----------
     node
-        That no executor holds.
+        Node without executor.
     options
-        Of the command line of `arm calibrate`.
+        Options of `arm calibrate`.
     """
 
     def __init__(self, node: Node, options: argparse.Namespace) -> None:
@@ -58,13 +58,13 @@ class CalibrateArm:
         node.create_subscription(topic.type, topic.name, self._on_state, topic.qos)
 
     def run(self) -> None:
-        """Choose postures, record, and visit them.
+        """Select postures, start the recording, and move to each posture.
 
         Raises
         ------
         ArmClientError
-            If there is no arm, controller or sensor, postures cannot be chosen, or one is not
-            reached; the bag holds what was recorded until then.
+            If arm, controller or sensor is missing, no postures can be selected, or one is not
+            reached. The bag keeps the recording up to that point.
         """
         options = self._options
         if not spin_until(self._node, lambda: self._state is not None, options.timeout):
@@ -79,15 +79,15 @@ class CalibrateArm:
             return
         bag = Path(options.out or f'calibration_{datetime.now():%Y%m%d_%H%M%S}')
         if bag.exists():
-            raise ArmClientError(f'{bag} exists: name another bag with --out')
+            raise ArmClientError(f'{bag} already exists: name another bag with --out')
         recorded = [*_OWN, *(f'{name}={kind}' for name, kind in sensors)]
         with NodeProcess('recorder', parameters={'bag': bag, 'topics': recorded}) as recorder:
             if not spin_until(self._node, lambda: _has_begun(bag, recorder), _RECORDER):
                 raise ArmClientError(
-                    f'the recorder does not start to write {bag}: check its console'
+                    f'the recorder does not start to write {bag}: check the log of the recorder'
                 )
             self._visit(postures)
-        print(f'recorded: {bag}; next: calibrator --bag {bag}', flush=True)
+        print(f'{bag} is recorded; next, run: calibrator --bag {bag}', flush=True)
 
     def _choose(self) -> Array:
         options = self._options
@@ -117,14 +117,14 @@ class CalibrateArm:
         )
         print_notice(
             'arm',
-            f'{len(choice.q)} configurations for {choice.parameters} errors, '
-            f'{choice.information:+.2f} per error in log det of the information compared with '
-            'random ones',
+            f'{len(choice.q)} configurations for {choice.parameters} errors; log det of the '
+            f'information is {choice.information:+.2f} per error higher than with random '
+            'configurations',
         )
         return self._free_ways(choice.q, checker)
 
     def _free_ways(self, postures: Array, checker: ClearanceChecker) -> Array:
-        """Return the postures in an order in which the straight way to each is free."""
+        """Return the postures in an order in which the straight path to each is free."""
         left, at, order = list(range(len(postures))), self._position(), []
         while left:
             near = sorted(left, key=lambda k: float(np.abs(postures[k] - at).max()))
@@ -135,7 +135,10 @@ class CalibrateArm:
             left.remove(free)
             at = postures[free]
         if left:
-            print_notice('arm', f'{len(left)} configurations are skipped: no straight path is free')
+            print_notice(
+                'arm',
+                f'{len(left)} configurations are skipped, because no straight path to them is free',
+            )
         if len(order) < len(postures) // 2:
             raise CalibrationError(
                 'most configurations have no collision-free straight path: move the arm into the '
@@ -149,21 +152,21 @@ class CalibrateArm:
             self._request.go(posture.tolist(), _NEAR, options.timeout, _say_wait)
             if not spin_until(self._node, self._is_still, options.timeout):
                 raise ArmClientError(
-                    f'the arm does not come to rest in configuration {number}: check the gains of '
-                    'the controller'
+                    f'the arm does not come to rest in configuration {number}: check the gains '
+                    'of the controller'
                 )
             self._wait(options.rest)
             print(f'configuration {number} of {len(postures)}', flush=True)
 
     def _wait(self, seconds: float) -> None:
-        """Wait a time of the joint states' clock [s]."""
+        """Wait for a time [s] on the clock of the joint states."""
         begin = self._stamp()
         longest = self._options.timeout + 10.0 * seconds  # on a busy computer
         if not spin_until(self._node, lambda: self._stamp() - begin >= seconds, longest):
-            raise ArmClientError('joint_states have stopped: check the console of the bridge')
+            raise ArmClientError('joint_states have stopped: check the log of the bridge')
 
     def _find_sensors(self) -> list[tuple[str, str]]:
-        """Return topics and types of what measures the arm."""
+        """Return topics and types of the sensors that measure the arm."""
         own = {self._node.resolve_topic_name(name) for name in topics.TOPICS}
         wanted = set(self._options.sensors)
 
@@ -175,12 +178,12 @@ class CalibrateArm:
             return [(n, k) for n, k in sensors if n not in own and self._node.count_publishers(n)]
 
         spin_until(self._node, lambda: len(found()) >= max(1, len(wanted)), _DISCOVERY)
-        # Markers of one motion capture are discovered one after the other.
+        # The markers of a motion capture are discovered one after the other.
         spin_until(self._node, lambda: False, 0.5)
         sensors = found()
         if not sensors or len(sensors) < len(wanted):
             raise ArmClientError(
-                'no topic of markers or poses '
+                'no topic of markers or poses was found '
                 f'({", ".join(sorted(wanted)) or ", ".join(SENSOR_TYPES)}): start the motion '
                 'capture or the camera, or name the topics with --sensors'
             )
@@ -212,7 +215,9 @@ def _is_free(checker: ClearanceChecker, start: Array, end: Array) -> bool:
 
 def _has_begun(bag: Path, recorder: NodeProcess) -> bool:
     if recorder.returncode is not None:
-        raise ArmClientError(f'the recorder has ended ({recorder.returncode}): check its console')
+        raise ArmClientError(
+            f'the recorder has ended with status {recorder.returncode}: check its log'
+        )
     return any(bag.glob('*.mcap'))
 
 

@@ -35,7 +35,7 @@ from aerarm_ros.identification.recording.table_file import TABLES
 from aerarm_ros.motion.signals import Array
 
 _OWN = ('tool_pose', 'tool_trajectory', 'tool_goal', 'arm_com', 'flight_set_point')
-_MOVING = 0.2  # [s] between rows, below which a table is a recording in motion
+_MOVING = 0.2  # [s] between rows; a table with a shorter interval is a recording in motion
 _MANY = 200  # rows of a recording in motion
 _MOST_STATES = 4_000_000
 
@@ -46,10 +46,10 @@ class JointRecording:
 
     Attributes
     ----------
-    names : tuple of n str
     time : (T,) ndarray
         [s]
     position : (T, n) ndarray
+        [rad]
     """
 
     names: tuple[str, ...]
@@ -57,7 +57,7 @@ class JointRecording:
     position: Array
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return the positions (T, k) of some joints."""
+        """Return the positions (T, k) of k joints."""
         return self.position[:, [self.names.index(name) for name in names]]
 
 
@@ -67,14 +67,10 @@ class CalibratorInput:
 
     Attributes
     ----------
-    path : Path
     joints : tuple of str
-        That it has positions of.
-    table : PostureTable or None
-    recording : JointRecording or None
-    tracks : list of Track
+        Joints with positions.
     mapping, messages : list of str
-        What its parts were taken as; what to know.
+        Interpretation of the columns or topics; notes for the user.
     """
 
     path: Path
@@ -92,7 +88,7 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
     Raises
     ------
     BagError, CalibrationError, DescriptionError
-        If it cannot be read, or lacks joints or measurements.
+        If the input cannot be read, or lacks joints or measurements.
     """
     if path.suffix.lower() in TABLES and path.is_file():
         return _read_table(path, urdf, options)
@@ -111,12 +107,12 @@ def find_chain(
 def to_observations(
     given: CalibratorInput, chain: Chain, options: argparse.Namespace
 ) -> Observations:
-    """Return the postures of an input at rest.
+    """Return the postures of an input in which the arm rests.
 
     Raises
     ------
     CalibrationError
-        If the arm does not rest, or nothing was measured.
+        If the arm does not rest, or there are no measurements.
     """
     names = chain.robot.joint_names
     if given.table is not None and not _is_moving(given.table):
@@ -129,15 +125,15 @@ def to_observations(
     tracks = [track for track in tracks if track.name not in options.ignore]
     if not tracks:
         raise CalibrationError(
-            f'{given.path}: no markers or poses are left: check --sensors, --frames and --ignore'
+            f'no markers or poses of {given.path} are left: check --sensors, --frames and --ignore'
         )
     offsets = {}
     for track in tracks:
         late, agreement = time_offset(recording.time, q, track)
         offsets[track.name] = late
         given.mapping.append(
-            f'{track.name}: stamps {1e3 * late:+.0f} ms from the joint states (correlation of '
-            f'speeds {agreement:.2f})'
+            f'{track.name}: stamps are {1e3 * late:+.0f} ms from those of the joint states '
+            f'(correlation of speeds {agreement:.2f})'
         )
     rests = resting_arm(recording.time, q)
     given.mapping.append(f'{len(rests.q)} postures at rest')
@@ -181,8 +177,8 @@ def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
     if not tracks:
         listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
         raise CalibrationError(
-            f'{path}: no markers or poses: its topics with positions are {listed}; name them with '
-            '--sensors'
+            f'{path} has no markers or poses on known topics: name them with --sensors; topics '
+            f'with positions are {listed}'
         )
     mapping = [f'joint states: {options.topic}']
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
@@ -191,15 +187,12 @@ def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
 
 @dataclass(eq=False)
 class FlightRecording:
-    """What `--mount` needs of a bag.
+    """Data of a bag for `--mount`.
 
     Attributes
     ----------
-    joints : JointRecording
     drone : Track
-        Pose of the body.
-    imu : PoseSeries or None
-    markers : list of Track
+        Pose of the drone's body.
     """
 
     joints: JointRecording
@@ -214,7 +207,7 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     Raises
     ------
     BagError, CalibrationError
-        If it cannot be read, or lacks the drone's pose.
+        If the bag cannot be read, or lacks the drone's pose.
     """
     contents = read_contents(path, options.topic, most=_MOST_STATES)
     states = contents.joint_states['/' + options.topic.lstrip('/')]
@@ -225,7 +218,7 @@ def read_flight(path: Path, options: argparse.Namespace) -> FlightRecording:
     if pose is None or pose.kind == IMU or not np.isfinite(pose.quaternion).all():
         listed = ', '.join(f'{key} ({one.kind})' for key, one in series.items()) or 'none'
         raise CalibrationError(
-            f'{path}: no poses of the drone on {name}: name their topic with --drone-pose; the '
+            f'{path} has no poses of the drone on {name}: name their topic with --drone-pose; '
             f'topics with positions are {listed}'
         )
     imu = series.pop(imu_name, None)
@@ -249,9 +242,9 @@ def _is_sensor(name: str, series: PoseSeries, options: argparse.Namespace) -> bo
 
 
 def _track(name: str, series: PoseSeries, stamp: float, log_time: float) -> Track:
-    """Return a series by the clock of the joint states."""
+    """Return a series of poses on the clock of the joint states."""
     time = series.stamp
-    # Stamps of another clock than the recorder's, such as of a motion capture computer: by arrival.
+    # Stamps of a foreign clock, such as a motion capture computer's: use the time of arrival.
     if abs((time[0] - stamp) - (series.log_time[0] - log_time)) > 60.0:
         time = series.log_time - log_time + stamp
     rotation = None
@@ -272,7 +265,7 @@ def _matrices(quaternion: Array) -> Array:
 
 
 def _is_moving(table: PostureTable) -> bool:
-    """Return whether rows follow each other so fast that the arm cannot rest in each."""
+    """Return whether the interval between rows is too short for the arm to rest in each."""
     return (
         table.time is not None
         and len(table) > _MANY
@@ -309,11 +302,11 @@ def _of_table(
             sources.append(PoseSource(name, one.rotation, one.position, in_hand, base_known=known))
     sources += [PlaneSource(name, touches) for name, touches in table.contacts.items()]
     if not sources:
-        raise CalibrationError(f'{path}: no measurements are left: check --ignore')
+        raise CalibrationError(f'no measurements of {path} are left: check --ignore')
     unknown = [name for name in options.eye_in_hand if name not in table.measured]
     if unknown:
         raise CalibrationError(
-            f'--eye-in-hand {unknown[0]}: {path} has no pose of that name, but '
+            f'--eye-in-hand {unknown[0]} is not a pose of {path}: choose from '
             f'{", ".join(table.measured) or "none"}'
         )
     labels = tuple(f'{path.name}, row {k + 1}' for k in range(len(q)))
@@ -321,12 +314,12 @@ def _of_table(
 
 
 def joined(parts: Sequence[Observations]) -> Observations:
-    """Return the postures of several inputs of the same setup as one.
+    """Combine the postures of several inputs with the same setup.
 
     Raises
     ------
     CalibrationError
-        If they do not have the same sources.
+        If the inputs do not have the same sources.
     """
     first = parts[0]
     if len(parts) == 1:
@@ -338,8 +331,8 @@ def joined(parts: Sequence[Observations]) -> Observations:
             type(one) is not type(source) or one.unknowns != source.unknowns for one in own
         ):
             raise CalibrationError(
-                'the files of --bag do not have the same markers and poses: calibrate them one by '
-                'one, or pass --ignore'
+                'the files of --bag have different markers and poses: calibrate them one by one, '
+                'or pass --ignore'
             )
         sources.append(_stacked(source, own))
     labels = tuple(label for part in parts for label in part.labels)
@@ -364,5 +357,5 @@ def _stacked(source: Source, parts: Sequence[Source]) -> Source:
 def _pair(text: str) -> tuple[str, str]:
     left, equals, right = text.partition('=')
     if not (left and equals and right):
-        raise CalibrationError(f'--rename {text}: write it as COLUMN=JOINT')
+        raise CalibrationError(f'--rename {text} is invalid: write COLUMN=JOINT')
     return left, right

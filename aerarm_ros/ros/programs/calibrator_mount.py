@@ -1,4 +1,4 @@
-"""The calibrator's run for the mount: a bag of a moving drone in, a drone file out."""
+"""The calibrator's run for the mount: from a bag of a moving drone to a drone file."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ from aerarm_ros.ros.programs.calibrator_input import FlightRecording, read_fligh
 
 DRONE, REPORT = 'drone.yaml', 'report.html'
 MOUNT_FILES = (DRONE, REPORT, MARKER)
-"""All that a result may hold."""
+"""Files that a result may contain."""
 _NOTE = (
     "Pose of the arm's base frame and of the IMU in the frame of the drone's body. Standard "
-    'deviations are those of the fit. The rotation leads from the file to the estimate.'
+    'deviations are those of the fit. "Moved" is the rotation from the pose in the file to the '
+    'estimated pose.'
 )
 
 
 class MountRun:
-    """What `calibrator --mount` asks for.
+    """Run of `calibrator --mount`.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ class MountRun:
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         if len(options.bag) != 1:
-            raise CalibrationError('--mount takes one --bag, of a drone and an arm that move')
+            raise CalibrationError('--mount needs exactly one --bag, in which drone and arm move')
         self._source = config_path(options.drone, 'drone.yaml')
         self._drone = load_drone_config(self._source)
         self._urdf, _ = read_urdf(options.urdf)
@@ -75,7 +76,7 @@ class MountRun:
             imu = self._imu(flight)
             text = drone_yaml(self._source, mount.pose, imu.pose if imu else None)
             directory.write(DRONE, text)
-            load_drone_config(directory.path(DRONE))  # what no node could read is not kept
+            load_drone_config(directory.path(DRONE))  # a file that no node can read is not kept
             rows = self._rows(mount, imu)
             directory.write_json(MARKER, _summary(mount, imu))
             directory.write(REPORT, _html(rows))
@@ -83,8 +84,8 @@ class MountRun:
         return '\n'.join([*lines, f'Report: {directory.target / REPORT}'])
 
     def _imu(self, flight: FlightRecording) -> ImuResult | None:
-        """Return where the IMU is; None, with a message, if the bag does not show it."""
-        values, stays = flight.imu, f'the pose of the IMU stays as in {self._source.name}'
+        """Return the IMU's pose; None, with a message, if the bag does not determine it."""
+        values, stays = flight.imu, f'the pose of the IMU keeps its values of {self._source.name}'
         if values is None:
             _tell(f'no IMU on {self._options.imu}: {stays}')
             return None
@@ -129,7 +130,7 @@ def _pose_rows(name: str, pose: FramePose, drawn: PoseConfig) -> list[tuple[str,
         (f'{name} position deviation [mm]', _numbers(1e3 * pose.position_std, 2)),
         (f'{name} rpy [rad]', _numbers(pose.rpy, 5)),
         (f'{name} rotation deviation [mrad]', _numbers(1e3 * pose.rotation_std, 2)),
-        (f'{name} moved from the file', f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad'),
+        (f'{name} moved relative to the file', f'{1e3 * moved:.2f} mm, {1e3 * angle:.2f} mrad'),
     ]
 
 

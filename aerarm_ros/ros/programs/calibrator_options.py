@@ -1,4 +1,4 @@
-"""The command line of the calibrator; imports nothing slow, so that --help is quick."""
+"""The calibrator's command line; it imports no slow library, so that --help is quick."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
-        'share of the configurations of --bag for validation, drawn at random (default: 0)',
+        'fraction of the configurations of --bag for validation, drawn at random (default: 0)',
     ),
     ('--urdf', {'type': Path, 'metavar': 'FILE'}, 'URDF of the arm (default: packaged)'),
     (
@@ -39,7 +39,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--level',
         {'choices': ('auto', 'frames', 'offsets', 'geometry'), 'default': 'auto'},
-        'errors to estimate: none, joint offsets, link geometry as well, or the choice of '
+        'errors to estimate: none, joint offsets, offsets and link geometry, or the choice of '
         'cross-validation (default)',
     ),
     (
@@ -47,7 +47,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         {'action': 'store_true'},
         'do not estimate deflection of the joints under gravity',
     ),
-    ('--eccentricity', {'action': 'store_true'}, 'estimate the first harmonic of the gears'),
+    ('--eccentricity', {'action': 'store_true'}, 'estimate the first harmonic of the gear errors'),
     (
         '--base-known',
         {'action': 'store_true'},
@@ -56,7 +56,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--eye-in-hand',
         {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'poses of a fixed object in a camera on the arm',
+        'poses of a fixed object, measured by a camera on the arm',
     ),
     (
         '--length-unit',
@@ -71,17 +71,17 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--ignore',
         {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'markers, poses or columns to leave out',
+        'markers, poses or columns to ignore',
     ),
     (
         '--rename',
         {'nargs': '+', 'default': [], 'metavar': 'COLUMN=JOINT'},
-        'joint names in the input and in the URDF',
+        'joint name in the input and in the URDF',
     ),
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the chain that stayed at zero',
+        'joints of the chain that stayed at zero and were not recorded',
     ),
     (
         '--gravity',
@@ -134,7 +134,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
 
 
 def calibrator_parser(name: str, description: str) -> OneLineParser:
-    """Return the parser of a program of that name; its options have the time, as `started`."""
+    """Return the parser of a program; its options contain the start time as `started`."""
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     for option, details, text in _OPTIONS:
         more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}

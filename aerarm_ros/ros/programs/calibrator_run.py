@@ -1,4 +1,4 @@
-"""One run of the calibrator: postures in, URDF, YAML and report out."""
+"""One run of the calibrator: from postures to URDF, YAML and report."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ from aerarm_ros.ros.programs.calibrator_input import (
 
 URDF, YAML, CONFIG, REPORT = 'calibrated.urdf', 'calibration.yaml', 'arm.yaml', 'report.html'
 RESULT_FILES = (URDF, YAML, CONFIG, REPORT, MARKER)
-"""All that a result may hold."""
-_SEED = 0  # of the postures that are held out
+"""Files that a result may contain."""
+_SEED = 0  # of the held-out postures
 
 
 class CalibratorRun:
-    """What the command line asks for.
+    """Run of the calibrator with its command-line options.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class CalibratorRun:
             options.level, not options.no_compliance, options.eccentricity
         )
         self._urdf, _ = read_urdf(options.urdf)
-        # The packaged configuration is that of the packaged URDF.
+        # The packaged configuration fits only the packaged URDF.
         has_config = options.config is not None or options.urdf is None
         self._config_path = config_path(options.config, 'aerarm.yaml') if has_config else None
         self._config = load_arm_config(self._config_path) if has_config else None
@@ -98,7 +98,7 @@ class CalibratorRun:
         mapping = _mapping([*training, *validation])
         mapping.append(f'markers and poses are attached to link {chain.link}')
         if chain.ignored:
-            mapping.append(f'joints that do not move it: {", ".join(chain.ignored)}')
+            mapping.append(f'joints that do not move this link: {", ".join(chain.ignored)}')
         _tell(mapping)
         if options.holdout > 0.0:
             observations, rest = _divided(observations, options.holdout)
@@ -118,7 +118,7 @@ class CalibratorRun:
         directory.write(YAML, calibration_yaml(result, CONFIG if in_config else URDF))
         if in_config and self._config_path is not None:
             directory.write(CONFIG, config_yaml(result, self._config_path))
-            load_arm_config(directory.path(CONFIG))  # what the bridge could not read is not kept
+            load_arm_config(directory.path(CONFIG))  # a file that the bridge rejects is not kept
         directory.write_json(MARKER, summary(result))
         directory.write(REPORT, calibration_html(result, mapping))
 
@@ -128,7 +128,8 @@ def _divided(observations: Observations, share: float) -> tuple[Observations, Ob
     out = round(share * count)
     if out < 1 or count - out < 1:
         raise CalibrationError(
-            f'--holdout {share:g} leaves no configurations of {count}: pass a smaller share'
+            f'--holdout {share:g} leaves none of {count} configurations for the fit: '
+            'pass a smaller fraction'
         )
     order = np.random.default_rng(_SEED).permutation(count)
     return observations.rows(np.sort(order[out:])), observations.rows(np.sort(order[:out]))

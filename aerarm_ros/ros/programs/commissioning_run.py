@@ -20,14 +20,14 @@ _ANSWERS = '[y: done, n: skip this step, Ctrl-C: stop, motors off]'
 
 
 class CommissioningRun:
-    """Prompts a person, and prints what is found.
+    """Prompt a person, and print the findings.
 
     Parameters
     ----------
     node
-        That no executor holds.
+        Node without executor.
     options
-        Of the command line of `arm commission`.
+        Options of `arm commission`.
     """
 
     def __init__(self, node: Node, options: argparse.Namespace) -> None:
@@ -39,12 +39,12 @@ class CommissioningRun:
         self._printed = 0
 
     def run(self) -> None:
-        """Lead through the procedure; the motors are off afterwards, whatever ended it.
+        """Run the procedure; the motors are off afterwards in every case.
 
         Raises
         ------
         ArmClientError
-            If there is no bridge, it stops answering, or a joint does not pass.
+            If no bridge runs, the bridge stops answering, or a joint does not pass.
         """
         client, options = self._client, self._options
         try:
@@ -58,7 +58,7 @@ class CommissioningRun:
         passed, text = client.outcome
         if not passed:
             record = f' --record {options.record}' if options.record else ''
-            raise ArmClientError(f"{text}, 'arm commission --resume{record}'")
+            raise ArmClientError(f"{text}, continue with 'arm commission --resume{record}'")
         print(text, flush=True)
 
     def _find_bridge(self) -> None:
@@ -76,7 +76,7 @@ class CommissioningRun:
         if self._person is not None and not (client.report and client.report.emulated):
             raise ArmClientError(
                 '--yes is for emulated boards only: on a real arm a person has to turn the '
-                'joints, and to check that the arm is clear'
+                'joints, and to check that nothing is in the way of the arm'
             )
 
     def _lead(self) -> None:
@@ -86,7 +86,7 @@ class CommissioningRun:
             client.poll()
             self._print_news()
             if client.problem:
-                raise ArmClientError(f'{client.problem}: check its console')
+                raise ArmClientError(f'{client.problem}: check the log of the bridge')
             self._ask()
             if self._person is not None:
                 self._person.poll()
@@ -109,22 +109,24 @@ class CommissioningRun:
             print(f'  {prompt.text} {_ANSWERS}', flush=True)
 
     def _read_answer(self) -> None:
-        """Take a line that was typed; the end of the input is an end."""
+        """Read a typed line; the end of the input ends the procedure."""
         guided = self._client.guided
         if guided is None or self._client.prompt is None:
             return
         if '\n' not in self._typed and select.select([sys.stdin], [], [], 0.0)[0]:
             read = os.read(sys.stdin.fileno(), 256).decode(errors='replace')
             if not read:
-                raise ArmClientError('the terminal is closed: the procedure stopped, motors off')
+                raise ArmClientError(
+                    'the terminal was closed: the procedure has stopped, motors off'
+                )
             self._typed += read
         line, newline, rest = self._typed.partition('\n')
         if not newline:
             return
-        # A line per prompt: what was typed ahead answers the next one.
+        # One line per prompt: a line typed in advance answers the next prompt.
         self._typed = rest
         answer = line.strip().lower()
         if answer in ('y', 'yes', 'n', 'no'):
             guided.answer(answer.startswith('y'))
         else:
-            print_notice('arm', f'{answer!r} is neither y nor n')
+            print_notice('arm', f'{answer!r} is not a valid answer, type y or n')

@@ -1,4 +1,4 @@
-"""Contact in recordings: what `contact_estimator --bag` does."""
+"""Search for contact in recordings, for `contact_estimator --bag`."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ _COLOUR = {Cause.CONTACT: '#d62728', Cause.PAYLOAD: '#2ca02c', Cause.MODEL: '#7f
 
 
 def contact_replay(name: str, arguments: Sequence[str]) -> int:
-    """Do what a command line asks for; return 0, 2 if there is something to check, or 130."""
+    """Run the search; return 0, 2 if the user must check an input, or 130 after a stop."""
     stops: list[bool] = []
     try:
         given = RosArguments(arguments)
         if given.parameters:
             raise UsageError(
-                f'{given.parameters[0].name} is a parameter of the node: with --bag give options, '
-                f'{name} --bag DIR --help lists them'
+                f'{given.parameters[0].name} is a parameter of the node: use options with --bag, '
+                f'see {name} --bag DIR --help'
             )
         options = replay_parser(name).parse_args(given.plain)
         with StopSignals(lambda: stops.append(True)):
@@ -73,22 +73,25 @@ def contact_replay(name: str, arguments: Sequence[str]) -> int:
 
 
 def replay_parser(name: str) -> OneLineParser:
-    """Return what reads the command line."""
+    """Return the parser of the command line."""
     parser = OneLineParser(prog=name, description='Find contact in recordings.')
     parser.add_argument(
         '--bag', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings to search for contact, rest included: bags, .csv and .npz files',
+        help='recordings to search for contact, at rest as well: bags, .csv and .npz files',
     )  # fmt: skip
     parser.add_argument(
         '--free', nargs='+', type=Path, default=[], metavar='DIR', action='extend',
-        help='recordings without contact and payload that the thresholds are learnt from',
+        help='recordings without contact and payload, to learn the thresholds from',
     )  # fmt: skip
     parser.add_argument(
         '--residuals', type=Path, metavar='FILE',
-        help=f'thresholds learnt earlier ({RESIDUALS}), in place of --free',
+        help=f'thresholds of an earlier run ({RESIDUALS}), instead of --free',
     )  # fmt: skip
     parser.add_argument(
-        '--model', type=Path, metavar='FILE', help="estimate.yaml of the arm (default: its URDF's)"
+        '--model',
+        type=Path,
+        metavar='FILE',
+        help='estimate.yaml of the arm (default: the model in its URDF)',
     )
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help=f'folder for {REPORT} and {RESIDUALS}'
@@ -105,14 +108,12 @@ def replay_parser(name: str) -> OneLineParser:
 
 @dataclass(frozen=True, eq=False)
 class SearchedBag:
-    """What was found in one recording.
+    """Contact events in one recording.
 
     Attributes
     ----------
-    recording : Recording
-    events : list of ContactEvent
     places : list of ContactPlace or None
-        Of each event.
+        Place of each event.
     torque, threshold : (M, n) ndarray
         External torque and its threshold [Nm].
     """
@@ -125,15 +126,14 @@ class SearchedBag:
 
 
 class ContactReplay:
-    """What the command line asks for.
+    """Run of the search with its command-line options.
 
     Parameters
     ----------
     name : str
-        Of the program, for messages.
+        Program name, for messages.
     options : argparse.Namespace
-        Of `replay_parser`.
-    is_stopped : callable
+        Options of `replay_parser`.
 
     Raises
     ------
@@ -153,23 +153,24 @@ class ContactReplay:
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if bool(options.free) == (options.residuals is not None):
             raise IdentificationError(
-                'thresholds are learnt from motion without contact: give either --free BAG, such '
-                f'as the recording that the arm was identified from, or --residuals {RESIDUALS}'
+                'thresholds are missing: pass --free BAG with motion without contact, for '
+                f'example the bag of the identification, or --residuals {RESIDUALS}'
             )
         if not options.bag and not (options.free and options.out):
             raise IdentificationError(
-                'nothing to search: give --bag, or --free and --out to learn thresholds only'
+                'no recording to search: pass --bag, or pass --free and --out to learn '
+                'thresholds only'
             )
         self._recorded = RecordedArm(options, [*options.free, *options.bag], whole=True)
         self._arm, _ = known_arm(self._recorded, options)
 
     def execute(self) -> str:
-        """Learn thresholds, search the recordings and return what was found.
+        """Learn thresholds, search the recordings and return the events as text.
 
         Raises
         ------
         IdentificationError, BagError
-            If a bag can't be used, or the result can't be written.
+            If a bag cannot be used, or the result cannot be written.
         """
         if self._options.out is None:
             return self._text(self._search(self._bound()))
@@ -244,16 +245,16 @@ def search(
     locator: ContactLocator,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> SearchedBag:
-    """Return the events of a recording of an arm on a still base.
+    """Return the contact events of a recording of an arm on a fixed base.
 
     Raises
     ------
     IdentificationError
-        If it has no velocities.
+        If the recording has no velocities.
     """
     if recording.dq is None:
         raise IdentificationError(
-            f'{recording.name}: no velocities, which the observer needs: record them with the '
+            f'{recording.name} has no velocities, which the observer needs: record them with the '
             'positions'
         )
     torque = np.zeros_like(recording.q)
@@ -281,8 +282,9 @@ def event_text(event: ContactEvent, place: ContactPlace | None, names: Sequence[
     text = f'{event.begin:.2f} s to {end}: {event.cause.value}'
     if event.cause is Cause.PAYLOAD:
         return (
-            f'{event.begin:.2f} s: {event.cause.value} of {event.mass:.3g} ± {event.mass_std:.2g} '
-            f'kg on the last link, recognized after {event.end - event.begin:.2g} s'
+            f'{event.begin:.2f} s: {event.cause.value} of {event.mass:.3g} ± '
+            f'{event.mass_std:.2g} kg on the last link, recognized after '
+            f'{event.end - event.begin:.2g} s'
         )
     size = float(event.torque[event.joint])
     text += f', {names[event.joint]} {size:+.3g} Nm ({event.ratio:.2g} x the threshold)'
@@ -317,13 +319,14 @@ def contact_page(robot: Robot, bags: Sequence[SearchedBag]) -> str:
         parts.append(section(heading, _events_table(robot, bag), _figures(number, bag)))
     legend = bullets(
         [
-            'Torque: change of the external torque at its largest, positive along +q.',
-            'Ratio: that torque over what free motion explains. At rest, a change of torque counts '
-            'although friction can hold it; its ratio may be below 1 then.',
+            'Torque: largest change of the external torque, positive along +q.',
+            'Ratio: this torque relative to its threshold from free motion. At rest, a change of '
+            'torque counts even if friction could hold it; the ratio may then be below 1.',
             'Force: the single force that explains the torque, in the frame of the base. “At '
-            'least” marks a posture or a link in which the joints do not feel all of the force.',
-            'Curves: external torque; dashed: its threshold. Coloured: events (red contact, green '
-            'payload, grey error of the model).',
+            'least” means that in this posture, or on this link, the joints feel only a part of '
+            'the force.',
+            'Curves: external torque; dashed: its threshold. Colours: red contact, green '
+            'payload, grey model error.',
         ]
     )
     parts.append(section('Legend', legend))

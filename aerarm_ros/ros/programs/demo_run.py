@@ -1,4 +1,4 @@
-"""The steps of the demo: move the emulated arm, record, identify, and check the promise."""
+"""Steps of the demo: move the emulated arm, record, identify, and check the accuracy."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ _ADVICE = (
 
 @dataclass(frozen=True)
 class DemoAccount:
-    """Last words of the bridge and of the recorders.
+    """Final log lines of the bridge and of the recorders.
 
     Attributes
     ----------
     cycles
-        Of the bridge.
+        Number of the bridge's cycles.
     too_slow
-        Whether the host would have kept a real arm waiting.
+        Whether the host is too slow for a real arm.
     messages
-        Of the recorder of each motion.
+        Number of messages that the recorder wrote, of each motion.
     lost
-        Messages lost, of each motion; None where the middleware does not number them.
+        Number of lost messages, of each motion; None if the middleware does not number them.
     """
 
     cycles: str
@@ -60,12 +60,12 @@ class DemoAccount:
 
     @classmethod
     def read(cls, bridge: Path, recorders: Mapping[str, Path]) -> DemoAccount:
-        """Read the logs of the bridge and of the motions' recorders, by the motions' names.
+        """Read the logs of the bridge and of the recorders, by the motions' names.
 
         Raises
         ------
         ValueError
-            If a log ends without an account.
+            If a log has no final line.
         """
         cycles = _last(_CYCLES, bridge)
         messages = {name: _last(_MESSAGES, log) for name, log in recorders.items()}
@@ -77,14 +77,14 @@ class DemoAccount:
         )
 
     def lines(self) -> Iterator[str]:
-        """Yield what to print at the end, warnings last."""
+        """Yield the lines to print at the end, warnings last."""
         yield f'Bridge    {self.cycles}'
         for name, text in self.messages.items():
             yield f'Recorder  {name}: {text}'
         if self.too_slow:
             yield (
-                'NOTE      the simulation waited for this computer, so the results do not change; '
-                f'a real arm does not wait: {_ADVICE}'
+                'NOTE      the simulation waited for this computer, so the results are valid; a '
+                f'real arm would not wait: {_ADVICE}'
             )
         if any(self.lost.values()):
             lost = sum(filter(None, self.lost.values()))
@@ -98,22 +98,22 @@ def _count(text: str) -> int | None:
 def _last(pattern: re.Pattern[str], log: Path) -> re.Match[str]:
     found = list(pattern.finditer(log.read_text(errors='replace')))
     if not found:
-        raise ValueError(f'{log} has no line {pattern.pattern!r}: the process ended early')
+        raise ValueError(f'{log} has no line {pattern.pattern!r}, because the process ended early')
     return found[-1]
 
 
-# [s] A slow or busy machine takes long to load its libraries, and for the arm's time to pass.
+# [s] A slow or busy computer needs long to load its libraries and to simulate the arm.
 _START_TIME = 120
 _PATIENCE = 300.0
 
 
 class DemoError(RuntimeError):
-    """A step of the demo failed; the message says which and where its log is."""
+    """A step of the demo failed; the message states the step and its log."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One recorded run of the arm: what it is, in words and as parameters of `excitation`."""
+    """One recorded motion of the arm: its description and the parameters of `excitation`."""
 
     name: str
     what: str
@@ -122,12 +122,12 @@ class Motion:
 
 
 class DemoRun:
-    """The suite's nodes, one after the other, on one folder.
+    """The suite's nodes, run one after the other, with one output directory.
 
     Parameters
     ----------
     out
-        Folder with an empty folder `logs`.
+        Directory with an empty directory `logs`.
     options
         Parsed arguments of the demo.
     """
@@ -152,7 +152,7 @@ class DemoRun:
         )
 
     def move_and_record(self) -> DemoAccount:
-        """Drive the emulated arm through the motions; return what its nodes say of it.
+        """Move the emulated arm along the motions; return the final lines of the nodes.
 
         Raises
         ------
@@ -179,7 +179,9 @@ class DemoRun:
             for motion in self._motions:
                 self._run_motion(motion)
         if hardware.returncode != 0:
-            raise DemoError(f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}')
+            raise DemoError(
+                f'fake_hardware ended with status {hardware.returncode}:\n{hardware.tail()}'
+            )
         try:
             return DemoAccount.read(
                 self._logs / 'fake_hardware.log',
@@ -189,19 +191,22 @@ class DemoRun:
             raise DemoError(str(error)) from None
 
     def identify(self) -> None:
-        """Identify and check what the demo promises; raises DemoError."""
+        """Identify the model and check the demo's promised accuracy; raises DemoError."""
         (identification, validation), out = self._motions, self._out
         arguments = ['--bag', str(identification.bag), '--validation', str(validation.bag)]
         arguments += ['--truth', str(out / 'truth.yaml'), '--out', str(out / 'result')]
         with NodeProcess('identifier', arguments) as identifier:
             _wait(identifier, 2 * _PATIENCE)
-        # The promise of the demo, checked and not only printed.
+        # The demo checks its promised accuracy.
         solvers = json.loads((out / 'result' / 'summary.json').read_text())['solvers']
         if not solvers['sdp']['physically_consistent']:
             raise DemoError('the identified model is not physically consistent: check the report')
         cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
         if identified > 0.5 * cad:
-            raise DemoError(f'the identified model ({identified:.1f} %) does not beat CAD clearly')
+            raise DemoError(
+                f'the identified model (error {identified:.1f} %) is not clearly better than '
+                'CAD: check the report'
+            )
 
     def _run_motion(self, motion: Motion) -> None:
         options = self._options
@@ -214,8 +219,8 @@ class DemoRun:
                 )
             )
             print(f'Motion    {motion.name} ({motion.what})', flush=True)
-            # Two nodes that start at once can hold each other up for some seconds, in which a
-            # recorder takes nothing.
+            # Two nodes that start at once can delay each other by some seconds, in which the
+            # recorder misses messages.
             _wait_for_recorder(recorder)
             excitation = stack.enter_context(
                 NodeProcess(
@@ -234,7 +239,7 @@ class DemoRun:
             if recorder.returncode is not None:
                 raise DemoError(f'recorder ended early:\n{recorder.tail()}')
         if recorder.returncode != 0:
-            raise DemoError(f'recorder ended with {recorder.returncode}:\n{recorder.tail()}')
+            raise DemoError(f'recorder ended with status {recorder.returncode}:\n{recorder.tail()}')
 
     def _recorder_log(self, motion: Motion) -> Path:
         return self._logs / f'recorder_{motion.name}.log'
@@ -247,7 +252,7 @@ def _wait_for_bridge(hardware: NodeProcess, client: ArmClient) -> None:
         except ArmClientError:
             if hardware.returncode is not None:
                 raise DemoError(
-                    f'fake_hardware ended with {hardware.returncode}:\n{hardware.tail()}'
+                    f'fake_hardware ended with status {hardware.returncode}:\n{hardware.tail()}'
                 ) from None
     raise DemoError(f'fake_hardware is not ready after {_START_TIME} s: check {hardware.log}')
 
@@ -265,10 +270,10 @@ def _wait_for_recorder(recorder: NodeProcess) -> None:
 def _arm_client() -> ArmClient:
     use_packaged_profile()
     find_log_directory()
-    # Ctrl-C and SIGTERM end the demo as KeyboardInterrupt, with the context still valid.
+    # Ctrl-C and SIGTERM raise KeyboardInterrupt in the demo, while the context is still valid.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('demo')
-    # Taking leave may be ended by its limit, so the table is to be printed before.
+    # The end of the node may hit its time limit, so the table is printed before.
     atexit.register(_leave, node)
     return ArmClient(node, ['fake_hardware'])
 
@@ -279,7 +284,7 @@ def _leave(node: Node) -> None:
 
 
 def _wait(process: NodeProcess, timeout: float) -> None:
-    """Wait for a good end of a process; raise DemoError if there is none within `timeout` [s]."""
+    """Wait for a process to succeed; raises DemoError on failure or after `timeout` [s]."""
     try:
         status = process.wait(timeout)
     except TimeoutExpired:

@@ -38,12 +38,12 @@ from aerarm_ros.ros.progress_line import ProgressLine
 
 
 def whole_periods(duration: float, fundamental: float) -> int:
-    """Return how many periods of 1 / fundamental [Hz] the duration [s] holds.
+    """Return the number of periods of 1 / fundamental [Hz] in the duration [s].
 
     Raises
     ------
     ExcitationError
-        If it is not a whole number of them.
+        If it is not a whole number.
     """
     for name, value in (('fundamental', fundamental), ('duration', duration)):
         if not (math.isfinite(value) and value > 0.0):
@@ -54,7 +54,7 @@ def whole_periods(duration: float, fundamental: float) -> int:
         near = [n / fundamental for n in (math.floor(periods), math.ceil(periods)) if n > 0]
         raise ExcitationError(
             f'the duration ({duration:g} s) is not a multiple of the period '
-            f'({1.0 / fundamental:g} s), and incomplete periods spoil the filtering: pass '
+            f'({1.0 / fundamental:g} s), but incomplete periods impair the filtering: pass '
             f'{" or ".join(f"{value:g} s" for value in near)}'
         )
     return whole
@@ -66,7 +66,7 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
     Raises
     ------
     ExcitationError
-        If there are neither 1 nor `joints` values, or one is not positive.
+        If the number of values is neither 1 nor `joints`, or a value is not positive.
     """
     if options.torque_noise is None:
         return None
@@ -77,12 +77,12 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
 
 
 def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
-    """Return the packaged arm, or another one from its URDF with or without a drive train.
+    """Return the setup of the packaged arm, or of another URDF with or without drive train.
 
     Raises
     ------
     ValueError
-        If a file cannot be used, or an option does not go with the others.
+        If a file cannot be used, or the options contradict each other.
     """
     other = options.urdf is not None
     if options.excitation_config or not other:
@@ -96,8 +96,8 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
     if options.config or not other:
         if given:
             raise ExcitationError(
-                f'--{", --".join(given).replace("_", "-")}: only for an arm without a drive '
-                'train; otherwise the limits of --config apply'
+                f'--{", --".join(given).replace("_", "-")} cannot be combined with a drive '
+                'train, whose limits apply (--config): remove it'
             )
         arm = load_arm_config(options.config)
         robot = load_robot(
@@ -109,17 +109,17 @@ def excitation_setup(options: argparse.Namespace) -> ExcitationSetup:
 
 
 NAME = 'excitation_designer'
-# Other frequencies for validation: a model that holds only at one speed is found out.
+# Validation at other frequencies reveals a model that is valid at one speed only.
 VALIDATION = {'slow': 0.5, 'fast': 2.0}
 
 
 class DesignRun:
-    """One run of the program: keeps the best trajectory so far in the file asked for.
+    """One run of the designer, which keeps the best trajectory so far in the output file.
 
     Parameters
     ----------
     options : the command line.
-    interrupted : whether the user has had enough.
+    interrupted : whether the user has stopped the search.
 
     Raises
     ------
@@ -154,20 +154,21 @@ class DesignRun:
         self._designer = TrajectoryDesigner(self._specification)
 
     def run(self) -> None:
-        """Design until all starts are done, the time is up or the user has had enough."""
+        """Design until all starts are done, the time is up, or the user stops the search."""
         try:
             random = self._designer.initial(0, self._is_over)
             validation = self._validation() if self._options.validation else {}
         except DesignStoppedError:
             raise DesignStoppedError(
-                f'{self._why()} before the first feasible trajectory: no files were written'
+                f'{self._why()} before the designer found a feasible trajectory: no '
+                'files were written'
             ) from None
-        self._print(f'{NAME}: random    {_figures(random)}; deviations are compared with it')
-        # Only now anything is written: whatever could be refused has been accepted.
+        self._print(f'{NAME}: random    {_figures(random)}, reference for the deviations')
+        # Write files only now, after all inputs have been checked.
         self._save(random, self._options.out, self._specification)
         for path, (specification, result) in validation.items():
             self._save(result, path, specification)
-            self._print(f'{path}: {specification.fundamental:g} Hz, for validation')
+            self._print(f'{path}: trajectory of {specification.fundamental:g} Hz, for validation')
         self._conclude(self._search(random), random)
 
     def _search(self, random: DesignResult) -> DesignResult:
@@ -186,15 +187,15 @@ class DesignRun:
             self._out_of_time |= outcome.stopped and not self._interrupted()
         if self._finished < options.starts or self._is_over():
             self._out_of_time |= self._finished < options.starts and not self._interrupted()
-            self._print(f'{NAME}: {self._why()}; the best trajectory so far is kept')
+            self._print(f'{NAME}: {self._why()}, so the best trajectory so far is the result')
         return best
 
     def _conclude(self, best: DesignResult, random: DesignResult) -> None:
-        self._print(f'{self._options.out}: closest to each limit\n{best.report.as_table()}')
+        self._print(f'{self._options.out}: smallest margin to each limit\n{best.report.as_table()}')
         if best is not random:
-            reference = 'those of the random trajectory above'
+            reference = 'the random trajectory above'
             compared = best.quality.compared_with(random.quality, reference)
-            self._print(f'{NAME}: expected standard {compared} (geometric mean)')
+            self._print(f'{NAME}: expected {compared} (geometric mean)')
         for warning in self._warnings(best, random):
             self._print(f'{NAME}: warning: {warning}')
         if self._options.preview:
@@ -202,7 +203,7 @@ class DesignRun:
             self._print(f'{self._options.preview}: preview')
 
     def _warnings(self, best: DesignResult, random: DesignResult) -> list[str]:
-        """Return what the user should know before playing the trajectory."""
+        """Return warnings for the user about playing the trajectory."""
         warnings = []
         if best is random:
             more = ': give more time with --time-limit' if self._out_of_time else ''
@@ -213,12 +214,12 @@ class DesignRun:
                 'the time limit was reached: pass a larger --time-limit'
                 if self._out_of_time
                 else (
-                    f'the binding limit is {best.report.binding}. More starts, time or harmonics, '
-                    'or a wider limit, may help'
+                    f'the binding limit is {best.report.binding}. More starts, more time, more '
+                    'harmonics, or a wider limit may help'
                 )
             )
             warnings.append(
-                f'condition number {condition:.1f} (5.2) misses its limit of {limit:g}; {why}'
+                f'condition number {condition:.1f} (5.2) exceeds its limit of {limit:g}; {why}'
             )
         limits = self._specification.setup.limits
         unknown = [
@@ -231,16 +232,16 @@ class DesignRun:
             if not np.isfinite(values).any()
         ]
         if unknown:
-            warnings.append(f'no limit is known for {", ".join(unknown)}: it was not checked')
+            warnings.append(f'the limit of {", ".join(unknown)} is unknown and was not checked')
         return warnings
 
     def _validation(self) -> dict[Path, tuple[DesignSpecification, DesignResult]]:
-        """Return a slower and a faster random trajectory with coefficients of their own."""
+        """Return a slower and a faster random trajectory with different coefficients."""
         results = {}
         highest = self._specification.setup.config.highest_frequency
         for name, path in self._validation_paths().items():
             fundamental = VALIDATION[name] * self._options.fundamental
-            # As many harmonics as the arm's elasticity allows at this speed.
+            # Use as many harmonics as the arm's elasticity permits at this speed.
             harmonics = min(self._options.harmonics, int(highest / fundamental + 1e-9))
             try:
                 specification = replace(
@@ -262,7 +263,7 @@ class DesignRun:
         }
 
     def _require_writable(self) -> None:
-        """Try every file that is to be written, before hours are spent on what goes into it."""
+        """Try to write every output file before a search of hours."""
         paths = [self._options.out]
         if self._options.preview:
             paths.append(self._options.preview)
@@ -279,24 +280,26 @@ class DesignRun:
             )
         for path in paths:
             if path.is_dir():
-                raise ExcitationError(f'{path} cannot be written: it is a folder, name a file')
+                raise ExcitationError(
+                    f'{path} cannot be written, because it is a folder: name a file'
+                )
             trial = path.with_name(f'{path.name}.{os.getpid()}.tmp')
             try:
                 trial.touch()
                 trial.unlink()
             except OSError as error:
                 raise ExcitationError(
-                    f'{path} cannot be written: {error.strerror}: check the folder and its '
+                    f'{path} cannot be written ({error.strerror}): check the folder and its '
                     'permissions'
                 ) from None
 
     def _save(self, result: DesignResult, path: Path, specification: DesignSpecification) -> None:
-        # As long as asked for, and at least one period.
+        # The requested duration, and at least one period.
         ratio = specification.fundamental / self._options.fundamental
         designed_file(specification, result, max(1, round(self._periods * ratio))).save(path)
 
     def _report(self, result: DesignResult, best: DesignResult, random: DesignResult) -> None:
-        compared = result.quality.compared_with(random.quality, 'random')
+        compared = result.quality.compared_with(random.quality, 'the random trajectory')
         leader = 'random' if best is random else f'start {best.start}'
         self._print(
             f'{NAME}: start {result.start:<3} {_figures(result)}, {compared}; '
@@ -307,7 +310,7 @@ class DesignRun:
         remark = result.remark
         if result.stopped and not self._interrupted():
             remark += (
-                f': start {result.start} stopped after its {result.seconds:.0f} s share of '
+                f'; start {result.start} stopped after {result.seconds:.0f} s, its part of '
                 '--time-limit: pass a larger limit'
             )
         return f' ({remark})' if remark else ''
@@ -317,7 +320,7 @@ class DesignRun:
         print(text, flush=True)
 
     def _watch(self) -> bool:
-        """Show on a terminal that the search is alive, and return whether it is over."""
+        """Show the search's progress on a terminal, and return whether the search is over."""
         if sys.stdout.isatty() and self._progress.due(time.monotonic_ns()):
             self._progress.show(
                 f'{self._seconds():4.1f} of {self._options.time_limit:g} s, '
@@ -329,7 +332,7 @@ class DesignRun:
         return self._interrupted() or self._seconds() > self._options.time_limit
 
     def _why(self) -> str:
-        over = f'the time limit of {self._options.time_limit:g} s is reached'
+        over = f'the time limit of {self._options.time_limit:g} s was reached'
         return 'stopped' if self._interrupted() else over
 
     def _seconds(self) -> float:

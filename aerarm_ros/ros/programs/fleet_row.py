@@ -1,4 +1,4 @@
-"""One bag of a fleet identified by itself, as a row of a table."""
+"""Identification from a single bag of a fleet, as a row of a table."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ Row = dict[str, str | float | int | bool | None]
 
 OK, FAILED = 'ok', 'failed'
 STD = '_std'
-"""End of the name of a column of standard deviations."""
+"""Suffix of the columns with standard deviations."""
 KEYS = ('bag', 'arm', 'date', 'status', 'reason')
-"""First columns of every row; `failed_row` has no others."""
+"""First columns of every row, and the only ones of `failed_row`."""
 _PACKAGE = 'aerarm_ros'
 
 
 def identify(bag: Path, settings: argparse.Namespace) -> Row:
-    """Identify an arm from one bag; pure, so that it can run anywhere and again.
+    """Identify an arm from one bag; without side effects, so that a run can be repeated.
 
     Parameters
     ----------
     bag : Path
-        To identify from; its last `settings.holdout` is only predicted.
+        Recording; its last fraction `settings.holdout` is used for validation only.
     settings : argparse.Namespace
-        Options of the identifier, and `arm_of_folder`: whether arms have the name of the folder
-        that holds the bag, rather than that of the URDF.
+        Options of the identifier, and `arm_of_folder`: whether an arm's name is that of the bag's
+        directory instead of the URDF's.
 
     Returns
     -------
     dict
-        Column to value. Parameters have the names of the regressor's columns, their standard
-        deviations `_std` behind it; None where there is nothing to say.
+        Column to value. Parameters have the names of the regressor's columns, and their standard
+        deviations the suffix `_std`; None for missing values.
 
     Raises
     ------
     BagError, ConfigError, DescriptionError, IdentificationError
-        If it can't be identified from.
+        If the bag cannot be used for identification.
     """
     options = argparse.Namespace(**{**vars(settings), 'bag': [bag]})
     result, start, seconds = IdentifierRun(options).identified()
@@ -74,7 +74,7 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
 
 
 def first_columns(bag: Path, settings: argparse.Namespace, robot: str = '') -> Row:
-    """Return the columns that every row has, of a bag that nothing is known of yet."""
+    """Return the columns that every row has, for a bag that has not been read."""
     arm = bag.resolve().parent.name if settings.arm_of_folder else robot
     return {'bag': str(bag), 'arm': arm, 'date': None, 'status': FAILED, 'reason': None}
 
@@ -94,7 +94,7 @@ def _verdict(result: IdentificationResult, settings: argparse.Namespace) -> bool
 
 
 def _date(start: float) -> str | None:
-    """Return when a recording began, None for tables, whose time begins at 0."""
+    """Return the start of a recording as text; None for tables, whose time begins at 0."""
     day = 86400.0
     if start < day:
         return None

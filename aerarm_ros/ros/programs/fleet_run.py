@@ -1,4 +1,4 @@
-"""`identifier --each`: every bag of a fleet identified by itself, one table, one page."""
+"""`identifier --each`: identify each bag of a fleet separately, with one table and page."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from aerarm_ros.ros.progress_line import ProgressLine
 JOURNAL, TABLE, COLUMNS, PAGE = 'rows.jsonl', 'fleet.csv', 'fleet.parquet', 'fleet.html'
 _BAG_FILES = ('.mcap', '.db3', '.bag', *TABLES)
 _LIST = '.txt'
-# Options that change how the rows are made, but not what is in them.
+# Options that change the processing but not the rows.
 _NOT_IN_ROWS = ('each', 'out', 'workers', 'worker_memory', 'ray', 'started', 'bag')
 
 
 class FleetRun:
-    """Identifies each bag, and keeps every row as soon as it is there.
+    """Identify each bag, and store each row at once.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class FleetRun:
     Raises
     ------
     IdentificationError
-        If there is no bag, or an option does not go with --each.
+        If there is no bag, or an option contradicts --each.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -48,8 +48,8 @@ class FleetRun:
         given |= {'--payload': options.payload, '--truth': options.truth}
         if wrong := [name for name, value in given.items() if value]:
             raise IdentificationError(
-                f'{", ".join(wrong)}: --each identifies each bag separately: remove the option, '
-                'and validate by --holdout'
+                f'{", ".join(wrong)} cannot be combined with --each, which identifies each bag '
+                'separately: remove the option, and validate with --holdout'
             )
         self._bags = find_bags(options.each)
         folders = {bag.resolve().parent for bag in self._bags}
@@ -60,16 +60,16 @@ class FleetRun:
 
     @property
     def passed(self) -> bool:
-        """Whether every bag that was identified keeps the limits that were asked for."""
+        """Whether every identified bag satisfies the limits of --verify."""
         return all(row.get('verdict') is not False for row in self._rows.values())
 
     def execute(self) -> str:
-        """Identify what is not in the table yet; return a summary for the terminal.
+        """Identify the bags that the table lacks; return a summary for the terminal.
 
         Raises
         ------
         IdentificationError
-            If nothing can be written, or no bag could be identified from.
+            If the table cannot be written, or no bag could be used.
         """
         self._out.mkdir(parents=True, exist_ok=True)
         marks = {str(bag): self._mark(bag) for bag in self._bags}
@@ -77,7 +77,7 @@ class FleetRun:
         self._rows |= known
         missing = [bag for bag in self._bags if str(bag) not in known]
         if known:
-            self._say(f'{len(known)} of {len(self._bags)} bags are in {self._out} already')
+            self._say(f'{len(known)} of {len(self._bags)} bags are already in {self._out}')
         progress = ProgressLine('identifier', sys.stderr)
         try:
             with (self._out / JOURNAL).open('a', encoding='utf-8') as journal:
@@ -113,7 +113,7 @@ class FleetRun:
         return first_columns(bag, self._settings) | {'reason': outcome.reason}
 
     def _mark(self, bag: Path) -> str:
-        """Return what a row depends on: the bag's files as they are, and the options."""
+        """Return a hash of a row's inputs: the bag's files and the options."""
         files = sorted(bag.iterdir()) if bag.is_dir() else [bag]
         facts = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files]
         options = sorted(
@@ -124,13 +124,13 @@ class FleetRun:
         return hashlib.sha256(repr((facts, options)).encode()).hexdigest()[:16]
 
     def _known(self, marks: dict[str, str]) -> dict[str, Row]:
-        """Return the rows of an earlier run that still hold; what was cut off is left out."""
+        """Return the valid rows of an earlier run, without truncated ones."""
         found: dict[str, Row] = {}
         path = self._out / JOURNAL
         if not path.is_file():
             if any(self._out.iterdir()):
                 raise IdentificationError(
-                    f'{self._out}: holds other files: name another folder with --out'
+                    f'{self._out} contains other files: name another folder with --out'
                 )
             return found
         for line in path.read_text(encoding='utf-8').splitlines():
@@ -140,7 +140,7 @@ class FleetRun:
                 if marks.get(bag) == entry['mark']:
                     found[bag] = entry['row']
             except (ValueError, KeyError, TypeError):
-                continue  # the line that was written when the run was ended
+                continue  # a line that was truncated when the run ended
         return found
 
     def _write(self) -> None:
@@ -157,7 +157,10 @@ class FleetRun:
             import pyarrow
             import pyarrow.parquet
         except ImportError:
-            self._say(f"{COLUMNS} is not written: pip install 'aerarm_ros[fleet]' (pyarrow)")
+            self._say(
+                f'{COLUMNS} is not written, because pyarrow is missing: pip install '
+                "'aerarm_ros[fleet]'"
+            )
             return
         table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
         partial_file = self._out / f'.{COLUMNS}.part'
@@ -169,8 +172,8 @@ class FleetRun:
         if len(failed) == len(self._rows):
             first = failed[0]
             raise IdentificationError(
-                f'none of {len(failed)} bags could be identified; the first, {first["bag"]}: '
-                f'{first["reason"]}'
+                f'none of {len(failed)} bags could be identified; reason of the first, '
+                f'{first["bag"]}: {first["reason"]}'
             )
         lines = [f'{len(self._rows) - len(failed)} of {len(self._rows)} bags identified']
         lines += [f'failed: {row["bag"]}: {row["reason"]}' for row in failed]
@@ -183,22 +186,22 @@ class FleetRun:
 
 
 def find_bags(given: Sequence[Path]) -> list[Path]:
-    """Return the bags that paths, folders, patterns and lists name, each once, sorted.
+    """Return the bags that paths, directories, patterns and lists name, each once, sorted.
 
-    A folder without bag files of its own is looked through; a .txt file lists one path a line.
+    A directory without bag files is searched recursively; a .txt file lists one path per line.
 
     Raises
     ------
     IdentificationError
-        If one names no bag.
+        If an argument names no bag.
     """
     found: list[Path] = []
     for path in given:
         bags = list(_bags_of(path))
         if not bags:
             raise IdentificationError(
-                f'--each {path}: no bag found. Pass rosbag2 folders, {", ".join(_BAG_FILES)} '
-                f'files, folders of them, a quoted pattern, or a {_LIST} file with one path per '
+                f'no bag found in --each {path}. Pass rosbag2 folders, {", ".join(_BAG_FILES)} '
+                f'files, folders of bags, a quoted pattern, or a {_LIST} file with one path per '
                 'line'
             )
         found += bags

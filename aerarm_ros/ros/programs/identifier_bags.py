@@ -30,13 +30,13 @@ from aerarm_ros.identification.recording.recording import (
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions, read_table
 
 _COMMAND, _MODE, _DIAGNOSTICS = 'joint_command', 'arm_mode', 'diagnostics'
-_MOST = 2_000_000  # messages, 33 min at 1 kHz: no excitation needs more, and memory has an end
+_MOST = 2_000_000  # messages, 33 min at 1 kHz; a limit because memory is limited
 _MOST_DESIRED = 20_000  # commands that figures can show
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedBag:
-    """What one bag holds: a recording, how complete it is, and what was commanded."""
+    """Content of one bag: a recording, its completeness, and the commands."""
 
     recording: Recording
     facts: BagFacts
@@ -44,32 +44,32 @@ class RecordedBag:
 
 
 class IdentifierBags:
-    """Reads the joint states of one arm, and what was commanded.
+    """Read the joint states of one arm, and its commands.
 
     Parameters
     ----------
     topic : str
-        Of the joint states; commands, modes and diagnostics are looked for beside it.
+        Joint state topic; commands, modes and diagnostics are expected in its namespace.
     joint_names : tuple of str
         The arm's joints, from base to tool.
     mapping : JointMapping
         From the bags' joints to the arm's.
     limits : ReadLimits, optional
-        What reading a bag may take, whatever it holds.
+        Limits of time and memory while reading a bag.
     table : TableOptions, optional
-        What tables don't say of themselves.
+        Settings of tables, such as units.
     whole : bool
         Use all messages of a bag, rest included.
 
     Attributes
     ----------
     messages : list of str
-        What reading the bags warned of.
+        Warnings from reading the bags.
 
     Raises
     ------
     IdentificationError
-        If the mapping names a joint that the arm doesn't have.
+        If the mapping names a joint that the arm does not have.
     """
 
     def __init__(
@@ -90,27 +90,27 @@ class IdentifierBags:
         unknown = [name for name in mapping.effort_gain or {} if name not in joint_names]
         if unknown:
             raise IdentificationError(
-                f'--effort-gain: no joint {", ".join(unknown)}: the URDF has '
+                f'--effort-gain names the unknown joint {", ".join(unknown)}: the URDF has '
                 f'{", ".join(joint_names)}'
             )
         self.messages: list[str] = []
 
     def read(self, path: Path, name: str) -> RecordedBag:
-        """Return a bag's motion.
+        """Read the motion in a bag.
 
         Parameters
         ----------
         path : Path
             rosbag2 directory, .mcap or .db3 file; or a table, .csv or .npz.
         name : str
-            For tables and messages.
+            Name for tables and messages.
 
         Raises
         ------
         BagError
-            If the bag can't be read, or some of it is missing.
+            If the bag cannot be read, or is incomplete.
         IdentificationError
-            If what it holds can't be identified from.
+            If its content cannot be used for identification.
         """
         if path.suffix.lower() in TABLES and path.is_file():
             return self._read_table(path, name)
@@ -155,7 +155,7 @@ class IdentifierBags:
         return f'{self._topic.rpartition("/")[0]}/{topic}'
 
     def _commanded(self, contents: BagContents) -> tuple[slice, str] | None:
-        """Return the messages while the arm followed commands, None if nothing tells."""
+        """Return the messages during which the arm followed commands, None if unknown."""
         states = contents.joint_states[self._topic]
         modes = contents.texts.get(self._beside(_MODE), [])
         span = running_span(states.log_time, states.position, modes)
@@ -180,7 +180,7 @@ class IdentifierBags:
 
 
 def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return a short name of each bag, its path where the folder's name isn't enough."""
+    """Return a short name of each bag, or its path if the directory's name is ambiguous."""
     paths = list(dict.fromkeys(paths))
     names = [path.resolve().name for path in paths]
     return {
@@ -190,55 +190,58 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
 
 
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
-    """Return what to know of bags that were given more than once."""
+    """Return notes on bags that were given more than once."""
     told = [
-        f'{path} is given {identification.count(path)} times for identification: it counts as '
-        'often, and its uncertainty looks too small'
+        f'{path} is given {identification.count(path)} times for identification, which makes the '
+        'uncertainty look too small: pass each bag once'
         for path in dict.fromkeys(identification)
         if identification.count(path) > 1
     ]
     return told + [
-        f'{path} is used for identification and for validation: its errors are no validation'
+        (
+            f'{path} is used for identification and for validation, so its validation error '
+            'is meaningless: pass another bag'
+        )
         for path in dict.fromkeys(identification)
         if path in validation
     ]
 
 
 def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
-    """Return warnings of what is missing, by the bag's own account of its messages.
+    """Return warnings of missing messages, by the counts that the bag contains.
 
-    Less than its account was lost after recording. A recorder that was killed leaves an account
-    that is too low, or none.
+    Fewer messages than counted were lost after recording. A killed recorder leaves a count that is
+    too low, or none.
     """
     kept, expected = len(contents.joint_states[topic]), contents.expected
     count = kept + contents.left_out
     told = []
     if contents.left_out:
         told.append(
-            f'{name}: only the first {kept} of {count} messages of {topic} are used: cut the bag '
+            f'{name}: only the first {kept} of {count} messages of {topic} are used; cut the bag '
             'to the relevant motion'
         )
     if expected is None:
         told.append(
-            f'{name}: metadata.yaml is missing or unreadable, so the recording may be incomplete: '
-            'check that the recorder ended normally, and copy the whole bag'
+            f'{name}: metadata.yaml is missing or unreadable, so the recording may be '
+            'incomplete; check that the recorder ended normally, and copy the whole bag'
         )
     elif count < expected:
         told.append(
-            f'{name} is truncated: it holds {count} of the {expected} messages of {topic} in its '
-            'metadata.yaml. Copy the bag again for the others'
+            f'{name} is truncated: it contains {count} of the {expected} messages of {topic} '
+            'that metadata.yaml lists. Copy the whole bag again'
         )
     elif count > expected:
         told.append(
-            f'{name}: {count} messages of {topic}, but its metadata.yaml lists {expected}: the '
-            'recorder was killed, the end of the motion may be missing'
+            f'{name} has {count} messages of {topic}, but metadata.yaml lists {expected}: the '
+            'recorder was killed, so the end of the motion may be missing'
         )
     return told
 
 
 @contextlib.contextmanager
 def _collected_warnings(texts: list[str]) -> Iterator[None]:
-    """Add what reading a bag warns of to a list, also if an error ends it."""
+    """Context that adds the warnings from reading a bag to a list, even after an error."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
         try:

@@ -1,4 +1,4 @@
-"""Two results of the identifier, or of the motor bench, compared."""
+"""Comparison of two results of the identifier or of the motor bench."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FILE, _BENCH, _PAGE = 'estimate.yaml', 'motor_bench.yaml', 'comparison.html'
 
 
 class CompareRun:
-    """What `--compare OLD NEW` asks for: a table, and with `--out` a page and numbers.
+    """Run of `--compare OLD NEW`: a table and, with `--out`, a page and numbers.
 
     Parameters
     ----------
@@ -36,23 +36,23 @@ class CompareRun:
 
     def __init__(self, options: argparse.Namespace) -> None:
         if options.bag or options.model or options.payload:
-            raise IdentificationError('--compare compares two results: pass it without bags')
+            raise IdentificationError('--compare compares two results: remove --bag')
         self._paths: list[Path] = [_estimate(path) for path in options.compare]
         self._out: Path | None = options.out
 
     def execute(self) -> str:
-        """Compare, write what was asked for, and return a table for the terminal.
+        """Compare, write the output files, and return a table for the terminal.
 
         Raises
         ------
         IdentificationError, ConfigError
-            If a result can't be read, or nothing can be written.
+            If a result cannot be read, or the output cannot be written.
         """
         benches = [path.name == _BENCH for path in self._paths]
         if any(benches) and not all(benches):
             raise IdentificationError(
-                '--compare has a result of the motor bench and one of the identifier: pass two of '
-                'the same kind'
+                '--compare has one result of the motor bench and one of the identifier: pass two '
+                'results of the same kind'
             )
         compare = compare_benches if all(benches) else compare_estimates
         comparison = compare(*self._paths)
@@ -79,7 +79,7 @@ def _estimate(path: Path) -> Path:
 
 
 def _lines(comparison: EstimateComparison) -> list[str]:
-    """Return what differs clearly, one a line, and how much does not."""
+    """Return the significant differences, one per line, and the number of the others."""
     clear = [change for change in comparison.changes if change.is_clear]
     lines = [
         f'{change.name}: {change.old:.4g} -> {change.new:.4g} {change.unit}'.rstrip()
@@ -87,8 +87,11 @@ def _lines(comparison: EstimateComparison) -> list[str]:
         for change in clear
     ]
     lines.append(
-        f'{len(clear)} of {len(comparison.changes)} differ by more than three standard deviations'
+        f'{len(clear)} of {len(comparison.changes)} parameters differ by more than three '
+        'standard deviations'
     )
     if comparison.unmatched:
-        lines.append(f'{comparison.unmatched} sums are determined by one of the two only')
+        lines.append(
+            f'{comparison.unmatched} parameter sums are identifiable in only one of the two results'
+        )
     return lines

@@ -1,4 +1,4 @@
-"""What the identifier can be asked for; imports nothing slow, so that --help is quick."""
+"""Options of the identifier; this module imports no slow library, so that --help is quick."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from aerarm_ros.ros.process.ros_arguments import OneLineParser
 
 
 def _optional_path(text: str) -> Path | None:
-    """Return a path, None for the empty text of an unset launch argument."""
+    """Convert text to a path; return None for the empty text of an unset launch argument."""
     return Path(text) if text else None
 
 
-# Option, what argparse needs to know, and help.
+# Option, arguments for argparse, and help.
 _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bag',
@@ -40,8 +40,9 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--each',
         {'nargs': '+', 'type': Path, 'default': [], 'metavar': 'BAG'},
-        'identify each bag separately, into one table: bags, folders, a quoted pattern, or a .txt '
-        'file with one path per line; the same --out continues an interrupted run',
+        'identify each bag separately and write one table. Pass bags, folders, a quoted pattern, '
+        'or a .txt file with one path per line; repeat with the same --out to continue an '
+        'interrupted run',
     ),
     (
         '--workers',
@@ -61,7 +62,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--holdout',
         {'type': float, 'default': 0.0, 'metavar': 'SHARE'},
-        'last share of each --bag to use for validation',
+        'fraction at the end of each --bag to use for validation',
     ),
     (
         '--urdf',
@@ -71,7 +72,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--config',
         {'type': _optional_path, 'metavar': 'FILE'},
-        'motors and gears, for example config/aerarm.yaml',
+        'configuration with motors and gears, for example config/aerarm.yaml',
     ),
     (
         '--topic',
@@ -111,15 +112,20 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--verify',
         {'type': Path, 'metavar': 'FILE'},
-        'error limits of the result, filtered, for example 2.0; above them the exit status is 1',
+        'limits of the filtered validation error in percent, for example 2.0; exit status 1 if '
+        'exceeded',
     ),
     (
         '--compare',
         {'nargs': 2, 'type': Path, 'metavar': ('OLD', 'NEW')},
-        'two results to compare: friction and inertia that differ by more than their uncertainty; '
-        'no bags',
+        'two results to compare; prints friction and inertia that differ by more than their '
+        'uncertainty. No bags',
     ),
-    ('--truth', {'type': Path, 'metavar': 'FILE'}, 'true parameters of a simulated arm'),
+    (
+        '--truth',
+        {'type': Path, 'metavar': 'FILE'},
+        ('file with the true parameters of a simulated arm'),
+    ),
     (
         '--tf-prefix',
         {'default': '', 'metavar': 'TEXT'},
@@ -128,17 +134,17 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--rename',
         {'nargs': '+', 'default': [], 'metavar': 'BAG=URDF'},
-        'joint names in the bag and in the URDF',
+        'joint name in the bag and in the URDF',
     ),
     (
         '--lock',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the URDF that do not move',
+        'joints of the URDF to lock',
     ),
     (
         '--ignore',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT'},
-        'joints of the bag to leave out',
+        'joints of the bag to ignore',
     ),
     (
         '--effort-gain',
@@ -148,8 +154,9 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--effort-gain-std',
         {'type': float, 'metavar': 'SHARE'},
-        'relative standard deviation of the gains, in that of a payload (default: 0.1 with '
-        '--effort-gain, else 0); payload_estimator --known-mass calibrates them',
+        'relative standard deviation of the effort gains, for the uncertainty of a payload '
+        '(default: 0.1 with --effort-gain, else 0); payload_estimator --known-mass calibrates '
+        'the gains',
     ),
     (
         '--gravity',
@@ -174,7 +181,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--harmonics',
         {'type': int, 'metavar': 'N'},
-        'harmonics of a periodic motion (default: detected)',
+        'number of harmonics of a periodic motion (default: detected)',
     ),
     (
         '--cutoff',
@@ -184,8 +191,8 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--filter',
         {'choices': ('auto', 'harmonics', 'butterworth'), 'default': 'auto'},
-        'filter of the kinematics: rectangular windows at the harmonics of a periodic motion, '
-        'zero-phase low-pass, or chosen by cross-validation (default)',
+        'filter of positions, velocities and accelerations: rectangular windows at the harmonics '
+        'of a periodic motion, zero-phase low-pass, or chosen by cross-validation (default)',
     ),
     (
         '--friction',
@@ -196,13 +203,13 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--coupled',
         {'nargs': '+', 'default': [], 'metavar': 'JOINT=DRIVER'},
-        'joints coupled to velocity and acceleration of another joint, in addition to those of '
-        '--config',
+        'joints whose torque depends on velocity and acceleration of another joint, the driver, '
+        'in addition to the pairs of --config',
     ),
     (
         '--rollouts',
         {'action': 'store_true'},
-        'simulate every model over half-second windows of the validation data',
+        'also simulate every model over half-second windows of the validation data',
     ),
     (
         '--total-mass',
@@ -212,7 +219,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--bound-centres',
         {'action': 'store_true'},
-        'keep each centre of mass within the inertia box of the link in the URDF',
+        'keep each centre of mass within the inertia box of its link in the URDF',
     ),
     (
         '--solvers',
@@ -225,13 +232,13 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
             'default': [],
             'metavar': 'NAME',
         },
-        'solvers in addition to cad, cad_friction, ols and sdp: wls (default), huber, entropic, '
-        'output_error, slsqp, annealing (the last two take seconds)',
+        'additional solvers: wls (default), huber, entropic, output_error, slsqp, annealing (the '
+        'last two take seconds); cad, cad_friction, ols and sdp always run',
     ),
 )
 
 
-# Those that tell of the arm and of what its bags are like.
+# Options about the arm and its bags.
 _OF_ARM = (
     *(
         '--urdf',
@@ -256,9 +263,9 @@ _OF_ARM = (
 
 
 def identifier_parser(name: str, description: str) -> OneLineParser:
-    """Return what reads the command line of a program of that name.
+    """Return the command-line parser of a program.
 
-    The options it returns also say when they were read, as `started`.
+    The parsed options contain the start time as `started`.
     """
     parser = OneLineParser(prog=name, description=description.splitlines()[0])
     _add_options(parser, [option for option, *_ in _OPTIONS])
@@ -267,13 +274,14 @@ def identifier_parser(name: str, description: str) -> OneLineParser:
 
 
 def add_arm_options(parser: OneLineParser) -> None:
-    """Let a program take what the identifier takes to describe the arm and its bags."""
+    """Add the identifier's options about the arm and its bags to a parser."""
     _add_options(parser, _OF_ARM)
 
 
 def _add_options(parser: OneLineParser, wanted: Collection[str]) -> None:
     for option, details, text in _OPTIONS:
         if option in wanted:
-            # A list given twice adds up: the second one is no slip of which nobody would hear.
+            # A list option that is given twice adds up instead of replacing the first list
+            # silently.
             more: dict[str, Any] = {'action': 'extend'} if details.get('nargs') == '+' else {}
             parser.add_argument(option, help=text, **more, **details)

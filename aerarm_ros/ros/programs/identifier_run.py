@@ -1,4 +1,4 @@
-"""One run of the identifier: bags in, files and a table out."""
+"""One run of the identifier: from bags to files and a table."""
 
 from __future__ import annotations
 
@@ -62,18 +62,18 @@ RESULT_FILES = (
     *('estimate.yaml', 'identified.urdf', 'identified.xml', 'identified.sdf', 'payload.yaml'),
     *('report.html', MARKER),
 )
-"""All that a result may hold."""
+"""Files that a result may contain."""
 
 
 def write_result(
     result: IdentificationResult, directory: ResultDirectory, extras: ReportExtras
 ) -> tuple[str, ...]:
-    """Write estimate, URDF, MJCF, SDF, payload and report; return what is to be said of them.
+    """Write estimate, URDF, MJCF, SDF, payload and report; return messages about them.
 
     Raises
     ------
     IdentificationError
-        If something can't be written.
+        If a file cannot be written.
     """
     estimate = result.recommended.estimate
     viscous, coulomb = equivalent_friction(estimate, result.identification)
@@ -100,7 +100,7 @@ _ROLES = ('identification', 'validation')
 
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
-    """Return the torque error of each written file, the worst of the judged (last) bags."""
+    """Return the torque error of each written model, the largest of the judged bags."""
     lines = [f'Torque error of the written files [%], filtered, on {_names(judged)}']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:
@@ -116,18 +116,17 @@ def _names(judged: Sequence[Recording]) -> str:
 
 
 def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) -> str:
-    """Return the errors of each solver on each bag, and what was used of the bags.
+    """Return the errors of each solver on each bag, and facts about the used data.
 
     Parameters
     ----------
-    result : IdentificationResult
     facts : mapping
-        Name of a bag to what is known of it.
+        Name of a bag to facts about it.
     """
     groups = zip(_ROLES, (result.identification, result.validation), strict=True)
     bags = [(role, bag.samples.name) for role, columns in groups for bag in columns]
     width = max(22, *(len(text) for heading in bags for text in heading)) + 2
-    lines = ['Torque error [%], filtered / only the measured one filtered (raw)']
+    lines = ['Torque error [%], filtered / only the measured torque filtered (raw)']
     for row in zip(*bags, strict=True):
         lines.append(' ' * _NAME_WIDTH + ''.join(text.rjust(width) for text in row))
     for name, solution in result.solutions.items():
@@ -142,7 +141,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
-            f'gravity: {degrees:.2f} degrees off the stated direction; the estimate is used'
+            f'gravity is {degrees:.2f} degrees off the stated direction; the estimate is used'
         )
     lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
     return '\n'.join(lines)
@@ -152,12 +151,12 @@ _MB = 2**20  # bytes
 
 
 class RecordedArm:
-    """The URDF, the drives, and what was recorded of them.
+    """The URDF, the drives, and the recordings of an arm.
 
     Parameters
     ----------
     options : argparse.Namespace
-        With the options of `identifier_options.add_arm_options`.
+        Options of `identifier_options.add_arm_options`.
     paths : sequence of Path
         All bags that will be read, for their names.
     whole : bool
@@ -167,11 +166,10 @@ class RecordedArm:
     ----------
     config : ArmConfig or None
         None for the URDF of another arm without a configuration.
-    robot : Robot
     messages : list of str
-        What reading the bags warned of; it may be added to.
+        Warnings from reading the bags; callers may add to it.
     read : dict
-        Name of a bag to the RecordedBag that was read of it.
+        Name of a bag to its RecordedBag.
 
     Raises
     ------
@@ -191,8 +189,8 @@ class RecordedArm:
         }
         for option in () if tables else [name for name, is_given in given.items() if is_given]:
             raise IdentificationError(
-                f'{option} is for tables (.csv, .npz), but none is given: bags have stamps and '
-                'joint names, and are in rad'
+                f'{option} is for tables (.csv, .npz), but all inputs are bags, which have '
+                'stamps and joint names, and use rad: remove the option'
             )
         self.config = _load_config(options)
         self.robot = _load_robot(options, self.config)
@@ -209,18 +207,18 @@ class RecordedArm:
         return self._names[path]
 
     def recording(self, path: Path) -> Recording:
-        """Read a bag; raises BagError or IdentificationError with what to check."""
+        """Read a bag; raises BagError or IdentificationError."""
         name = self._names[path]
         self.read[name] = self._bags.read(path, name)
         return self.read[name].recording
 
     def facts(self) -> dict[str, BagFacts]:
-        """Return how complete the bags are that were read."""
+        """Return the completeness of the bags that were read."""
         return {name: bag.facts for name, bag in self.read.items()}
 
 
 UNCALIBRATED = 0.1
-"""Relative deviation of torque constants as manufacturers and papers state them."""
+"""Relative deviation of torque constants from manufacturers and papers."""
 
 
 def gain_deviation(options: argparse.Namespace) -> float:
@@ -230,21 +228,22 @@ def gain_deviation(options: argparse.Namespace) -> float:
         return UNCALIBRATED if options.effort_gain else 0.0
     if not 0.0 <= given < 1.0:
         raise IdentificationError(
-            f'--effort-gain-std {given}: give a share from 0 to 1, such as 0.02 for 2 %'
+            f'--effort-gain-std {given} is invalid: pass a fraction from 0 to 1, for '
+            'example 0.02 for 2 %'
         )
     return float(given)
 
 
 def pair(text: str, option: str) -> tuple[str, str]:
-    """Return both sides of LEFT=RIGHT; raises IdentificationError for anything else."""
+    """Return both sides of LEFT=RIGHT; raises IdentificationError for other texts."""
     left, equals, right = text.partition('=')
     if not (left and equals and right):
-        raise IdentificationError(f'{option} {text}: write it as LEFT=RIGHT')
+        raise IdentificationError(f'{option} {text} is invalid: write LEFT=RIGHT')
     return left, right
 
 
 def _load_config(options: argparse.Namespace) -> ArmConfig | None:
-    # Another arm's URDF says nothing about this package's motors.
+    # Another arm's URDF does not describe this package's motors.
     if options.config is None and options.urdf is not None:
         return None
     return load_arm_config(options.config)
@@ -276,12 +275,12 @@ def _number(text: str, option: str) -> float:
     except ValueError:
         value = float('nan')
     if not np.isfinite(value) or value == 0.0:
-        raise IdentificationError(f'{option}: {text} must be a number other than zero')
+        raise IdentificationError(f'{option} {text} must be a number other than zero')
     return value
 
 
 class IdentifierRun:
-    """What the command line asks for.
+    """Run of the identifier with its command-line options.
 
     Parameters
     ----------
@@ -307,7 +306,7 @@ class IdentifierRun:
 
     @property
     def passed(self) -> bool:
-        """Whether the result keeps the limits that were asked for; True without any."""
+        """Whether the result satisfies the limits of --verify; True without limits."""
         return self._verdict is None or self._verdict.passed
 
     def execute(self) -> str:
@@ -316,7 +315,7 @@ class IdentifierRun:
         Raises
         ------
         IdentificationError, BagError
-            If a bag can't be identified from, or the result can't be written.
+            If a bag cannot be used for identification, or the result cannot be written.
         """
         options = self._options
         default = Path('output') / time.strftime('identification_%Y%m%d_%H%M%S', options.started)
@@ -336,20 +335,20 @@ class IdentifierRun:
         return '\n'.join(lines) + f'\nReport: {directory.target / "report.html"}'
 
     def identified(self) -> tuple[IdentificationResult, float, float]:
-        """Identify without writing anything.
+        """Identify without writing files.
 
         Returns
         -------
         result : IdentificationResult
         start : float
-            When the first bag began [s since 1970].
+            Start of the first bag [s since 1970].
         seconds : float
-            Time that reading and identification took.
+            Duration of reading and identification.
 
         Raises
         ------
         IdentificationError, BagError
-            If a bag can't be identified from.
+            If a bag cannot be used for identification.
         """
         identification, validation = self._read()
         result = self._identify(identification, validation)
@@ -457,13 +456,13 @@ class IdentifierRun:
 
 
 def tell(texts: Iterable[str]) -> None:
-    """Print what the user should know, one line each."""
+    """Print messages for the user, one line each."""
     for text in texts:
         print(f'identifier: {text}', file=sys.stderr)
 
 
 def tell_replaced(directory: ResultDirectory) -> None:
-    """Say so if the result took the place of an earlier one."""
+    """Print a message if the result replaced an earlier one."""
     if directory.replaced:
         tell([f'{directory.target}: an earlier result was replaced'])
 
@@ -477,23 +476,24 @@ _FILES = ('payload.yaml', MARKER)
 
 
 class PayloadRun(IdentifierRun):
-    """What the command line asks for if it gives a model of the arm."""
+    """Run of the identifier for a payload, with a model of the arm."""
 
     def execute(self) -> str:
-        """Identify the payload, write it, and return what is to be printed.
+        """Identify the payload, write it, and return the text to print.
 
         Raises
         ------
         IdentificationError, BagError, ConfigError
-            If a bag or the model can't be used, or the result can't be written.
+            If a bag or the model cannot be used, or the result cannot be written.
         """
         options = self._options
         if options.bag or options.validation or not options.payload:
             raise IdentificationError(
-                '--model fixes the arm: pass the bags with the payload as --payload, and no --bag'
+                '--model fixes the arm: pass the bags with the payload as --payload, and '
+                'remove --bag'
             )
         if options.verify:
-            raise IdentificationError('--verify judges an identified arm: pass it without --model')
+            raise IdentificationError('--verify needs an identified arm: remove --model')
         default = Path('output') / time.strftime('payload_%Y%m%d_%H%M%S', options.started)
         with ResultDirectory(options.out or default, files=_FILES) as directory:
             robot = self._arm.robot

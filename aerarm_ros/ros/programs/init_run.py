@@ -1,4 +1,4 @@
-"""One run of `arm init`: from a URDF to the files that everything else asks for."""
+"""One run of `arm init`: from a URDF to an arm's configuration files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from aerarm_ros.excitation.settings import load_excitation_config
 
 
 class InitRun:
-    """Reads a URDF, and writes an arm's configuration and that of its excitations.
+    """Read a URDF, and write the configurations of an arm and of its excitations.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class InitRun:
     Raises
     ------
     ValueError, OSError
-        If the URDF cannot be used, or a file exists already; nothing is written then.
+        If the URDF cannot be used, or a file exists already; no file is written then.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -44,12 +44,12 @@ class InitRun:
         for file in (self._arm_file, self._excitation_file):
             if file.exists() and not options.overwrite:
                 raise ValueError(
-                    f'{file} exists: pass another --name or --out, or --overwrite, which discards '
-                    'your changes in it'
+                    f'{file} already exists: pass another --name or --out, or --overwrite, which '
+                    'discards your changes in the file'
                 )
 
     def run(self) -> None:
-        """Write the files, read them as everybody does, and say how to go on."""
+        """Write the files, read them as a check, and print the next steps."""
         draft = self._draft
         self._arm_file.parent.mkdir(parents=True, exist_ok=True)
         text = arm_text(draft, self._urdf.name)
@@ -58,11 +58,14 @@ class InitRun:
         load_arm_config(self._arm_file)
         load_excitation_config(self._excitation_file)
         joints = draft.config.joint_names
-        print(f'{self._urdf}: {len(joints)} joints, {self._mass:.2f} kg move: {", ".join(joints)}')
         print(
-            f'{self._arm_file}: {len(draft.config.boards)} boards; {text.count(MARK)} values that '
-            f'are not in a URDF{"" if self._is_guessed else " or an estimate"} are marked as '
-            'guesses, with the way to measure each'
+            f'{self._urdf}: {len(joints)} joints, {self._mass:.2f} kg of moving mass: '
+            f'{", ".join(joints)}'
+        )
+        print(
+            f'{self._arm_file}: {len(draft.config.boards)} boards. {text.count(MARK)} values '
+            f'that are not in a URDF{"" if self._is_guessed else " or an estimate"} are marked '
+            'as guesses, with instructions to measure them'
         )
         print(f'{self._excitation_file}: limits and obstacles of the excitation')
         if draft.problem:
@@ -73,10 +76,10 @@ class InitRun:
                 f'{"null" if config.ground_height is None else config.ground_height}'
             )
             if not config.check_clearance:
-                written = 'check_clearance: false, so motions are NOT checked for collisions'
-            print(f'arm init: warning: {draft.problem}. Written were {written}')
+                written = 'check_clearance is false, so motions are NOT checked for collisions'
+            print(f'arm init: warning: {draft.problem}. The written files are {written}')
         print(
-            'Try it on emulated boards, each line in a separate terminal:\n'
+            'Try the files on emulated boards, each line in a separate terminal:\n'
             f'  fake_hardware --ros-args {self._parameters()}\n'
             '  arm home --wait-before unhomed --wait ready\n'
             f'  excitation --ros-args {self._parameters()} -p '

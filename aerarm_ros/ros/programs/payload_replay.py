@@ -1,4 +1,4 @@
-"""The estimator of payload and friction over bags: what `payload_estimator --bag` does."""
+"""The estimator of payload and friction on bags, for `payload_estimator --bag`."""
 
 from __future__ import annotations
 
@@ -37,10 +37,14 @@ from aerarm_ros.ros.programs.identifier_run import (
 
 
 def show_trend(name: str, arguments: Sequence[str]) -> int:
-    """Print what a command line asks for; return 0, or 2 if there is something to check."""
+    """Print the friction trend; return 0, or 2 if the user must check an input."""
     parser = OneLineParser(prog=name, description='Print how friction has changed.')
     parser.add_argument(
-        '--trend', type=Path, required=True, metavar='FILE', help='friction_file of the node'
+        '--trend',
+        type=Path,
+        required=True,
+        metavar='FILE',
+        help='friction_file of payload_estimator',
     )
     options = parser.parse_args(arguments)
     try:
@@ -52,10 +56,10 @@ def show_trend(name: str, arguments: Sequence[str]) -> int:
 
 
 def trend_table(trend: FrictionTrend) -> str:
-    """Return a line for each coefficient, those that have clearly changed marked."""
+    """Return one line per coefficient, and mark significant changes."""
     records, changes = trend.records, trend.changes()
     if not changes:
-        return f'{len(records)} records: a trend needs two'
+        return f'{len(records)} records: a trend needs at least two'
     dates = (datetime.fromtimestamp(records[index].time, UTC) for index in (0, -1))
     first, last = (f'{date:%Y-%m-%d %H:%M}' for date in dates)
     width = max(len(change.name) for change in changes)
@@ -68,7 +72,9 @@ def trend_table(trend: FrictionTrend) -> str:
         rate = f'{change.rate:+.2g} ± {change.rate_std:.2g}'
         lines.append(f'{mark} {change.name:{width}}  {change.old:9.4f} {change.new:9.4f}   {rate}')
     clear = sum(change.is_clear for change in changes)
-    lines.append(f'* {clear} of {len(changes)} changed by more than three standard deviations')
+    lines.append(
+        f'* {clear} of {len(changes)} values changed by more than three standard deviations'
+    )
     return '\n'.join(lines)
 
 
@@ -77,14 +83,14 @@ _FILES = ('payload.yaml', _GAINS, MARKER)
 
 
 def replay(name: str, arguments: Sequence[str]) -> int:
-    """Do what a command line asks for; return 0, 2 if there is something to check, or 130."""
+    """Run the estimator on bags; return 0, 2 for an invalid input, or 130 after a stop."""
     stops: list[bool] = []
     try:
         given = RosArguments(arguments)
         if given.parameters:
             raise UsageError(
-                f'{given.parameters[0].name} is a parameter of the node: with --bag pass options, '
-                f'{name} --bag DIR --help lists them'
+                f'{given.parameters[0].name} is a parameter of the node: use options with --bag, '
+                f'see {name} --bag DIR --help'
             )
         options = replay_parser(name).parse_args(given.plain)
         with StopSignals(lambda: stops.append(True)):
@@ -99,7 +105,7 @@ def replay(name: str, arguments: Sequence[str]) -> int:
 
 
 def replay_parser(name: str) -> OneLineParser:
-    """Return what reads the command line of a replay."""
+    """Return the parser of the command line."""
     parser = OneLineParser(
         prog=f'{name} --bag', description='Estimate the payload from bags instead of topics.'
     )
@@ -114,14 +120,15 @@ def replay_parser(name: str) -> OneLineParser:
         '--model',
         type=Path,
         metavar='FILE',
-        help='estimate.yaml of the arm (default: as in its URDF)',
+        help='estimate.yaml of the arm (default: the model in its URDF)',
     )
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='folder for payload.yaml; needs --model'
     )
     parser.add_argument(
         '--known-mass', type=float, metavar='KG',
-        help='calibrate the effort gains: in all bags the arm moves with this mass; needs --model',
+        help='calibrate the effort gains with a known mass that the arm carries in all bags; '
+                'needs --model',
     )  # fmt: skip
     add_arm_options(parser)
     for parameter in ESTIMATOR_PARAMETERS:
@@ -136,7 +143,7 @@ def replay_parser(name: str) -> OneLineParser:
 def known_arm(
     recorded: RecordedArm, options: argparse.Namespace
 ) -> tuple[KnownArm, Estimate | None]:
-    """Return the arm of `--model`, or of the URDF, with the estimate it comes from."""
+    """Return the arm of `--model` with its estimate, or the arm of the URDF."""
     robot, config = recorded.robot, recorded.config
     if options.model is None:
         rotors = np.zeros(robot.n) if config is None else config.column('reflected_inertia')
@@ -149,14 +156,14 @@ def known_arm(
 
 
 class PayloadReplay:
-    """What the command line of a replay asks for.
+    """Run of the estimator on bags with its command-line options.
 
     Parameters
     ----------
     options : argparse.Namespace
-        Of `replay_parser`.
+        Options of `replay_parser`.
     is_stopped : callable
-        Asked now and then.
+        Called from time to time.
 
     Raises
     ------
@@ -172,22 +179,25 @@ class PayloadReplay:
                 text = problem.removeprefix(f'parameter {parameter.name}')
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if options.out and not options.model:
-            raise IdentificationError('--out writes the arm with its payload: pass --model')
+            raise IdentificationError(
+                '--out writes the arm with its payload, so it needs the identified arm: pass '
+                '--model'
+            )
         self._gain_deviation = gain_deviation(options)
         if options.known_mass is not None and not options.model:
             raise IdentificationError(
-                '--known-mass calibrates the gains that the arm was identified with: pass --model'
+                '--known-mass calibrates the effort gains of the identification: pass --model'
             )
         self._recorded = RecordedArm(options, options.bag)
         self._arm, self._estimate = known_arm(self._recorded, options)
 
     def execute(self) -> str:
-        """Go through the bags, write what was asked for, and return what was found.
+        """Process the bags, write the output files, and return the results as text.
 
         Raises
         ------
         IdentificationError, BagError
-            If a bag can't be used, or the result can't be written.
+            If a bag cannot be used, or the result cannot be written.
         """
         if self._options.known_mass is not None:
             return self._calibrate()
@@ -197,8 +207,8 @@ class PayloadReplay:
             text, last = self._found()
             if not last.carries:
                 raise IdentificationError(
-                    'the last bag ends without payload, so there is no payload.yaml to write: '
-                    'remove --out to print the estimate'
+                    'the last bag ends without payload, so payload.yaml would be empty: remove '
+                    '--out to print the estimate'
                 )
             assert self._estimate is not None
             directory.write('payload.yaml', payload_yaml(self._estimate, last.payload))
@@ -224,7 +234,7 @@ class PayloadReplay:
         return '\n'.join([*lines, *_payload_lines(last), *self._friction_lines(last)]), last
 
     def _calibrate(self) -> str:
-        """Return the effort gains by the known mass, written if there is a folder."""
+        """Return the effort gains from the known mass, and write them if `--out` is given."""
         assert self._estimate is not None
         recordings = [self._recorded.recording(path) for path in self._options.bag]
         found = calibrate_gains(
@@ -240,13 +250,13 @@ class PayloadReplay:
         old = np.array([float(before.get(name, 1.0)) for name in names])
         gains, std = old * found.factors, old * found.std
         rows = zip(names, old, gains, std, strict=True)
-        lines = ['Effort gains, before -> by the known mass']
+        lines = ['Effort gains: configured -> calibrated by the known mass']
         lines += [f'  {name}: {a:.4g} -> {b:.4g} ± {s:.2g}' for name, a, b, s in rows]
         values = ' '.join(f'{name}={gain:.5g}' for name, gain in zip(names, gains, strict=True))
         share = float(np.median(found.std / found.factors))
         options = f'--effort-gain {values} --effort-gain-std {share:.2g}'
         centre = ', '.join(f'{value:.4f}' for value in found.payload.centre)
-        lines.append(f'Centre of the mass: ({centre}) m of {found.payload.link}')
+        lines.append(f'Centre of mass: ({centre}) m of {found.payload.link}')
         lines.append(f'Identify the arm again with: {options}')
         if self._options.out is None:
             return '\n'.join(lines)
@@ -261,11 +271,8 @@ class PayloadReplay:
         return '\n'.join([*lines, str(directory.target / _GAINS)])
 
     def _friction_lines(self, last: OnlineEstimate) -> list[str]:
-        """Return a table of friction as it was known, and as it is at the end."""
-        lines = [
-            'Friction, as known -> as it is at the end, of '
-            + ', '.join(self._arm.robot.joint_names)
-        ]
+        """Return a table of the initial and the final friction."""
+        lines = ['Friction: model -> end of ' + ', '.join(self._arm.robot.joint_names)]
         rows = zip(self._arm.friction, last.friction, last.friction_std, strict=True)
         for name, row in zip(FRICTION_NAMES, rows, strict=True):
             values = zip(*row, strict=True)
@@ -283,7 +290,7 @@ def _told(changes: Sequence[LoadChange]) -> str:
         f'{"picked up" if change.carries else "put down"} at {change.time:.2f} s'
         for change in changes
     ]
-    return ', '.join(told) or 'nothing picked up or put down'
+    return ', '.join(told) or 'no payload was picked up or put down'
 
 
 def _payload_lines(last: OnlineEstimate) -> list[str]:

@@ -1,5 +1,5 @@
-"""What one node asks of another: services of the bridge, a set point, a parameter.
+"""Requests from one node to another: services of the bridge, set points, parameters.
 
-In come a node and a wish; out goes what came of it, or an `ArmClientError` that says what to
-check. Who answers is found first: a stop goes to every bridge, all else only to one.
+Each request returns the answer, or raises `ArmClientError` with advice. A stop goes to every
+bridge, any other request to one bridge only.
 """

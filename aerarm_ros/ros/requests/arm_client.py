@@ -1,4 +1,4 @@
-"""What a person asks of the bridge, from another process."""
+"""Client for a person's requests to the bridge from another process."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ from aerarm_ros.ros.requests.bridge_service import (
 
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 _DISCOVERY_TIME = 0.5  # [s]
-_SEEN_AFTER_DEATH = 6.0  # [s] for which others see a killed node, with the packaged profile
-_QUIET = 1.0  # [s] in which who waits need not be told what for
+_SEEN_AFTER_DEATH = 6.0  # [s] for which nodes see a killed node, with the packaged profile
+_QUIET = 1.0  # [s] of waiting without a message to the user
 
 
 class ArmClientError(RuntimeError):
-    """A node is absent, silent or refuses; the message says which and what to check."""
+    """A node is absent, silent or refuses a request; the message states the node and the advice."""
 
 
 class ArmClient:
-    """Calls the services of the bridge that is there and follows the arm's mode.
+    """Call the services of the running bridge, and follow the arm's mode.
 
-    Its methods spin the node themselves: no executor may hold it. The service clients are made
-    at once: an answer to a client that the bridge has not discovered yet is lost.
+    The methods spin the node, so no executor may contain it. The service clients are created
+    early, because an answer is lost if the bridge has not yet discovered the client.
 
     Parameters
     ----------
     node
         Owner of clients and subscription.
     bridges
-        Node names the bridge may have, by default those of `BRIDGES`. What stops an arm finds all
-        other bridges too, unless names are given.
+        Possible node names of the bridge, by default `BRIDGES`. Without this argument a stop
+        request also goes to bridges with other names.
     actions
-        Those that will be called.
+        Actions that will be called.
     on_wait
-        Told what is waited for, if there is no bridge for a second.
+        Called with a description if no bridge is found within a second.
     everywhere
-        Whether what stops an arm goes to the bridges of all namespaces.
+        Whether a stop request goes to the bridges of all namespaces.
 
     Attributes
     ----------
@@ -86,28 +86,29 @@ class ArmClient:
             if action not in STOPS
         }
         topic = topics.ARM_MODE
-        # A bridge of another namespace tells its mode there.
+        # A bridge in another namespace publishes its mode there.
         namespace, slash, _ = names[0].rpartition('/') if len(names) == 1 else ('', '', '')
         self._subscription = node.create_subscription(
             topic.type, f'{namespace}{slash}{topic.name}', self._on_mode, topic.qos
         )
 
     def call(self, action: str, timeout: float = 10.0) -> str:
-        """Call a service of the bridge and return what it says.
+        """Call a service of the bridge and return its answer.
 
-        With several bridges, what stops an arm goes to all of them, and nothing else to any.
+        If several bridges run, a stop request goes to all of them; any other request raises an
+        error.
 
         Parameters
         ----------
         action
-            One of those given at the start.
+            One of the actions given to the constructor.
         timeout
-            Longest time to find the bridge, and again for its answer [s].
+            Longest time to find the bridge, and again to wait for its answer [s].
 
         Raises
         ------
         ArmClientError
-            If there is no bridge, or it does not answer, or refuses.
+            If no bridge runs, or the bridge does not answer, or refuses.
         """
         if action in STOPS:
             return '; '.join(self.stop(action, timeout))
@@ -122,19 +123,19 @@ class ArmClient:
         return answer.message
 
     def stop(self, action: str, timeout: float = 10.0) -> Iterator[str]:
-        """Stop the arm of every bridge; yield what each says as soon as it does.
+        """Stop the arm of every bridge; yield each answer as soon as it arrives.
 
         Parameters
         ----------
         action
-            One of `STOPS` that was given at the start.
+            One of `STOPS` that was given to the constructor.
         timeout
             Longest time to find bridges, and again for the answer of each [s].
 
         Raises
         ------
         ArmClientError
-            In the end, if there is no bridge, or one does not answer, or refuses.
+            At the end, if no bridge runs, or a bridge does not answer, or refuses.
         """
         request = StopRequest(self._node, self._finders[action], timeout)
         self._find(lambda: request.poll() or request.has_found, timeout)
@@ -159,7 +160,7 @@ class ArmClient:
         Raises
         ------
         ArmClientError
-            If it is not within `timeout` [s].
+            If the arm does not reach such a mode within `timeout` [s].
         """
         deadline = time.monotonic() + timeout
         self._find(lambda: self.mode, timeout)
@@ -168,10 +169,10 @@ class ArmClient:
             seen = f'no arm_mode received: check that a bridge runs in {this_domain()}'
             if self.mode:
                 seen = f"arm_mode is '{self.mode}': check the log of the bridge"
-            raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}: {seen}')
+            raise ArmClientError(f'waited {timeout:g} s for {" or ".join(modes)}, but {seen}')
 
     def _find(self, condition: Callable[[], object], timeout: float) -> bool:
-        """Wait for what shows that a bridge is there, and say so after a second."""
+        """Wait for a condition that shows a running bridge, and call `on_wait` after a second."""
         if spin_until(self._node, condition, min(timeout, _QUIET)):
             return True
         if timeout <= _QUIET:
@@ -180,7 +181,7 @@ class ArmClient:
         return spin_until(self._node, condition, timeout - _QUIET)
 
     def _one_client(self, clients: Sequence[Client], timeout: float) -> Client:
-        """Return the client of the only bridge there is; raises ArmClientError."""
+        """Return the client of the only running bridge; raises ArmClientError."""
 
         def ready() -> list[Client]:
             return [client for client in clients if client.service_is_ready()]
@@ -192,7 +193,7 @@ class ArmClient:
             raise ArmClientError(
                 f'no service {names}: check that a bridge runs in {this_domain()}{hint}'
             )
-        # Another bridge may only just be discovered.
+        # Discovery may still find another bridge.
         first, left = ready(), self._begin + _DISCOVERY_TIME - time.monotonic()
         spin_until(self._node, lambda: False, left)
         found = ready() or first
@@ -203,7 +204,7 @@ class ArmClient:
         return found[0]
 
     def _expect_one_of_its_name(self, client: Client, timeout: float) -> None:
-        """Raise ArmClientError if several bridges have one name: all of them would do it."""
+        """Raise ArmClientError if several bridges share a name: all would obey."""
         if same_name_problem(self._node, client):
             self._on_wait('one of the bridges of this name to end, if it was killed')
             timeout = min(timeout, _SEEN_AFTER_DEATH)
@@ -227,8 +228,8 @@ AT_END_PARAMETERS = grouped(
     Parameter(
         'at_end',
         HOLD,
-        "action when this node ends: 'hold', the bridge holds the arm in place, or 'release', the "
-        'bridge damps the arm and it sinks until it is enabled',
+        "action when this node ends: 'hold' (the bridge holds the arm in place) or 'release' "
+        '(the bridge damps the arm, which sinks until it is enabled)',
         choices=(HOLD, RELEASE),
     ),
     BRIDGES_PARAMETER,
@@ -236,32 +237,32 @@ AT_END_PARAMETERS = grouped(
 
 
 class ArmAtEnd:
-    """Asks the bridge to hold the arm, if that is wanted.
+    """Request at a node's end that the bridge holds the arm, if `at_end` specifies so.
 
-    A node that dies asks for nothing, so that its arm is damped.
+    A node that is killed requests nothing, so the bridge damps its arm.
 
     Parameters
     ----------
     node
-        An executor must spin it in another thread.
+        Node that an executor spins in another thread.
     values
-        Of `AT_END_PARAMETERS`.
+        Values of `AT_END_PARAMETERS`.
     """
 
     def __init__(self, node: Node, values: SimpleNamespace) -> None:
         self._node = node
-        # Made early: the answer to a client that the bridge has not discovered yet is lost.
+        # Created early: an answer is lost if the bridge has not yet discovered the client.
         self._hold = BridgeService(node, 'hold', values.bridges) if values.at_end == HOLD else None
 
     def leave(self) -> None:
-        """Leave an arm that is commanded no more; blocks until the bridge has answered."""
+        """Request that the bridge holds the arm; blocks until the bridge has answered."""
         if self._hold is None or not self._hold.found:
             return
         done, text = self._hold.call()
         log = self._node.get_logger()
-        # rclpy ties a severity to the line that logs.
+        # rclpy fixes the severity of each line of code that logs.
         if done:
             log.info(f'at the end {text}')
-        # A bridge that ends as well holds nothing any more.
+        # A bridge that ends at the same time cannot hold the arm.
         elif self._hold.found and not says_not_active(text):
             log.warning(f'the arm is not held at the end: {text}')

@@ -1,4 +1,4 @@
-"""A service of the bridge, for a node whose executor runs in another thread."""
+"""Calls of the bridge's services by a node whose executor runs in another thread."""
 
 from __future__ import annotations
 
@@ -22,25 +22,27 @@ ASK_AGAIN = 0.5  # [s]
 
 
 class ServiceCall:
-    """Asks when it is made; its owner polls while the node is spun, here or in another thread.
+    """A service call that is sent on construction, and whose owner polls for the answer.
+
+    The owner polls while the node is spun, in the same or another thread.
 
     Parameters
     ----------
     client
-        Of a `std_srvs/Trigger` service that is ready.
+        Client of a ready `std_srvs/Trigger` service.
     timeout
-        Longest time for the answer [s].
+        Longest time to wait for the answer [s].
     waits
-        Whether to wait on for a bridge that is not seen any more: a host that is held up for
-        seconds makes one look so, too.
+        Whether to keep waiting for a bridge that has disappeared: a host that pauses for seconds
+        looks the same.
     repeats
-        Whether to ask again while nothing is answered: an answer to a client that the bridge has
-        not discovered yet is lost. Only for what may be done twice.
+        Whether to repeat the request until an answer arrives. An answer is lost if the bridge has
+        not yet discovered the client. Only for requests that may be executed twice.
 
     Attributes
     ----------
     is_answered
-        Whether what `poll` returned is the bridge's own answer.
+        Whether the result of `poll` is the bridge's own answer.
     """
 
     def __init__(
@@ -58,7 +60,7 @@ class ServiceCall:
         self._send()
 
     def poll(self) -> Answer | None:
-        """Return what the bridge says, or why it says nothing; None while that is not known."""
+        """Return the bridge's answer, the reason why there is none, or None while waiting."""
         if self._answer is not None:
             return self._answer
         now = time.monotonic()
@@ -72,7 +74,7 @@ class ServiceCall:
         if is_late:
             return self._end(False, f'no response within {self._timeout:g} s: check arm_mode')
         if not self._waits and not self._client.service_is_ready():
-            return self._end(False, 'it has ended')
+            return self._end(False, 'the node has ended')
         if now - self._asked > self._interval:
             self._asked = now
             self._send()
@@ -82,8 +84,8 @@ class ServiceCall:
         try:
             self._futures.append(self._client.call_async(Trigger.Request()))
         except (RCLError, InvalidHandle) as error:
-            # Whoever asks several bridges goes on to the others.
-            self._problem = f'it cannot receive requests: {error}'
+            # Clients of several bridges continue with the next bridge.
+            self._problem = f'the node cannot receive requests: {error}'
 
     def _end(self, accepted: bool, message: str) -> Answer:
         self._answer = Answer(accepted, message)
@@ -93,17 +95,17 @@ class ServiceCall:
         return self._answer
 
 
-# Most nodes are found in tenths of a second. With another profile of Fast DDS than the packaged one
-# some need 3 s.
+# Most nodes are discovered within tenths of a second. Without the packaged profile of Fast DDS
+# some take 3 s.
 _DISCOVERY_TIME = 4.0  # [s]
-_PAUSE = 0.5  # [s] between the services of one node
+_PAUSE = 0.5  # [s] between the appearances of a node's services
 _TRIGGER = 'std_srvs/srv/Trigger'
 
 
 def offered_actions(node: Node) -> dict[str, int]:
-    """Return how many servers each service has that a bridge may offer, by full name.
+    """Return the number of servers of each service that a bridge may offer, by full name.
 
-    The graph names services that only have clients, such as those of a page, as well.
+    The ROS graph also lists services that only have clients, such as those of a web page.
     """
     counts = {
         name: node.count_services(name)
@@ -119,7 +121,7 @@ def bridges_among(services: Iterable[str]) -> list[str]:
     Parameters
     ----------
     services
-        Full names, as of `offered_actions`.
+        Full service names, as `offered_actions` returns them.
     """
     offered: dict[str, set[str]] = {}
     for service in services:
@@ -130,39 +132,38 @@ def bridges_among(services: Iterable[str]) -> list[str]:
 
 
 def same_name_problem(node: Node, client: Client | None) -> str:
-    """Return how many nodes share the name of a client's bridge and what to do, '' if one has it.
+    """Return a message if several nodes share the name of a client's bridge, else an empty text.
 
-    They all do what is asked, and only one of them is heard.
+    All of these nodes execute the request, but the client receives only one answer.
     """
     count = node.count_services(client.srv_name) if client is not None else 0
     if client is None or count < 2:
         return ''
     name = node.resolve_service_name(client.srv_name).rpartition('/')[0]
     return (
-        f'found {count} nodes named {name}: stop all but one, or give each another name (-r '
+        f'found {count} nodes named {name}: stop all but one, or give each its own name (-r '
         '__node:=NAME), namespace or ROS_DOMAIN_ID'
     )
 
 
 class BridgeFinder:
-    """Finds every bridge that offers an action, and holds a client of each.
+    """Find every bridge that offers an action, and keep a client of each.
 
-    Its methods may be called in any thread.
+    The methods may be called from any thread.
 
     Parameters
     ----------
     node
-        Looks from its place in the graph and owns the clients.
+        Owner of the clients, and place in the graph.
     action
-        A key of `bridge_services.ACTIONS`.
-        It finds the bridges of the node's own namespace; one of `REACHES_ALL` finds all bridges
-        if that namespace has none.
+        A key of `bridge_services.ACTIONS`. The finder searches the node's namespace. If that
+        namespace has no bridge, it searches all namespaces for the actions of `REACHES_ALL`.
     bridges
-        Node names of those that are known beforehand: what they answer first is not lost.
+        Node names of bridges that are known in advance, so that their first answer is not lost.
     only
-        Whether no others are looked for.
+        Whether to ignore other bridges.
     everywhere
-        Whether it finds the bridges of all namespaces in any case.
+        Whether to search all namespaces in any case.
     """
 
     def __init__(
@@ -186,12 +187,11 @@ class BridgeFinder:
             self._clients[service.rpartition('/')[0]] = self._client(service)
 
     def find(self, in_vain: bool = False) -> dict[str, Client | None]:
-        """Return a client of each bridge that is there, by the bridges' full names.
+        """Return a client of each running bridge, by the bridges' full names.
 
-        After a search of the own namespace `in_vain` an emergency stop finds all bridges at once.
-
-        One that has only just been found may not be ready yet. It is None if this node may not
-        ask that bridge.
+        With `in_vain`, after an unsuccessful search of the own namespace, an emergency stop finds
+        all bridges at once. A bridge that has just been found may not be ready yet. The client is
+        None if this node is not allowed to call that bridge.
         """
         with self._lock:
             names = self._look(in_vain)
@@ -205,13 +205,13 @@ class BridgeFinder:
             }
 
     def is_settled(self) -> bool:
-        """Tell whether the node is there for long enough, and no service has just come or gone."""
+        """Return whether discovery had enough time and the set of services has not just changed."""
         now = time.monotonic()
         return now - self._born > _DISCOVERY_TIME and now - self._changed > _PAUSE
 
     def _look(self, in_vain: bool) -> list[str]:
         seen = offered_actions(self._node)
-        # What was there when it was first looked for came at any time before.
+        # The services of the first search may have appeared at any time before.
         if self._seen is not None and seen != self._seen:
             self._changed = time.monotonic()
         self._seen = seen
@@ -227,7 +227,7 @@ class BridgeFinder:
     def _client(self, service: str) -> Client | None:
         try:
             return self._node.create_client(Trigger, service)
-        except RCLError:  # by a security policy; it must not keep the others from being stopped
+        except RCLError:  # A security policy forbids this client; still stop the others.
             return None
 
 
@@ -235,9 +235,9 @@ _POLL = 0.02  # [s]
 
 
 class BridgeService:
-    """Calls a service of the bridge that is there.
+    """Call a service of the only running bridge.
 
-    With several bridges none is asked; what stops an arm is for a `StopService`.
+    If several bridges run, the request goes to none. Use `StopService` for stop requests.
 
     Parameters
     ----------
@@ -260,18 +260,18 @@ class BridgeService:
 
     @property
     def found(self) -> str:
-        """Node name of a bridge that is there by now, or ''."""
+        """Node name of a discovered bridge, or an empty text."""
         return next(iter(self._ready()), '')
 
     def call(self) -> tuple[bool, str]:
-        """Ask; blocks until the bridge has answered.
+        """Send the request and wait for the bridge's answer.
 
         Returns
         -------
         done
-            Whether the bridge asked has confirmed, and there was one.
+            Whether the bridge has confirmed the request.
         text
-            What the bridge said, or why none was asked.
+            Answer of the bridge, or the reason why no bridge received the request.
         """
         found = self._find()
         if not found:
@@ -300,31 +300,31 @@ class BridgeService:
         return {n: client for n, client in self._clients.items() if client.service_is_ready()}
 
 
-# Services that come and go all the time must not keep what is known from being told.
+# Services that appear and disappear all the time must not delay the answer further.
 _LOOKING_MAX = 8.0  # [s]
 
 
 class StopRequest:
-    """Asks each bridge as soon as it is found, so that none waits for another's answer.
+    """Stop request to each bridge as soon as it is found, without waiting for other answers.
 
-    Its owner polls while the node is spun, here or in another thread.
+    The owner polls while the node is spun, in the same or another thread.
 
     Parameters
     ----------
     node
         Owner of the clients.
     finder
-        Finds the bridges.
+        Finder of the bridges.
     timeout
-        Longest time to find bridges, and again for each one's answer [s].
+        Longest time to find bridges, and again for each answer [s].
 
     Attributes
     ----------
     answers
-        What is known so far, by the full names of the bridges. When it is over, one whose name
-        several bridges have is not said to be stopped: only one of them is heard.
+        Answers so far, by the bridges' full names. If several bridges share a name, they do not
+        count as stopped at the end, because only one answer arrives.
     is_over
-        Whether every bridge that is there has answered, or will not.
+        Whether every running bridge has answered or timed out.
     """
 
     def __init__(self, node: Node, finder: BridgeFinder, timeout: float) -> None:
@@ -342,11 +342,11 @@ class StopRequest:
 
     @property
     def has_found(self) -> bool:
-        """Whether a bridge has been asked."""
+        """Whether at least one bridge has received the request."""
         return bool(self._calls)
 
     def poll(self) -> bool:
-        """Ask those found by now, and listen; return `is_over`."""
+        """Send the request to newly found bridges and collect answers; return `is_over`."""
         found = self._finder.find(self._is_in_vain)
         for name, client in found.items():
             if client is not None and client.service_is_ready():
@@ -361,25 +361,27 @@ class StopRequest:
         is_late = now > self._end
         if is_late:
             for name in found.keys() - self._calls.keys():
-                self.answers[name] = Answer(False, 'it is visible, but cannot receive requests')
+                self.answers[name] = Answer(
+                    False, 'the node is visible, but cannot receive requests'
+                )
         is_answered = not (found.keys() | self._calls.keys()) - self.answers.keys()
-        # After the first bridge the search for others continues, also beyond the timeout.
+        # The search for further bridges continues after the first one, even beyond the timeout.
         has_looked = self._finder.is_settled() or now > self._looks_until
         is_complete = has_looked if self.answers else is_late
         self.is_over = is_answered and is_complete and not self._ask_those_of_one_name(found)
         return self.is_over
 
     def _ask(self, name: str, client: Client) -> None:
-        """Ask a bridge, and again once another one with its name is there."""
-        count = max(self._node.count_services(client.srv_name), 1)  # it is ready
+        """Send the request to a bridge, and again when another bridge with its name appears."""
+        count = max(self._node.count_services(client.srv_name), 1)  # The service is ready.
         if count > self._asked.get(name, 0):
             self._asked[name] = count
             self._calls[name] = ServiceCall(client, self._timeout, repeats=True)
 
     def _ask_those_of_one_name(self, found: Mapping[str, Client | None]) -> bool:
-        """Tell that they are several; return whether they were asked a last time.
+        """Report bridges with a common name; return whether they received a last request.
 
-        What was sent when one of them was only just seen may not have reached it.
+        A request that was sent during their discovery may not have reached all of them.
         """
         asked = False
         for name, client in found.items():
@@ -395,7 +397,7 @@ class StopRequest:
 
 
 class StopService:
-    """Stops the arm of every bridge, known beforehand or not.
+    """Stop the arm of every running bridge.
 
     Parameters
     ----------
@@ -404,7 +406,7 @@ class StopService:
     action
         A key of `bridge_services.STOPS`.
     bridges
-        Node names of bridges that are expected, relative or absolute.
+        Node names of expected bridges, relative or absolute.
     timeout
         Longest time to find bridges, and again for the answer of each [s].
     """
@@ -418,18 +420,18 @@ class StopService:
         self._timeout = timeout
 
     def look(self) -> None:
-        """Make clients of the bridges that are there by now, so that a call need not."""
+        """Create clients of the running bridges now, so that a call need not."""
         self._finder.find()
 
     def call(self) -> tuple[bool, str]:
-        """Ask; blocks until every bridge that is asked has answered.
+        """Send the request and wait for the answers of all bridges.
 
         Returns
         -------
         done
-            Whether every bridge there is has confirmed, and there was one.
+            Whether at least one bridge runs and every bridge has confirmed.
         text
-            Answers of the bridges, sorted by name, or that there is no bridge.
+            Answers of the bridges, sorted by name, or a message that no bridge runs.
         """
         request = StopRequest(self._node, self._finder, self._timeout)
         while not request.poll():

@@ -1,4 +1,4 @@
-"""A client that commissions an arm: between the guided procedure and the bridge."""
+"""Client between the guided commissioning procedure and the bridge."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.boards.commissioning_probe import OFF, WATCH, ProbeReport, ProbeRequest
 
 _PERIOD = 0.05  # [s] between two requests
-_SILENCE = 10.0  # [s] without a report after which the bridge counts as gone; it stops by itself
-_LAST = 4  # requests that end it: one alone may be lost
-_STILL = 0.01  # [rad] motor side, between two reports of motors that rest
+_SILENCE = 10.0  # [s] without a report, after which the bridge counts as gone
+_LAST = 4  # final requests, repeated because a single one may be lost
+_STILL = 0.01  # [rad] largest motion of a resting motor between two reports, on the motor side
 _STILL_REPORTS = 10
 
 
 class CommissioningClient:
-    """Runs a `Commissioning` on a bridge; `poll` has to be called ten times a second or more.
+    """Run a `Commissioning` procedure on a bridge; `poll` must be called at 10 Hz or faster.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class CommissioningClient:
     config, urdf
         Files of the arm, '' for the packaged ones.
     record
-        File of the record, '' for the one beside the configuration.
+        File of the record, '' for the default file next to the configuration.
 
     Attributes
     ----------
@@ -73,12 +73,12 @@ class CommissioningClient:
 
     @property
     def is_on(self) -> bool:
-        """Whether the procedure is under way."""
+        """Whether the procedure is running."""
         return self.guided is not None and not self.guided.is_done
 
     @property
     def prompt(self) -> Prompt | None:
-        """What a person has to confirm now, None if nothing."""
+        """Question that the user must confirm now, or None."""
         return None if self.guided is None else self.guided.prompt
 
     @property
@@ -89,13 +89,13 @@ class CommissioningClient:
 
     @property
     def problem(self) -> str:
-        """Why it cannot go on, ''."""
+        """Reason why the procedure cannot continue; empty otherwise."""
         silent = time.monotonic() - self._heard > _SILENCE
-        return 'the bridge does not respond any more' if silent and self.is_on else ''
+        return 'the bridge no longer responds' if silent and self.is_on else ''
 
     @property
     def outcome(self) -> tuple[bool, str]:
-        """Whether every recorded joint has passed, and that in words, with the record's file."""
+        """Return whether every recorded joint has passed, and a text with the record's file."""
         record = self.guided.record.joints if self.guided is not None else {}
         failed = [name for name, entry in record.items() if not entry.passed]
         if failed:
@@ -106,14 +106,15 @@ class CommissioningClient:
         return True, f'passed: {", ".join(record)}; record: {self.path}'
 
     def begin(self, joints: Sequence[str] = (), resume: bool = False) -> None:
-        """Begin with a bridge that has reported; all joints if none is named.
+        """Start the procedure with a bridge that has reported; without names for all joints.
 
-        With `resume` those that have passed with the present configuration are left out.
+        With `resume`, joints that have passed with the present configuration are skipped.
 
         Raises
         ------
         ValueError
-            If the bridge has another arm, a joint or the record is wrong, or nothing is left.
+            If the bridge has another arm, a joint or the record is invalid, or all joints have
+            passed.
         """
         if self.report is None:
             raise ValueError('no bridge has reported yet')
@@ -122,7 +123,7 @@ class CommissioningClient:
         config = self._config.with_prefix(self._prefix)
         if config.joint_names != self.report.joints:
             raise ValueError(
-                f'the bridge has joints {", ".join(self.report.joints)}, {self._source} has '
+                f'the bridge has joints {", ".join(self.report.joints)}, but {self._source} has '
                 f'{", ".join(own)}: pass the configuration of the bridge'
             )
         robot = load_robot(
@@ -134,7 +135,7 @@ class CommissioningClient:
         record = self._known_record()
         unknown = [name for name in joints if name not in own]
         if unknown:
-            raise ValueError(f'unknown joint {", ".join(unknown)}: the joints are {", ".join(own)}')
+            raise ValueError(f'unknown joint {", ".join(unknown)}: choose from {", ".join(own)}')
         chosen = [i for i, name in enumerate(own) if not joints or name in joints]
         if resume:
             chosen = [i for i in chosen if i in record.open_joints(self._config)]
@@ -145,9 +146,9 @@ class CommissioningClient:
         self.guided = Commissioning(config, robot, self._saved, chosen, self._name)
 
     def poll(self) -> None:
-        """Send the request, take the newest report, and write the record of a joint that is done.
+        """Send a request, read the newest report, and write the record of a finished joint.
 
-        Raises OSError if it cannot be written.
+        Raises OSError if the record cannot be written.
         """
         now = time.monotonic()
         if now - self._sent >= _PERIOD:
@@ -162,7 +163,7 @@ class CommissioningClient:
             self._saved.without_prefix(self._prefix).save(self.path)
 
     def end(self) -> None:
-        """Switch the motors off; what has passed stays in the record."""
+        """Switch the motors off; the record keeps the joints that have passed."""
         if self.guided is not None:
             self.guided.end()
         for _ in range(_LAST):
@@ -182,7 +183,9 @@ class CommissioningClient:
         record = load_record(self.path)
         if (record.arm, record.emulated) != (fresh.arm, fresh.emulated):
             kind = 'an emulated' if record.emulated else 'the real'
-            raise ValueError(f'{self.path} is of {kind} {record.arm}: pass another file, --record')
+            raise ValueError(
+                f'{self.path} belongs to {kind} {record.arm}: pass another file with --record'
+            )
         return record
 
     def _watch(self) -> ProbeRequest:
@@ -202,14 +205,14 @@ class CommissioningClient:
 
 
 class EmulatedPerson:
-    """Does what prompts ask for on emulated boards: turns joints, and says yes.
+    """Answer the prompts on emulated boards: turn joints and confirm questions.
 
     Parameters
     ----------
     node
         Owner of the client.
     client
-        Whose prompts are answered.
+        Client whose prompts are answered.
     bridge
         Node of the emulated boards, with the parameter `hand`.
     """
@@ -223,9 +226,9 @@ class EmulatedPerson:
         self._still = 0
 
     def poll(self) -> None:
-        """Do the next thing; once after each `poll` of the client.
+        """Do the next action; called once after each `poll` of the client.
 
-        Raises ValueError if the hand refuses.
+        Raises ValueError if the parameter `hand` is rejected.
         """
         prompt, report = self._client.prompt, self._client.report
         if prompt is None or self._client.guided is None:
@@ -248,7 +251,7 @@ class EmulatedPerson:
         return self._parameters.set_parameters([hand])
 
     def _rests(self, report: ProbeReport | None) -> bool:
-        """Whether the motors have rested for some reports, each of which takes a cycle or more."""
+        """Return whether the motors have rested for several reports."""
         if report is None or report is self._last:
             return False
         last, self._last = self._last, report

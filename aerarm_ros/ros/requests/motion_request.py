@@ -20,42 +20,42 @@ from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 _REPORT = 3.0  # [s] within which every controller has reported on /diagnostics
-_COUNT, _REASON = 'rejected inputs', 'last rejection'  # of a controller's status
+_COUNT, _REASON = 'rejected inputs', 'last rejection'  # keys in a controller's status
 _MODE = 'arm mode'
 
 
 class RejectionWatch:
-    """Follows the counts of rejected inputs on /diagnostics.
+    """Follow the number of rejected inputs on /diagnostics.
 
     Parameters
     ----------
     node
-        Owner of the subscription; no executor may hold it.
+        Owner of the subscription; no executor may contain it.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._counts: dict[str, tuple[int, str]] = {}
         self._before: dict[str, tuple[int, str]] = {}
-        self._modes: dict[str, str] = {}  # of the arm, as each controller has heard it
+        self._modes: dict[str, str] = {}  # the arm's mode that each controller reports
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
 
     def begin(self, timeout: float) -> None:
-        """Learn what was rejected before; spins the node until controllers have reported.
+        """Store the present counts; spins the node until the controllers have reported.
 
         Parameters
         ----------
         timeout
-            Longest time for a controller that has just started to hear the arm's mode, before
-            which it rejects everything [s].
+            Longest time for a new controller to receive the arm's mode [s]. Before that, it
+            rejects every input.
         """
         if spin_until(self._node, lambda: self._modes, _REPORT):
             spin_until(self._node, lambda: any(self._modes.values()), timeout)
         self._before = dict(self._counts)
 
     def reason(self) -> str:
-        """Return why something was rejected since `begin`, '' if nothing was."""
+        """Return why an input was rejected since `begin`, or an empty text."""
         before = self._before
         later = self._counts.items()
         return next((why for name, (n, why) in later if n > before.get(name, (n, ''))[0]), '')
@@ -69,17 +69,17 @@ class RejectionWatch:
                 self._modes[status.name] = values[_MODE]
 
 
-_LISTENER = 'recorder'  # hears everything, and moves nothing
-_SEARCH = 10.0  # [s] that a busy machine may take to bring processes together
+_LISTENER = 'recorder'  # subscribes to everything but moves nothing
+_SEARCH = 10.0  # [s] for discovery on a busy machine
 
 
 class SetPointRequest:
-    """Publishes a set point, and listens to what becomes of it.
+    """Publish a set point and wait for the result.
 
     Parameters
     ----------
     node
-        Owner of publisher and subscriptions; no executor may hold it.
+        Owner of publisher and subscriptions; no executor may contain it.
     """
 
     def __init__(self, node: Node) -> None:
@@ -99,29 +99,30 @@ class SetPointRequest:
         timeout: float,
         on_wait: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Send the arm to a posture and wait until it is there.
+        """Move the arm to a posture and wait until it arrives.
 
         Parameters
         ----------
         posture
             Joint angles in the order of `joint_states` [rad].
         tolerance
-            How near every joint must come [rad].
+            Largest error of each joint at the goal [rad].
         timeout
-            Longest time for a controller to be found once the arm is there, and again for the
-            way [s].
+            Longest time to find a controller after the arm, and again for the motion [s].
         on_wait
-            Told what is waited for.
+            Called with a description of the missing node.
 
         Raises
         ------
         ArmClientError
-            If no arm or controller is there, the posture is of another arm or rejected, or it is
+            If no arm or controller runs, the posture does not fit the arm, or it is rejected or
             not reached.
         """
         names = self._find_arm(timeout, on_wait)
         if len(posture) != len(names):
-            raise ArmClientError(f'give {len(names)} joint positions [rad], for {", ".join(names)}')
+            raise ArmClientError(
+                f'{len(names)} joint positions [rad] are needed, for {", ".join(names)}'
+            )
         self._rejections.begin(timeout)
         self._publisher.publish(JointState(name=names, position=list(posture)))
 
@@ -139,12 +140,12 @@ class SetPointRequest:
         if not in_time:
             far = np.argmax(distance())
             raise ArmClientError(
-                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s; '
-                f'arm_mode is {self._mode}'
+                f'{names[far]} is still {distance()[far]:.3f} rad away after {timeout:g} s, and '
+                f'arm_mode is {self._mode}: check the log of the controller'
             )
 
     def _find_arm(self, timeout: float, on_wait: Callable[[str], None]) -> list[str]:
-        """Return the joints' names once arm and controller are there."""
+        """Return the joint names once arm and controller are running."""
 
         def is_there() -> bool:
             return self._state is not None and bool(self._mode)
@@ -167,7 +168,7 @@ class SetPointRequest:
         return list(self._state.name)
 
     def _is_heard(self) -> bool:
-        """Tell whether a controller listens, and everybody who does is connected."""
+        """Return whether a controller has subscribed and all subscribers are connected."""
         listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
         names = [endpoint_name(listener) for listener in listeners]
         if not all(names) or all(name.rpartition('/')[2] == _LISTENER for name in names):
@@ -189,12 +190,12 @@ _BASE_LINK = 'base_link'
 
 
 class ToolRequest:
-    """Publishes a tool target, and listens to where the tool goes.
+    """Publish a tool target and wait for the result.
 
     Parameters
     ----------
     node
-        Owner of publisher and subscriptions; no executor may hold it.
+        Owner of publisher and subscriptions; no executor may contain it.
     """
 
     def __init__(self, node: Node) -> None:
@@ -218,26 +219,26 @@ class ToolRequest:
         on_wait: Callable[[str], None] = lambda _: None,
         frame: str = BASE,
     ) -> None:
-        """Send the tool to a place and wait until it is there.
+        """Move the tool to a place and wait until it arrives.
 
         Parameters
         ----------
         place
             (3,) [m] in the frame.
         tolerance
-            How near it must come [m].
+            Largest error at the target [m].
         timeout
-            Longest time for a controller to be found, and again for the way [s].
+            Longest time to find a controller, and again for the motion [s].
         on_wait
-            Told what is waited for.
+            Called with a description of the missing node.
         frame
             BASE, the arm's base, or WORLD, the frame of the drone's odometry.
 
         Raises
         ------
         ArmClientError
-            If no Cartesian controller runs, the arm is not held, or the place is rejected or not
-            reached.
+            If no Cartesian controller runs, the controller is not active, or the place is rejected
+            or not reached.
         """
         self._find(timeout, on_wait)
         assert self._pose is not None
@@ -246,7 +247,7 @@ class ToolRequest:
         message = PoseStamped(header=self._pose.header)
         p = message.pose.position
         p.x, p.y, p.z = (float(x) for x in place)
-        if frame == BASE:  # in the world, zeros leave the orientation to the arm
+        if frame == BASE:  # In the world frame, a zero quaternion leaves the orientation free.
             message.pose.orientation.w = 1.0
         else:
             message.pose.orientation.w = 0.0
@@ -265,8 +266,8 @@ class ToolRequest:
             raise ArmClientError(f'rejected: {self._rejections.reason()}')
         if not in_time:
             raise ArmClientError(
-                f'the tool is still {distance():.3f} m away after {timeout:g} s; arm_mode is '
-                f'{self._mode}'
+                f'the tool is still {distance():.3f} m away after {timeout:g} s, and arm_mode is '
+                f'{self._mode}: check the log of the controller'
             )
 
     def _require_frame(self, wanted: str, given: str) -> None:
@@ -282,13 +283,13 @@ class ToolRequest:
             )
 
     def _find(self, timeout: float, on_wait: Callable[[str], None]) -> None:
-        """Wait until a controller tells where the tool is, and takes a target."""
+        """Wait until a controller publishes the tool's pose and subscribes to targets."""
 
         def is_there() -> bool:
             told = self._pose is not None and bool(self._mode)
             return told and self._publisher.get_subscription_count() > 0
 
-        what = f'kinematic_control, impedance_control or world_control in {this_domain()}'
+        what = f'a controller of the tool, such as kinematic_control, in {this_domain()}'
         if not spin_until(self._node, is_there, min(timeout, 1.0)):
             on_wait(what)
             if not spin_until(self._node, is_there, timeout):

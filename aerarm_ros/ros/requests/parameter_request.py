@@ -1,4 +1,4 @@
-"""Setting a live parameter of another node, as typed on a command line."""
+"""Set a live parameter of another node from command-line text."""
 
 from __future__ import annotations
 
@@ -27,33 +27,36 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     Parameters
     ----------
     node
-        Asks; no executor may hold it.
+        Client node; no executor may contain it.
     target, name
-        Node, relative or absolute, and parameter.
+        Relative or absolute node name, and parameter name.
     text
-        Value in YAML; of a string parameter the string itself.
+        Value in YAML; for a string parameter the string itself.
     timeout
         Longest time to find the node, and again for each answer [s].
 
     Raises
     ------
     ArmClientError
-        If there is no such node or parameter, or the node does not answer, or refuses.
+        If node or parameter does not exist, or the node does not answer, or refuses.
     """
     client = AsyncParameterClient(node, target)
     if not spin_until(node, client.services_are_ready, timeout):
         raise ArmClientError(
-            f'no node {target} with parameters: check that it runs in {this_domain()}'
+            f'node {target} was not found, or has no parameters: check that it runs in '
+            f'{this_domain()}'
         )
 
     def result(ask: Callable[[], Future]) -> Any:
-        # An answer to a client that the node has not discovered yet is lost.
+        # An answer is lost if the node has not yet discovered the client.
         futures: list[Future] = []
         deadline = time.monotonic() + timeout
         while not any(future.done() for future in futures):
             left = deadline - time.monotonic()
             if left < 0.0:
-                raise ArmClientError(f'{target} did not respond within {timeout:g} s')
+                raise ArmClientError(
+                    f'{target} did not respond within {timeout:g} s: check that it runs'
+                )
             futures.append(ask())
             spin_until(node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
         return next(future.result() for future in futures if future.done())
@@ -62,7 +65,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
     if not descriptors:
         known = result(client.list_parameters).result.names
         closest = next(iter(get_close_matches(name, known, n=1)), '')
-        hint = f": did you mean '{closest}'?" if closest else ''
+        hint = f", did you mean '{closest}'?" if closest else ''
         raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
     if descriptors[0].read_only:
         raise ArmClientError(
@@ -77,7 +80,7 @@ def set_parameter(node: Node, target: str, name: str, text: str, timeout: float)
 
 
 def _value(descriptor: ParameterDescriptor, text: str) -> Any:
-    """Return what the text means for a parameter of that type."""
+    """Convert text to a value of the parameter's type."""
     if descriptor.type == _Type.STRING.value:
         return text
     try:
@@ -99,7 +102,7 @@ def _value(descriptor: ParameterDescriptor, text: str) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """Return a floating-point number where YAML reads another: 2, and 1e-3, a text to it."""
+    """Convert a YAML value to a floating-point number, such as 2 or 1e-3 (a text in YAML)."""
     if isinstance(value, bool):
         return value
     try:

@@ -1,6 +1,6 @@
-"""The arm's states as they come: every one for a loop, or the newest for people.
+"""Subscriptions to the arm's states: every state for a loop, or the newest for a display.
 
-In come serialized messages of joint_states, imu and rotor_command; out go positions, velocities
-and torques in the arm's order of joints, what there is to say of the stream on /diagnostics, and
-what others make of states: headers, and which modes hold the arm.
+Serialized messages of joint_states, imu and rotor_command become positions, velocities and torques
+in the arm's joint order. The package also provides diagnostics of the stream, message headers and
+the modes in which the bridge holds the arm.
 """

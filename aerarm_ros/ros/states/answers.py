@@ -1,4 +1,4 @@
-"""What a node publishes in answer to states, and the only place that notices a re-sent state."""
+"""Answers of a node to states, including re-sent states."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from rclpy.publisher import Publisher
 
 
 class Answers:
-    """Publishes answers to states, and publishes them once more when the state is re-sent.
+    """Publish answers to states, and republish them when a state is re-sent.
 
-    Messages of best effort can be lost. An emulated arm whose time waits for an answer therefore
-    re-sends its last state, to the byte. What has been answered then needs the same answer, and
-    nothing else: for everybody behind this class, each state comes once.
+    Best-effort messages can be lost. So an emulated arm that waits for an answer re-sends its last
+    state byte for byte. A state that was answered gets the same answer again. All other code
+    receives each state once.
 
     Parameters
     ----------
     needed
-        Whether a state without an answer is given to the node once more when it is re-sent.
+        Whether the node must process a re-sent state that it did not answer.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Answers:
         self._kept: dict[Publisher, Any] = {}
 
     def begin(self, state: bytes) -> bool:
-        """Take a serialized state; return whether it is the last one, re-sent."""
+        """Store a serialized state; return whether it is a re-sent copy of the last one."""
         self._is_resent = state == self.state
         if self._is_resent:
             self.count += 1
@@ -50,9 +50,9 @@ class Answers:
         self._is_answered = True
 
     def again(self) -> bool:
-        """Publish the last answers once more if the newest state is re-sent and was answered.
+        """Republish the last answers if the newest state is re-sent and was answered.
 
-        Returns whether that is so: then there is nothing else to do.
+        Return whether the answers were republished; then the state needs no processing.
         """
         if not (self._is_resent and self._is_answered):
             return False
@@ -61,16 +61,16 @@ class Answers:
         return True
 
     def withdraw(self) -> None:
-        """Forget the answers: they hold no more."""
+        """Discard the answers, which are no longer valid."""
         self._kept.clear()
         self._is_answered = not self._needed
 
     @property
     def is_resent(self) -> bool:
-        """Whether the newest state came once more."""
+        """Whether the newest state is a re-sent copy."""
         return self._is_resent
 
     @property
     def are_kept(self) -> bool:
-        """Whether anything was answered since the last withdrawal."""
+        """Whether an answer was published since the last withdrawal."""
         return bool(self._kept)

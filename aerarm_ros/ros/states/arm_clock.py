@@ -1,4 +1,4 @@
-"""The arm's time, for nodes that do more than answer states."""
+"""The arm's time, for nodes that act between states."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.realtime.periodic_loop import SteadyClock
 
-# Without a state for this long [s] there is no arm whose time it could be.
+# [s] without a state, after which the system time is used.
 _SILENCE = 1.0
 
 
 class ArmClock:
-    """The time of the stamps of `joint_states`, between them and in any thread but one at a time.
+    """Clock that continues the stamps of `joint_states`; only one thread may use it at a time.
 
-    The stamps do not follow a system clock that is set while the motors are on. A comparison of the
-    system clock with them is wrong by the step. Without states this is the system time.
+    If the system clock is set while the motors are on, the stamps do not follow. A comparison of
+    the two is then wrong by the step. Without states this clock is the system time.
 
     Parameters
     ----------
     node
-        Owner of the subscription; its executor does nothing for it.
+        Owner of the subscription; its executor does not serve the subscription.
     """
 
     def __init__(self, node: Node) -> None:
@@ -53,13 +53,13 @@ class ArmClock:
                 self._ahead_ns = decode_joint_state(payload)[1].stamp_ns - arrival_ns
                 self._arrival = 1e-9 * arrival_ns
             except ValueError:
-                pass  # who needs its numbers says what is wrong with it
+                pass  # The code that uses the values reports the error.
         if 1e-9 * now_ns - self._arrival > _SILENCE:
             return time.time_ns()
         return now_ns + self._ahead_ns
 
 
 def monotonic_ns(system_ns: int) -> int:
-    """Return a past system time in the monotonic clock [ns]; now, if the system clock was set."""
+    """Convert a past system time to the monotonic clock [ns]; now, if the system clock was set."""
     age_ns = time.time_ns() - system_ns
     return time.monotonic_ns() - (age_ns if 0 <= age_ns < 1e9 * _SILENCE else 0)

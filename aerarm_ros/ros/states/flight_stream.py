@@ -1,4 +1,4 @@
-"""Odometry and IMU samples for a loop that takes them itself, as serialized bytes."""
+"""Odometry and IMU subscriptions for a loop that reads serialized messages."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from aerarm_ros.ros.states.state_stream import decoded_odometry, to_imu_sample
 
 
 class RotorCommands:
-    """Reads rotor_command by the rotors' names.
+    """Read rotor_command by rotor name.
 
     Parameters
     ----------
     node
         Owner of the subscription.
     names
-        Of the drone's rotors, n of them, in the order of all arrays.
+        Names of the drone's n rotors, in the order of all arrays.
     reject
-        Called with the reason why a message is not used.
+        Called with the reason why a message is rejected.
     """
 
     def __init__(self, node: Node, names: Sequence[str], reject: Callable[[str], None]) -> None:
@@ -42,7 +42,7 @@ class RotorCommands:
         self.reader = RawReader(node, topics.ROTOR_COMMAND)
 
     def newest(self) -> tuple[int, Array] | None:
-        """Return stamp [ns] and thrusts (n,) [N] of a new command, None if there is none."""
+        """Return stamp [ns] and thrusts (n,) [N] of a new command, or None."""
         message = self.reader.take_newest()
         if message is None:
             return None
@@ -63,11 +63,14 @@ class RotorCommands:
             names, sample = decode_joint_state(payload)
         if sorted(names) != sorted(self._names):
             raise ValueError(
-                f'it is for rotors {", ".join(names) or "without names"}, this drone has '
-                f'{", ".join(self._names)}: start the flight controller with the same drone_file'
+                f'the message has rotors {", ".join(names) or "without names"}, but this drone '
+                f'has {", ".join(self._names)}: start the flight controller with the same '
+                'drone_file'
             )
         if sample.effort is None:
-            raise ValueError('it has no effort: send the thrust of each rotor [N] as effort')
+            raise ValueError(
+                'the message has no effort: send the thrust of each rotor [N] as effort'
+            )
         thrust = sample.effort[[list(names).index(name) for name in self._names]]
         if not np.all(np.isfinite(thrust)):
             raise ValueError('a thrust is NaN or infinite: check the flight controller')
@@ -78,37 +81,37 @@ _ODOMETRY, _IMU = 0, 1
 
 
 class FlightStream:
-    """Waits for what a drone's sensors say.
+    """Wait for messages of a drone's sensors.
 
     Parameters
     ----------
     node
         Owner of the subscriptions.
     reject
-        Called with the reason why a message is not used.
+        Called with the reason why a message is rejected.
     """
 
     def __init__(self, node: Node, reject: Callable[[str], None]) -> None:
         self._reader = RawReader(node, topics.ODOMETRY, topics.IMU)
         self._reject = reject
         self.answers = Answers()
-        'Topic that responds to the odometry.'
+        """Answers to the odometry, republished if it is re-sent."""
         self.frame = ''
         """Frame of the odometry's poses, '' before the first."""
 
     @property
     def odometry_count(self) -> int:
-        """Odometry messages taken."""
+        """Number of odometry messages received."""
         return self._reader.count(_ODOMETRY)
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for a message; ends early, with False, on a stop signal."""
+        """Wait up to `timeout` [s] for a message; a stop signal returns False early."""
         return self._reader.wait(timeout)
 
     def newest_odometry(self) -> tuple[int, OdometrySample | None] | None:
-        """Return the stamp [ns] and content of the newest odometry, None if there is none.
+        """Return stamp [ns] and content of the newest odometry, or None without a message.
 
-        The content is None if it cannot be used, which is reported.
+        The content is None if it is invalid, which is reported.
         """
         raw = self._reader.take_newest(_ODOMETRY)
         if raw is None:
@@ -121,7 +124,7 @@ class FlightStream:
         return checked_odometry(message, self._reject)
 
     def imu_samples(self) -> list[ImuSample]:
-        """Return the IMU samples that wait; faulty ones are rejected."""
+        """Return the waiting IMU samples; faulty ones are rejected."""
         samples = []
         while (raw := self._reader.take(_IMU)) is not None:
             try:
@@ -140,7 +143,7 @@ class FlightStream:
 def checked_odometry(
     message: Odometry, reject: Callable[[str], None]
 ) -> tuple[int, OdometrySample | None]:
-    """Return stamp [ns] and sample of a message, None for one that cannot be used."""
+    """Return stamp [ns] and sample of an odometry message; None instead of an invalid sample."""
     stamp = message.header.stamp
     stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
     try:
@@ -151,7 +154,7 @@ def checked_odometry(
 
 
 def to_odometry_sample(message: Odometry) -> OdometrySample:
-    """Return a checked sample of a message; raises RejectedInputError."""
+    """Convert an odometry message to a checked sample; raises RejectedInputError."""
     pose, twist, stamp = message.pose.pose, message.twist.twist, message.header.stamp
     p, q, v, w = pose.position, pose.orientation, twist.linear, twist.angular
     return OdometrySample(

@@ -1,4 +1,4 @@
-"""What a node that answers joint states tells on /diagnostics, once a second."""
+"""Publish the diagnostics of a node that answers joint states, once per second."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.graph import SolePublisher
 from aerarm_ros.ros.states.state_stream import StateStream
 
-# A rejection is a warning for this long [s].
+# [s] for which a rejection is shown as a warning.
 _REMEMBERED = 5.0
-# Longer than any latency within a host [s]: it is the offset of two clocks.
+# [s] Longer than any latency within a host, so a larger value is a clock offset.
 _LATENCY_MAX = 1.0
 _SILENCE = 'no joint states received: check that the bridge runs'
 
 
 class StateDiagnostics:
-    """Publishes one status; the loop's thread only adds numbers.
+    """Publish one diagnostic status; the loop's thread only updates numbers.
 
     Parameters
     ----------
     node
         Owner of publisher and timer.
     warning
-        Returns what the node itself finds wrong, '' if nothing.
+        Returns the node's own warning, or an empty text.
     values
-        Returns what the node itself has to say, by name.
+        Returns the node's own values, by name.
     arm
-        The arm's name.
+        Name of the arm.
     notice
-        When to log that no states come; never if not given, for a node that does so itself.
+        Log notice about missing states; None for a node that logs it itself.
     every_state
-        Whether each state should be answered: if not, nobody counts those that aren't.
+        Whether the node should answer each state; if not, unanswered states are not counted.
 
     Attributes
     ----------
     latency
-        Time from a state's publication to the finished answer; a controller's is not sent yet.
+        Time from a state's publication to the computed answer, before a command is sent.
     rejections, last_rejection
-        Inputs not used, and why the last one wasn't.
+        Number of rejected inputs, and reason of the last rejection.
     """
 
     def __init__(
@@ -73,17 +73,17 @@ class StateDiagnostics:
         create_steady_timer(node, PERIOD, self.publish)
 
     def watch(self, stream: StateStream) -> None:
-        """Report on the stream from now on."""
+        """Report on a stream of states from now on."""
         self._stream = stream
 
     def add_rejection(self, reason: str) -> None:
-        """Count an input that isn't used."""
+        """Count a rejected input."""
         self.rejections += 1
         self.last_rejection = reason
         self._rejected_at = time.monotonic()
 
     def account(self) -> str:
-        """Return one line for the log's end."""
+        """Return one summary line for the end of the log."""
         latency, skipped = self.latency.summary(), self._skipped()
         rejected = f'{self.rejections} inputs rejected'
         if not latency.count:
@@ -103,7 +103,7 @@ class StateDiagnostics:
         self._output.report(self._problem(), self._all_values())
 
     def _now_ns(self) -> int | None:
-        """Return the time as the states tell it [ns], None before the first."""
+        """Return the time of the states [ns], None before the first."""
         return self._stream.stamp_ns if self._stream else None
 
     def _problem(self) -> str:
@@ -120,13 +120,14 @@ class StateDiagnostics:
         return self._sources.problem() or self._clocks() or self._warning()
 
     def _clocks(self) -> str:
-        """Return that latencies compare the clocks of two hosts, '' while they are plausible."""
+        """Return a warning if latencies reveal a clock offset between hosts, else an empty text."""
         latency = self.latency.summary()
         if not latency.count or (latency.p50 >= 0.0 and latency.p50 < _LATENCY_MAX):
             return ''
         return (
-            f"the states' publisher has another clock (median latency {latency.p50:.3f} s): "
-            'latencies are not valid; run this node on the host of the bridge'
+            "the clock of the states' publisher differs from this host's (median latency "
+            f'{latency.p50:.3f} s), so latencies are invalid; run this node on the host of the '
+            'bridge'
         )
 
     def _say_waiting(self) -> None:
@@ -148,5 +149,5 @@ class StateDiagnostics:
         }
 
     def _skipped(self) -> int | None:
-        # Nearly always one that a newer state replaced before the loop came to it.
+        # Usually a newer state replaced the lost one before the loop read it.
         return self._stream.lost if self._stream and self._every_state else None

@@ -1,4 +1,4 @@
-"""Joint states, IMU samples and rotor commands, as serialized bytes, for a loop that takes them."""
+"""Serialized joint states, IMU samples and rotor commands for a loop that reads them."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ def base_header(stamp_ns: int, base_link: str) -> Header:
 
 
 class RotorThrusts(NamedTuple):
-    """Commanded thrusts of a drone's rotors, as sent.
+    """Commanded thrusts of a drone's rotors.
 
     Attributes
     ----------
     names
-        Of the rotors, n of them.
+        Names of the n rotors.
     thrust
         (n,) [N]
     stamp
         [s]
     lead_ns
-        How long before the newest state it came [ns].
+        Time from the command's arrival to that of the newest state [ns].
     """
 
     names: tuple[str, ...]
@@ -59,23 +59,23 @@ _COUNT_PERIOD = 1.0  # [s]
 
 
 class StateSampler:
-    """Takes what is newest on a topic and leaves the rest, at no cost per message.
+    """Read the newest message of a topic and skip older ones without cost.
 
     Parameters
     ----------
     node
         Owner of the subscription.
     names
-        Joints wanted, n of them, in the order of the numbers returned.
+        Names of the n required joints, in the order of the returned numbers.
     topic
-        Of JointState; `joint_states` if not given.
+        JointState topic; `joint_states` by default.
 
     Attributes
     ----------
     missing
-        Wanted joints that no message has had so far.
+        Required joints that no message has contained so far.
     unknown
-        Wanted joints without a position in the newest message: those that are not homed.
+        Required joints without a position in the newest message, because they are not homed.
     stamp_ns
         Stamp of the newest message [ns].
     """
@@ -94,9 +94,9 @@ class StateSampler:
         self._frequency = 0.0
 
     def newest(self) -> NDArray[np.float64] | None:
-        """Return position, velocity, effort (3, n) [rad, rad/s, Nm], or None if nothing new came.
+        """Return position, velocity, effort (3, n) [rad, rad/s, Nm]; None without a message.
 
-        What the message leaves empty is NaN; a state without positions is none.
+        Missing values are NaN; a state without positions is ignored.
         """
         message = self._reader.take_newest()
         if message is None:
@@ -115,7 +115,7 @@ class StateSampler:
         return state if self._may_be_partial or not self.unknown else None
 
     def frequency(self, now: float) -> float:
-        """Return the publisher's rate [Hz] over the last second, from its own numbering.
+        """Return the publisher's rate [Hz] over the last second, from its message numbers.
 
         Parameters
         ----------
@@ -134,38 +134,38 @@ class StateSampler:
         self._reader.destroy()
 
 
-_STATES = 0  # its place among the topics
+_STATES = 0  # index among the topics
 
 
 class StateStream:
-    """Waits for joint states, IMU samples if wanted, and commands of rotors if any are named.
+    """Wait for joint states and, if requested, for IMU samples and rotor commands.
 
     Attributes
     ----------
     stamp_ns
         Stamp of the newest state [ns], None before the first.
     answers
-        What is published in answer to the states.
+        Messages that are published in answer to the states.
 
     Parameters
     ----------
     node
         Owner of the subscriptions.
     names
-        Joint names, n of them, in the order of all arrays.
+        Names of the n joints, in the order of all arrays.
     reject
-        Called with the reason why a message is not used.
+        Called with the reason why a message is rejected.
     rotors
-        Names of the rotors.
+        Names of the rotors; without names no commands are read.
     depth
-        How many states, and IMU samples, may wait. With more than 1, every state is given, the
-        oldest first, and each IMU sample with the first state that came after it.
+        Queue length of states and IMU samples. Above 1, every state is returned, the oldest first,
+        and each IMU sample with the first state after it.
     imu
-        Whether IMU samples are wanted. They end a wait, and must be taken then.
+        Whether to subscribe to the IMU. A sample ends a wait and must then be read.
     odometry
-        Whether the odometry is wanted, likewise.
+        Whether to subscribe to the odometry; a message ends a wait and must then be read.
     answered
-        Whether each state wants an answer, see `Answers`.
+        Whether each state needs an answer, see `Answers`.
     """
 
     def __init__(
@@ -201,27 +201,27 @@ class StateStream:
 
     @property
     def received(self) -> int:
-        """States taken."""
+        """Number of states received."""
         return self._reader.count(_STATES)
 
     @property
     def lost(self) -> int | None:
-        """States missed since `begin_count`, None where the middleware does not number them."""
+        """States missed since `begin_count`; None if the middleware does not number messages."""
         lost = self._reader.lost(_STATES)
         return None if lost is None else lost - self._lost_before
 
     def begin_count(self) -> None:
-        """Count from the state taken last on: those before were of no use to anybody."""
+        """Restart the count of missed states at the last state."""
         self._lost_before = self._reader.lost(_STATES) or 0
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for a message; ends early, with False, on a stop signal."""
+        """Wait up to `timeout` [s] for a message; a stop signal returns False early."""
         return self._reader.wait(timeout)
 
     def newest_state(self) -> tuple[int, ArmState] | None:
-        """Return stamp [ns] and state of the newest message, None if there is none.
+        """Return stamp [ns] and state of the newest message, or None without a message.
 
-        With a depth, of the oldest that waits.
+        With a queue (`depth` above 1), return the oldest waiting state.
         """
         take = self._reader.take if self._gives_all else self._reader.take_newest
         message = take(_STATES)
@@ -242,16 +242,16 @@ class StateStream:
         return sample.stamp_ns, ArmState(q, dq, self._no_effort if tau is None else tau)
 
     def latency_ns(self) -> int:
-        """Return how long ago, on this host, the newest state was published [ns].
+        """Return the time since the newest state was published, in this host's time [ns].
 
-        Its stamp does not tell that of an emulated arm, whose time is its own.
+        The stamp of an emulated arm does not show this, because it is in simulation time.
         """
         return time.time_ns() - self._published_ns
 
     def imu_samples(self) -> list[tuple[ImuSample, int]]:
-        """Return the IMU samples that wait, each with its lead over the newest state [ns].
+        """Return the waiting IMU samples, each with the time to the newest state's arrival [ns].
 
-        The lead is negative for one that came after it. Faulty ones are rejected.
+        The time is negative for a sample after the state. Faulty samples are rejected.
         """
         samples: list[tuple[ImuSample, int]] = []
         if self._imu_place is None:
@@ -268,21 +268,21 @@ class StateStream:
                 sample = to_imu_sample(deserialize_message(payload, Imu))
             except RejectedInputError as error:
                 self._reject(str(error))
-            except RuntimeError as error:  # RMWError: no message at all
+            except RuntimeError as error:  # RMWError: not a valid message
                 self._reject(f'imu: {error}')
             else:
                 samples.append((sample, self._received_ns - info['received_timestamp']))
         return samples
 
     def odometry(self) -> Odometry | None:
-        """Return the newest odometry that waits, None if there is none."""
+        """Return the newest waiting odometry, or None."""
         if self._odometry_place is None:
             return None
         raw = self._reader.take_newest(self._odometry_place)
         return None if raw is None else decoded_odometry(raw[0], self._reject)
 
     def rotor_command(self) -> RotorThrusts | None:
-        """Return the newest command of the rotors, None if none waits."""
+        """Return the newest waiting rotor command, or None."""
         if self._rotors is None:
             return None
         message = self._reader.take_newest(self._rotors_place)
@@ -297,7 +297,7 @@ class StateStream:
             self._reject(f'rotor_command: {error}')
             return None
         if sample.effort is None:
-            self._reject('rotor_command: it has no effort, which is the thrust of each rotor [N]')
+            self._reject('rotor_command has no effort: send the thrust of each rotor [N] as effort')
             return None
         lead_ns = self._received_ns - info['received_timestamp']
         return RotorThrusts(names, sample.effort, sample.stamp_ns * 1e-9, lead_ns)
@@ -307,34 +307,36 @@ class StateStream:
         self._reader.destroy()
 
     def _decode(self, payload: bytes) -> JointSample | None:
-        """Read a state of another layout, joints by name."""
+        """Decode a state with another layout, joints by name."""
         try:
             names, sample = decode_joint_state(payload)
             return in_order(names, sample, self._names)
         except ValueError as error:
             self._reject(
-                f'joint_states: {error}: use the same config, urdf and tf_prefix for this node '
-                'and the bridge'
+                f'joint_states rejected, {error}; use the same config, urdf and tf_prefix for '
+                'this node and the bridge'
             )
             return None
 
 
 def decoded_odometry(payload: bytes, reject: Callable[[str], None]) -> Odometry | None:
-    """Return the odometry of a serialized message, None if it is none, which is reported."""
+    """Decode a serialized odometry message; report an invalid message and return None."""
     try:
         return deserialize_message(payload, Odometry)
-    except RuntimeError as error:  # RMWError: no message at all
+    except RuntimeError as error:  # RMWError: not a valid message
         reject(f'odometry: {error}')
         return None
 
 
 def to_imu_sample(message: Imu) -> ImuSample:
-    """Return a checked sample of a message; raises RejectedInputError."""
+    """Convert an IMU message to a checked sample; raises RejectedInputError."""
     q, w, f = message.orientation, message.angular_velocity, message.linear_acceleration
-    # sensor_msgs/Imu: a negative first covariance says that there is no such measurement.
+    # sensor_msgs/Imu: a negative first covariance means that the measurement is absent.
     absent = (message.angular_velocity_covariance, message.linear_acceleration_covariance)
     if any(covariance[0] < 0.0 for covariance in absent):
-        raise RejectedInputError('imu: angular velocity or acceleration is missing')
+        raise RejectedInputError(
+            'imu: angular velocity or acceleration is missing; check its publisher'
+        )
     has_attitude = message.orientation_covariance[0] >= 0.0
     stamp = message.header.stamp
     return ImuSample(

@@ -1,4 +1,4 @@
-"""Sound bags of every storage, as their files' bytes: what mutants are made of."""
+"""Valid bags of every storage format, as bytes of their files, from which mutants are made."""
 
 import io
 from collections.abc import Callable
@@ -32,18 +32,18 @@ Files = dict[str, bytes]
 
 @dataclass(frozen=True)
 class OriginalBag:
-    """A sound bag.
+    """A valid bag.
 
     Attributes
     ----------
     name
-        What it is.
+        Description of the bag.
     files
         Content of its files.
     checked
-        Whether its messages have a checksum, so that every changed bit can be seen.
+        Whether its messages have a checksum, so that every changed bit can be detected.
     finished
-        Whether its recorder came to its end, and left an account.
+        Whether its recorder ended normally, and wrote message counts.
     """
 
     name: str
@@ -53,7 +53,7 @@ class OriginalBag:
 
 
 def messages(count: int, seed: int = 1) -> list[RecordedMessage]:
-    """Return joint states and motor states by turns: random numbers, which compress badly."""
+    """Return alternating joint states and motor states: random numbers, which compress badly."""
     cdr = JointStateCdr(NAMES)
     numbers = np.random.default_rng(seed).normal(size=(count, 3, len(NAMES)))
     made = []
@@ -66,7 +66,7 @@ def messages(count: int, seed: int = 1) -> list[RecordedMessage]:
 
 
 def originals(folder: Path) -> list[OriginalBag]:
-    """Return one bag of each kind; `folder` is for those that only a folder can hold."""
+    """Return one bag of each kind; `folder` serves for bags that must be written to disk."""
     made = [
         OriginalBag('zstd', _own('zstd', 200), True),
         OriginalBag('lz4', _own('lz4', 200), True),
@@ -98,7 +98,7 @@ def _own(compression: str, count: int, *, finished: bool = True) -> Files:
     known = ''
     for first in range(0, len(made), _CHUNK):
         if first <= len(made) // 2:
-            known = metadata.to_yaml()  # the last that a killed recorder has written
+            known = metadata.to_yaml()  # the last metadata of a killed recorder
         part = made[first : first + _CHUNK]
         writer.add_chunk(part)
         for message in part:

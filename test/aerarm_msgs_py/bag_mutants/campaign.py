@@ -1,4 +1,4 @@
-"""Reads many mutants of bags and counts what comes of them: `make fuzz`."""
+"""Read many mutants of bags and count the outcomes: `make fuzz`."""
 
 import argparse
 import json
@@ -21,7 +21,7 @@ LONGEST, LARGEST = 2.0, 300.0
 
 
 def judged(result: TrialResult, bag: OriginalBag, forged: bool) -> str:
-    """Return what is wrong with a result, '' if nothing is."""
+    """Return the error in a result, or an empty text."""
     allowed = [*PROMISED]
     allowed += [] if bag.checked else [ALTERED]
     allowed += [] if bag.finished else [SHORTER]
@@ -68,7 +68,7 @@ def run(count: int, seed: int, first: int, folder: Path) -> dict[str, object]:
 
 
 def _written(folder: Path, files: dict[str, bytes]) -> Path:
-    """Write a bag's files into an empty folder, and return it, or the one file of ROS 1."""
+    """Write a bag's files into an empty directory, and return it, or the single file of ROS 1."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for name, content in files.items():
@@ -77,7 +77,7 @@ def _written(folder: Path, files: dict[str, bytes]) -> Path:
 
 
 def main() -> int:
-    """Print what came of all mutants; the status is 1 if one of them failed."""
+    """Print the outcomes of all mutants; return 1 if one of them failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--count', type=int, default=20_000, help='mutants')
     parser.add_argument('--seed', type=int, default=1)

@@ -1,4 +1,4 @@
-"""Changes of MCAP files that know the format, by a reading of it that is not the suite's.
+"""Changes of MCAP files at format level, with a parser independent of the suite's.
 
 Format: https://mcap.dev/spec.
 """
@@ -24,7 +24,7 @@ Change = Callable[[bytes, np.random.Generator], bytes]
 
 @dataclass(frozen=True)
 class Part:
-    """A record of a file: opcode, and where it begins and ends."""
+    """A record of a file: opcode, start and end."""
 
     opcode: int
     start: int
@@ -32,7 +32,7 @@ class Part:
 
 
 def parts(content: bytes) -> list[Part]:
-    """Return the records of a file, up to the first that can't be one."""
+    """Return the records of a file, up to the first invalid one."""
     found = []
     start = _MAGIC
     while start + _HEAD <= len(content):
@@ -48,13 +48,13 @@ def parts(content: bytes) -> list[Part]:
 
 
 def _pick(found: list[Part], rng: np.random.Generator, *opcodes: int) -> Part | None:
-    """Return any part, or any of some opcodes; None if there is none."""
+    """Return a random part, optionally with one of some opcodes; None if there is none."""
     fitting = [part for part in found if not opcodes or part.opcode in opcodes]
     return fitting[rng.integers(len(fitting))] if fitting else None
 
 
 def _groups(content: bytes) -> list[tuple[int, int]]:
-    """Return where each chunk begins, and where the index records behind it end."""
+    """Return the start of each chunk, and the end of its index records."""
     found = []
     for part in parts(content):
         if part.opcode == _CHUNK:
@@ -65,7 +65,7 @@ def _groups(content: bytes) -> list[tuple[int, int]]:
 
 
 def _odd_number(old: int, rng: np.random.Generator) -> int:
-    """Return a number instead of another: close to it, a share of it, or at a border."""
+    """Return another number: a close one, a fraction, or a limit."""
     kind = rng.integers(4)
     if kind == 0:
         return max(0, old + int(rng.integers(-64, 65)))
@@ -85,7 +85,7 @@ def _with_number(content: bytes, place: int, size: int, rng: np.random.Generator
 
 
 def length_of_a_record(content: bytes, rng: np.random.Generator) -> bytes:
-    """Change a record's length, and leave all else in place."""
+    """Change a record's length, and nothing else."""
     part = _pick(parts(content), rng)
     return content if part is None else _with_number(content, part.start + 1, 8, rng)
 
@@ -131,7 +131,7 @@ def summary(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def swapped_chunks(content: bytes, rng: np.random.Generator) -> bytes:
-    """Put two chunks, with their indexes, in each other's place."""
+    """Exchange two chunks with their indexes."""
     groups = _groups(content)
     if len(groups) < 2:
         return content
@@ -140,7 +140,7 @@ def swapped_chunks(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def repeated_chunk(content: bytes, rng: np.random.Generator) -> bytes:
-    """Put a copy of a chunk, with or without indexes, before or behind another one."""
+    """Insert a copy of a chunk, with or without indexes, before or after another one."""
     groups = _groups(content)
     if not groups:
         return content
@@ -152,7 +152,7 @@ def repeated_chunk(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def missing_chunk(content: bytes, rng: np.random.Generator) -> bytes:
-    """Take a chunk out, with or without its indexes."""
+    """Remove a chunk, with or without its indexes."""
     groups = _groups(content)
     if not groups:
         return content
@@ -163,13 +163,13 @@ def missing_chunk(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def bomb(content: bytes, rng: np.random.Generator) -> bytes:
-    """Put in, or exchange for another one, a chunk that becomes very large."""
+    """Insert a chunk, or replace one, with a very large decompressed size."""
     groups = _groups(content)
     if not groups:
         return content
     kind = rng.integers(5)
     records: bytes
-    if kind == 0:  # nothing but zeros
+    if kind == 0:  # only zeros
         records = bytes(int(rng.integers(1, 100)) * 1_000_000)
     elif kind == 1:  # the smallest messages
         records = _message(b'') * int(rng.integers(1000, 1_000_000))
@@ -181,7 +181,7 @@ def bomb(content: bytes, rng: np.random.Generator) -> bytes:
             for k in range(int(rng.integers(1, 1500)))
         ]
         records = b''.join(map(_message, payloads))
-    else:  # definitions of topics without end
+    else:  # an endless number of topic definitions
         topic = struct.pack('<HHI', 7, 1, 2) + b'/x' + bytes(8)
         records = (struct.pack('<BQ', 4, len(topic)) + topic) * int(rng.integers(100_000))
     made = _chunk(records, rng)
@@ -195,7 +195,7 @@ def _message(payload: bytes) -> bytes:
 
 
 def _chunk(records: bytes, rng: np.random.Generator) -> bytes:
-    """Return a chunk record; it may claim to be smaller than it is."""
+    """Return a chunk record, which may declare a size that is too small."""
     compression = ('zstd', 'lz4')[rng.integers(2)]
     if compression == 'lz4':
         data = lz4.frame.compress(records)

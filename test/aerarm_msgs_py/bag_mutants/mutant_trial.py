@@ -1,4 +1,4 @@
-"""Reading one mutant in a process of its own: what came of it, in which time and memory."""
+"""Read one mutant in a separate process, and measure its result, time and memory."""
 
 import json
 import os
@@ -22,26 +22,26 @@ missing; one error. ALTERED, where nothing could show it: a storage without chec
 where the change itself wrote messages, with a right checksum. SHORTER, where it made the bag of
 a killed recorder that of one which began later or was killed earlier: the same bytes."""
 
-_MEMORY = 3 * 2**30  # bytes of address space, so that a failure doesn't take the machine along
+_MEMORY = 3 * 2**30  # bytes of address space, so that a failure does not affect the machine
 _TIME = 60  # [s]
-_FIGURE = re.compile(r'\d+ (of \d+ )?(messages|bytes)|last \d+ bytes|of the \d+ files')
+_FIGURE = re.compile(r'\d+ (of (the )?\d+ )?(messages|bytes)|last \d+ bytes|of the \d+ files')
 _TOPIC, _OTHER = '/joint_states', '/motor_states'
 
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What reading a mutant came to.
+    """Result of reading a mutant.
 
     Attributes
     ----------
     outcome
-        One of those above, or what went wrong.
+        One of the constants above, or the error.
     time
-        Of the processor [s].
+        Processor time [s].
     memory
         Largest resident size of the process [MB].
     grown
-        By how much it grew while reading [MB].
+        Growth of the process while reading [MB].
     """
 
     outcome: str
@@ -62,20 +62,20 @@ def rows_of(path: Path) -> list[bytes]:
 def tried(
     path: Path, original: list[bytes], checked: bool, forged: bool, finished: bool
 ) -> TrialResult:
-    """Read a mutant in a child of this process and judge it.
+    """Read a mutant in a child process and judge the result.
 
     Parameters
     ----------
     path
         The mutant.
     original
-        What its sound bag holds.
+        Content of its valid bag.
     checked
         Whether its storage has checksums.
     forged
-        Whether the change wrote messages itself.
+        Whether the mutation wrote messages itself.
     finished
-        Whether the recorder of the sound bag came to its end.
+        Whether the recorder of the valid bag ended normally.
     """
     read_end, write_end = os.pipe()
     child = os.fork()
@@ -100,7 +100,7 @@ def _run(
     before = resource.getrusage(resource.RUSAGE_SELF)
     outcome = _outcome(path, original, checked, forged, finished)
     after = resource.getrusage(resource.RUSAGE_SELF)
-    reader = resource.getrusage(resource.RUSAGE_CHILDREN)  # of files that rosbags reads
+    reader = resource.getrusage(resource.RUSAGE_CHILDREN)  # for files that rosbags reads
     time = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     time += reader.ru_utime + reader.ru_stime
     grown = (after.ru_maxrss - before.ru_maxrss) / 1024
@@ -116,7 +116,7 @@ def _outcome(path: Path, original: list[bytes], checked: bool, forged: bool, fin
             rows = rows_of(path)
         except BagError as error:
             return REFUSED if str(error) and '\n' not in str(error) else f'error {error!r}'
-        except BaseException as error:  # whatever it is, it is what this looks for
+        except BaseException as error:  # any exception is a result of the trial
             return f'{type(error).__name__}: {str(error)[:200]}'
     if rows == original:
         return RIGHT
@@ -134,12 +134,12 @@ def _outcome(path: Path, original: list[bytes], checked: bool, forged: bool, fin
 
 
 def _is_part(rows: list[bytes], original: list[bytes]) -> bool:
-    """Tell whether some rows are the original's, in its order."""
+    """Return whether some rows are a subsequence of the original's."""
     left = iter(original)
     return all(row in left for row in rows)
 
 
 def _is_run(rows: list[bytes], original: list[bytes]) -> bool:
-    """Tell whether some rows follow each other in the original."""
+    """Return whether some rows are consecutive in the original."""
     first = original.index(rows[0])
     return original[first : first + len(rows)] == rows

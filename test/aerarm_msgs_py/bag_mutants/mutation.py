@@ -1,4 +1,4 @@
-"""Mutants of bags: bytes changed anywhere, records changed with knowledge, metadata edited."""
+"""Mutants of bags: changed bytes, changed records, edited metadata."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ _MOST_CHANGES = 3
 
 
 def mutant(bags: Sequence[OriginalBag], index: int, rng: np.random.Generator) -> tuple[Files, str]:
-    """Return the files of a mutant of one bag, and what was done to it."""
+    """Return the files of a mutant of one bag, and a description of the mutation."""
     files = dict(bags[index].files)
     done = []
     for _ in range(int(rng.integers(1, _MOST_CHANGES + 1))):

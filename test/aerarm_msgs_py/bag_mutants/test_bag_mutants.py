@@ -1,6 +1,6 @@
-"""Mutants of bags end in the right data, in part of it with a figure, or in one error.
+"""Each mutant of a bag yields all data, part of the data with a count, or one error.
 
-The full number is run by `make fuzz`; its counts stand in docs/benchmarks_safety.md.
+`make fuzz` runs the full number; its counts are in docs/benchmarks_safety.md.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Bags of 1 MB made to take memory and time: 300 MB and 2 s of the processor at most."""
+"""Bags of 1 MB that are designed to exhaust memory and time: limits of 300 MB and 2 s."""
 
 import struct
 import zlib
@@ -41,7 +41,7 @@ def chunk(records: bytes) -> bytes:
 
 
 def mcap(path: Path, unit: bytes) -> None:
-    """Write a bag of 1 MB, mostly filling, whose chunks are as large as they may be."""
+    """Write a bag of 1 MB, mostly padding, with chunks of the largest size."""
     records = unit * (PART_BYTES // len(unit))
     chunks = chunk(HEAD + records) + 4 * chunk(records)
     start, end = b'\x89MCAP0\r\n' + record(1, text('ros2') + text('')), record(2, bytes(20))

@@ -1,4 +1,4 @@
-"""Writes messages into a bag until it is killed."""
+"""Write messages into a bag until killed."""
 
 import sys
 import time

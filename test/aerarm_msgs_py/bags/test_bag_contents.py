@@ -69,7 +69,7 @@ def test_only_what_was_asked_for_is_kept(bag: Path) -> None:
 def test_the_required_topic_must_be_there(bag: Path) -> None:
     with pytest.raises(BagError, match='no topic /nothing'):
         read_contents(bag, '/nothing', OTHERS)
-    with pytest.raises(BagError, match='is of type std_msgs/msg/String'):
+    with pytest.raises(BagError, match='has the type std_msgs/msg/String'):
         read_contents(bag, '/arm_mode')
 
 

@@ -1,4 +1,4 @@
-"""metadata.yaml as anybody may have written it."""
+"""Valid and invalid metadata.yaml files."""
 
 import os
 import time
@@ -18,19 +18,22 @@ BOMB = 'a0: &a0 [x, x, x, x, x, x, x, x, x]\n' + '\n'.join(
 )
 REFUSED = {
     'aliases': (BOMB, 'anchors or aliases'),
-    'lists': ('[' * 200_000, 'nested more than 16 deep'),
-    'mappings': ('{a: ' * 100_000, 'nested more than 16 deep'),
-    'digits': (HEAD + 'version: ' + '9' * 100_000, 'a number of 100000 characters'),
-    'base 60': (HEAD + 'version: 1' + ':1' * 500_000, 'a number of 1000001 characters'),
-    'base 60 by a tag': (HEAD + f'a: !!int "_1{":1" * 500_000}"', 'a number of 1000002 characters'),
+    'lists': ('[' * 200_000, 'nested more than 16 levels deep'),
+    'mappings': ('{a: ' * 100_000, 'nested more than 16 levels deep'),
+    'digits': (HEAD + 'version: ' + '9' * 100_000, 'has a number of 100000 characters'),
+    'base 60': (HEAD + 'version: 1' + ':1' * 500_000, 'has a number of 1000001 characters'),
+    'base 60 by a tag': (
+        HEAD + f'a: !!int "_1{":1" * 500_000}"',
+        'has a number of 1000002 characters',
+    ),
     'an empty number': (HEAD + 'a: !!int ""', 'index out of range'),
     'no truth': (HEAD + 'a: !!bool x', 'x'),
     'no time': (HEAD + 'a: !!timestamp x', 'groupdict'),
-    'length': ('- a\n' * 400_000, 'has more than 1048576 bytes'),
+    'length': ('- a\n' * 400_000, 'larger than 1048576 bytes'),
     'a date': (HEAD + 'version: 2001-99-99', 'month must be in'),
-    'no mapping': ('[]', 'no metadata of a bag'),
-    'a number of files': (HEAD + 'relative_file_paths: 7', 'no metadata of a bag'),
-    'a null': (HEAD.rstrip(), 'no metadata of a bag'),
+    'no mapping': ('[]', 'not the metadata of a bag'),
+    'a number of files': (HEAD + 'relative_file_paths: 7', 'not the metadata of a bag'),
+    'a null': (HEAD.rstrip(), 'not the metadata of a bag'),
     'no text': (b'\xff\xfe', 'invalid start byte'),
 }
 
@@ -59,7 +62,7 @@ def test_what_could_fill_memory_or_time_is_refused(tmp_path: Path, name: str) ->
 def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / 'metadata.yaml'
     os.mkfifo(pipe)
-    with pytest.raises(ValueError, match='no file'):
+    with pytest.raises(ValueError, match='not a regular file'):
         read_information(pipe)
 
 
@@ -79,7 +82,7 @@ def test_a_count_that_is_none_is_no_account(tmp_path: Path, count: str) -> None:
 def test_a_file_has_the_name_of_a_file(tmp_path: Path, name: str) -> None:
     path = written(tmp_path, f'{HEAD}relative_file_paths: [../up/b.mcap, b.mcap, {name}]')
     if name == '7':
-        with pytest.raises(ValueError, match='no metadata'):
+        with pytest.raises(ValueError, match='not the metadata'):
             read_information(path)
     else:
         assert read_information(path).files == ('b.mcap',)
@@ -94,5 +97,7 @@ def test_a_bag_beside_broken_metadata_is_read_by_its_own_account(write_bag, reco
     file = next(directory.glob('*.mcap'))
     content = file.read_bytes()
     file.write_bytes(content[: content.index(b'rosbag2')])  # the account is lost with the end
-    with pytest.warns(BagWarning, match=r'metadata.yaml is not used: it has anchors or aliases'):
+    with pytest.warns(
+        BagWarning, match='metadata.yaml is ignored: the file has YAML anchors or aliases'
+    ):
         assert len(read_joint_states(directory)) == 100

@@ -112,7 +112,7 @@ def test_a_killed_writer_leaves_a_bag_that_opens(tmp_path: Path) -> None:
 
 
 def _wait_until_stored(directory: Path, count: int) -> None:
-    """Wait for the writer's thread, whose metadata says what it has stored."""
+    """Wait for the writer's thread, whose metadata lists the stored messages."""
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
         metadata = directory / 'metadata.yaml'
@@ -132,7 +132,7 @@ def test_never_overwrites(write_bag, recording) -> None:
 
 def test_says_why_a_directory_cannot_be_made(tmp_path: Path, recording) -> None:
     (tmp_path / 'file').touch()
-    with pytest.raises(BagError, match='cannot be made'):
+    with pytest.raises(BagError, match='cannot be created'):
         BagWriter(tmp_path / 'file' / 'bag', recording.topics)
     with pytest.raises(BagError, match='choose one of none, lz4, zstd'):
         BagWriter(tmp_path / 'bag', recording.topics, compression='zip')

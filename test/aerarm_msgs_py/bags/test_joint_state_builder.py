@@ -12,7 +12,7 @@ KIND = 'sensor_msgs/msg/JointState'
 
 
 def blocks(count: int, size: int = 700) -> list[MessageBlock]:
-    """Messages that are numbered in every field."""
+    """Return messages that are numbered in every field."""
     cdr = JointStateCdr(['a', 'b'])
     found = []
     for first in range(0, count, size):

@@ -1,4 +1,4 @@
-"""Points, poses, transforms and inertial measurements out of a bag."""
+"""Points, poses, transforms and inertial measurements from a bag."""
 
 from pathlib import Path
 

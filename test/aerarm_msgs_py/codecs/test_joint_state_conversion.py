@@ -43,9 +43,9 @@ def test_fields_that_do_not_fit_the_names_are_refused_or_told_as_sent() -> None:
     assert names == NAMES
     np.testing.assert_array_equal(sample.position, [1.0])
     assert sample.velocity is None
-    with pytest.raises(ValueError, match='2 names with 1 positions'):
+    with pytest.raises(ValueError, match='2 names, but 1 positions'):
         decode_joint_state(serialize_message(message))
-    with pytest.raises(ValueError, match='2 names with 1 positions'):
+    with pytest.raises(ValueError, match='2 names, but 1 positions'):
         from_message(message)
     for decode in (decode_joint_state, decode_as_sent):
         with pytest.raises(ValueError, match='too early'):

@@ -1,4 +1,4 @@
-"""Reader and publishers over real DDS, in one process and domain of their own."""
+"""Reader and publishers over real DDS, in one process and domain."""
 
 import time
 from collections.abc import Callable

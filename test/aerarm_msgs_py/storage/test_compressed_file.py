@@ -53,4 +53,4 @@ def test_messages_that_cannot_be_decompressed_are_counted(tmp_path: Path, made) 
     assert sorted((len(states), len(motors))) == [COUNT - 1, COUNT]
     texts = [str(warning.message) for warning in caught]
     assert any('1 messages of' in t and 'cannot be decompressed' in t for t in texts)
-    assert any(f'1 of {COUNT} messages of' in t and 'are missing' in t for t in texts)
+    assert any(f'1 of the {COUNT} messages of' in t and 'are missing' in t for t in texts)

@@ -1,4 +1,4 @@
-"""Files by other writers than this suite's."""
+"""Files from other writers."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_blocks_hold_a_bounded_part_of_a_file_without_chunks(tmp_path: Path, rec
 
 
 def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
-    """The first chunk holds no message of the second topic, so its damage is not met."""
+    """The first chunk contains no message of the second topic, so its damage has no effect."""
     first, second = ([m for m in recording.messages(400) if m.topic == topic] for topic in (0, 1))
     path = write(tmp_path / 'a.mcap', [*first, *second], chunk_size=20_000)
     content = bytearray(path.read_bytes())
@@ -101,7 +101,7 @@ def test_garbage_behind_the_messages_is_no_message(tmp_path: Path, recording) ->
 def test_an_unknown_compression_is_warned_about(tmp_path: Path, recording) -> None:
     path = write(tmp_path / 'a.mcap', recording.messages(10))
     path.write_bytes(path.read_bytes().replace(b'\x04\0\0\0zstd', b'\x04\0\0\0abcd'))
-    with pytest.warns(BagWarning, match="compression 'abcd' is not known"):
+    with pytest.warns(BagWarning, match="unknown compression 'abcd'"):
         assert list(McapFile(path).blocks()) == []
 
 

@@ -1,4 +1,4 @@
-"""Messages of a chunk by its index, checked, or by a walk."""
+"""Messages of a chunk by its checked index, or by a scan."""
 
 import struct
 from pathlib import Path
@@ -49,7 +49,7 @@ def test_index_and_walk_agree() -> None:
 
 
 def test_an_index_that_misses_something_is_not_believed() -> None:
-    """A channel without index, other records in the chunk, places that are no messages."""
+    """A channel without index, other records in the chunk, places that are not messages."""
     records, starts = chunk()
     assert indexes(starts, (1, 2)).message_starts(records) is None
     assert indexes(starts).message_starts(records + b'\4' + bytes(8)) is None

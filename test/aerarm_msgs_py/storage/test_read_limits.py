@@ -9,7 +9,7 @@ from aerarm_msgs_py.storage.read_limits import BagError, ReadBudget, ReadLimits
     'wrong', [{'ratio': 0.0}, {'ratio': float('nan')}, {'part_bytes': 0}, {'ratio': float('inf')}]
 )
 def test_a_limit_is_a_positive_number(wrong: dict[str, float]) -> None:
-    with pytest.raises(BagError, match='must be 1 or more'):
+    with pytest.raises(BagError, match='set it to 1 or more'):
         ReadLimits(**wrong)
 
 

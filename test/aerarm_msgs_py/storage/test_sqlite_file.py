@@ -1,4 +1,4 @@
-"""Bags of rosbag2's other storages, sound and damaged."""
+"""Valid and damaged bags of rosbag2's other storage formats."""
 
 import sqlite3
 from pathlib import Path
@@ -49,10 +49,10 @@ def test_reads_other_storages(tmp_path: Path, recording, storage, mode) -> None:
 
 def test_says_what_is_wrong(tmp_path: Path, recording) -> None:
     directory = write(tmp_path / 'bag', recording.messages(5), StoragePlugin.SQLITE3)
-    with pytest.raises(BagError, match='no topic /imu; it has /joint_states'):
+    with pytest.raises(BagError, match='no topic /imu: choose one of /joint_states'):
         read_joint_states(directory, '/imu')
     next(directory.glob('*.db3')).unlink()
-    with pytest.raises(BagError, match=r'lacks bag.db3, which its metadata.yaml names'):
+    with pytest.raises(BagError, match=r'lacks bag.db3, which metadata.yaml lists'):
         read_joint_states(directory)
 
 
@@ -82,7 +82,7 @@ def test_only_tables_are_read(database: Path, table: str) -> None:
 
 @pytest.mark.parametrize('computed', ['data AS (zeroblob(60000000))', 'data AS (zeroblob(9000))'])
 def test_tables_that_compute_end_in_one_error(database: Path, computed: str) -> None:
-    """Of a few bytes a row they make as many as they like."""
+    """A computed table generates any number of rows from a few bytes."""
     with sqlite3.connect(database) as connection:
         connection.execute('DROP TABLE messages')
         connection.execute(
@@ -127,7 +127,7 @@ def test_values_of_other_kinds_are_left_out_and_said(database: Path) -> None:
         connection.execute('UPDATE messages SET data = 3.5 WHERE id = 9')
         connection.execute('UPDATE messages SET topic_id = 77 WHERE id = 11')
     connection.close()
-    with pytest.warns(BagWarning, match='3 messages are left out, as nothing tells their topic'):
+    with pytest.warns(BagWarning, match='3 messages of another type, or without a topic'):
         assert len(read_joint_states(database)) == 497
 
 
@@ -135,5 +135,5 @@ def test_a_damaged_page_ends_in_one_error(database: Path) -> None:
     content = bytearray(database.read_bytes())
     content[len(content) // 2 : len(content) // 2 + 4096] = bytes(4096)
     database.write_bytes(content)
-    with pytest.raises(BagError, match='malformed; copy it again, or repair it'):
+    with pytest.raises(BagError, match='malformed; copy the file again, or repair it'):
         read_joint_states(database)

@@ -1,4 +1,4 @@
-"""An arm that flies, in the physics engine."""
+"""A flying arm in the physics engine."""
 
 from collections.abc import Callable, Sequence
 from xml.etree import ElementTree
@@ -17,8 +17,8 @@ Array = npt.NDArray[np.float64]
 class FlyingArm:
     """The arm under a free-flying body in the physics engine, for inverse dynamics.
 
-    The arm's base is mounted on the body off its origin and turned; the wrench in the mount
-    is the engine's own constraint force.
+    The arm's base is mounted on the body with an offset and a rotation. The wrench in the mount is
+    the engine's own constraint force.
     """
 
     def __init__(self, urdf: str, armature: Sequence[float], position: Array, turn: Array) -> None:
@@ -57,12 +57,12 @@ class FlyingArm:
 
     @property
     def wrench_in_mount(self) -> Array:
-        """Wrench between arm and body at the mount (6,), as the engine's sensors read it."""
+        """Wrench between arm and body at the mount (6,), from the engine's sensors."""
         return np.array(self.data.sensordata)
 
 
 def _without_shapes(urdf: str) -> str:
-    """Return the URDF without shapes, to which the engine would give mass."""
+    """Return the URDF without shapes, which the engine would give mass."""
     root = ElementTree.fromstring(urdf)
     for link in root.findall('link'):
         for shape in [*link.findall('visual'), *link.findall('collision')]:

@@ -1,4 +1,4 @@
-"""How far a prediction is believed: as far as it explains what the IMU reads."""
+"""The trust in a prediction follows the fraction of the IMU's motion that it explains."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ FORCE_NOISE, RATE_NOISE = 0.3, 0.01  # of a cheap IMU [m/s^2], [rad/s]
 
 
 def trust(predicted: float, measured: float, noise: float, frequency: float = 0.35) -> np.ndarray:
-    """Return the trust after 20 s of swings of some size [m/s^2], [rad/s^2] and a noisy IMU."""
+    """Return the trust after 20 s of swings of given sizes [m/s^2], [rad/s^2], with a noisy IMU."""
     random = np.random.default_rng(0)
     correction, last = AnswerCorrection(), np.zeros(3)
     for now in np.arange(0.0, 20.0, PERIOD):
@@ -25,7 +25,7 @@ def trust(predicted: float, measured: float, noise: float, frequency: float = 0.
 
 @pytest.mark.parametrize('noise', [0.0, 1.0])
 def test_a_small_prediction_that_explains_nothing_is_let_go(noise: float) -> None:
-    """A file with too little mass, a heavy drone, slow motion: it is the arm that errs."""
+    """Too small a mass in the drone file, a heavy drone, slow motion: the arm's model is wrong."""
     assert trust(0.24, 0.02, noise).max() < 0.35
 
 

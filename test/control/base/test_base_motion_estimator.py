@@ -1,4 +1,4 @@
-"""From IMU samples to the base's motion, and back to gravity when they fail."""
+"""The base's motion from IMU samples, and the fallback to gravity without them."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_a_hanging_mount_turns_gravity_over() -> None:
 
 
 def test_acceleration_is_moved_from_the_imu_to_the_base() -> None:
-    """A body that spins and speeds up about its z axis, the base's origin on that axis."""
+    """A body rotates and accelerates about its z axis, with the base's origin on that axis."""
     mount = Mount(np.eye(3), np.array([0.2, 0.0, 0.0]))
     estimator = BaseMotionEstimator(GRAVITY, 'full', mount, cutoff=1e4)
     for k in range(200):
@@ -87,7 +87,7 @@ def test_a_sample_is_turned_on_by_its_age_and_the_latency() -> None:
 
 
 class Swing:
-    """A drone that swings about its roll axis with its thrust along its own z axis, and sways."""
+    """A drone that rolls to and fro with its thrust along its own z axis, and sways."""
 
     rate, amplitude = np.pi, 0.5  # [rad/s], [rad]
 
@@ -144,7 +144,7 @@ def test_a_gap_makes_no_more_of_the_noise_than_the_samples_do() -> None:
 def test_before_the_first_sample_the_configured_gravity_counts() -> None:
     estimator = BaseMotionEstimator(GRAVITY)
     np.testing.assert_array_equal(estimator.motion(3.0).gravity, GRAVITY)
-    assert 'no IMU yet' in estimator.status(3.0)
+    assert 'no IMU sample yet' in estimator.status(3.0)
 
 
 def test_switched_off_it_never_listens() -> None:

@@ -1,4 +1,4 @@
-"""What an IMU at the base would read a little later."""
+"""Prediction of an IMU's readings at the base."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ START = Rotation.from_rotvec([0.3, 0.2, -0.5])
 
 
 def motion_at(time: float) -> BaseMotion:
-    """Return the motion of a base that turns at a constant rate under a constant force."""
+    """Return the motion of a base with a constant rate under a constant force."""
     to_base = (START * Rotation.from_rotvec(time * RATE)).inv()
     gravity, force = to_base.apply([GRAVITY_IN_WORLD, FORCE_IN_WORLD])
     return BaseMotion(gravity, force, RATE, np.zeros(3))

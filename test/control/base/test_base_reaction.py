@@ -1,4 +1,4 @@
-"""The wrench on the drone against the physics engine's force in the mount."""
+"""The wrench on the drone, compared with the physics engine's force in the mount."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

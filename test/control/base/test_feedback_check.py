@@ -1,4 +1,4 @@
-"""Loops that a drone closes: which delay the joints' feedback bears."""
+"""Stability of loops through the drone: the largest delay of the joints' feedback."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ CYCLE = 1e-4
 
 
 def final_error(gain: float, kp: float, kd: float, delay: float) -> float:
-    """Return the largest error of the last tenth of 1 s, begun with 1, the delay in the loop."""
+    """Return the largest error in the last tenth of 1 s, from 1 at the start, with a delay."""
     late = round(delay / CYCLE)
     error, rate, asked, errors = 1.0, 0.0, [0.0] * late, []
     for _ in range(round(1.0 / CYCLE)):

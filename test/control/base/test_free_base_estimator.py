@@ -1,4 +1,4 @@
-"""The arm under drones that it moves: in the physics engine, and every source that may fail."""
+"""The arm under drones that it moves, in the physics engine, with failures of every source."""
 
 import tracemalloc
 from dataclasses import replace
@@ -42,7 +42,7 @@ def test_fast_motion_is_as_exact_as_on_a_fixed_base(fast_on_a_fixed_base: float)
 
 
 def test_nothing_wrong_at_once_makes_it_worse_than_ignoring_the_base() -> None:
-    """A drone file 20 % wrong, a cheap IMU that is 10 ms late; and no rotor commands either."""
+    """A drone file with 20 % error, a cheap IMU with 10 ms delay, and missing rotor commands."""
     drone = drone_of(1.3)
     ignored = rms(fly(drone, 'fast', 'none', LENGTH), SETTLED)
     heavy = FlightFaults(drone.with_errors(1.2, 0.8), CHEAP, 0.010)
@@ -52,7 +52,7 @@ def test_nothing_wrong_at_once_makes_it_worse_than_ignoring_the_base() -> None:
 
 
 def test_what_is_observed_and_compensated_on_a_free_base_is_not_its_motion() -> None:
-    """A model that believes in a load of 0.3 kg: the observer finds that out, under any drone."""
+    """The model has a wrong payload of 0.3 kg, which the observer detects under any drone."""
 
     def law(dynamics: MovingBaseDynamics) -> GravityCompensation:
         dynamics.carry([0.3, 0.03, 0.0, 0.0, 1e-3, 0.0, 4e-3, 0.0, 0.0, 4e-3])
@@ -67,7 +67,7 @@ def test_what_is_observed_and_compensated_on_a_free_base_is_not_its_motion() -> 
 
 
 class Hover:
-    """A drone that hovers as its estimator is told, joints at rest."""
+    """A drone that hovers as in its estimator's model, with joints at rest."""
 
     def __init__(self, mass: float = 1.3) -> None:
         self.drone = drone_of(mass)
@@ -85,7 +85,7 @@ class Hover:
         self.torques: list[np.ndarray] = []
 
     def run(self, seconds: float, imu=None, thrust=None, names=None) -> None:
-        """Go on; `imu` and `thrust` are called with the time, and send nothing if they say None."""
+        """Continue; `imu` and `thrust` are functions of time that return None to send nothing."""
         names = names or self.drone.rotor_names
         for _ in range(round(seconds / 0.004)):
             self.now += 0.004
@@ -128,10 +128,10 @@ def test_status_names_the_sources_in_use() -> None:
     assert hover.status == 'rotor commands + IMU below 0.3 Hz'
     assert hover.estimator.problem(hover.now) == ''
     hover.run(0.5, thrust=nothing)
-    assert 'Hz alone: no good rotor command for 0.5' in hover.status
+    assert 'Hz: no good rotor command for 0.5' in hover.status
     assert hover.estimator.problem(hover.now) == hover.status
     hover.run(0.5, imu=nothing)
-    assert 'hovering at weight: no good IMU sample for 0.5' in hover.status
+    assert 'assumed to hover: no good IMU sample for 0.5' in hover.status
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_a_source_that_fails_is_named_and_fades_without_a_step(fault: dict, said
 
 
 def test_commands_that_come_back_otherwise_act_through_the_rotors_lag() -> None:
-    """After a gap too short for the law to let go of them."""
+    """The gap is too short for the control law to drop the rotors."""
     steps = []
     for gap in (0.0, 0.2):
         hover = Hover()
@@ -193,7 +193,7 @@ def test_what_the_imu_says_while_nobody_controls_takes_no_memory() -> None:
     [
         (20.0, 0.0, 'no good IMU sample'),
         (3.5, 0.0, 'no good IMU sample'),
-        (0.0, 8.0, 'off what rotor commands, mass and arm bring about'),
+        (0.0, 8.0, 'from that predicted by rotor commands, mass and arm'),
     ],
 )
 def test_an_imu_that_jumps_and_stays_there_is_named_and_moves_no_torque(
@@ -219,7 +219,7 @@ def test_commands_that_repeat_or_do_not_lift_the_drone_are_not_used() -> None:
     hover = Hover()
     hover.run(3.0)
     hover.run(2.0, thrust=lambda _: hover.thrust)
-    assert 'rotor commands frozen' in hover.status
+    assert 'rotor commands unchanged' in hover.status
     assert hover.largest_step() < 0.01 * np.abs(hover.torques[-1]).max()
     hover.run(2.0, thrust=lambda t: np.full(4, 0.5 + 1e-3 * np.sin(t)))
     assert 'not in flight' in hover.status
@@ -240,10 +240,14 @@ def test_the_imu_corrects_a_drone_file_that_says_too_much_mass() -> None:
 @pytest.mark.parametrize(
     ('names', 'thrust', 'reason'),
     [
-        (('front', 'left', 'rear', 'right'), np.ones(4), 'of another drone'),
+        (
+            ('front', 'left', 'rear', 'right'),
+            np.ones(4),
+            ('check that drone_file describes this drone'),
+        ),
         (None, np.ones(3), '3 efforts for 4 rotors'),
         (None, np.array([1.0, np.nan, 1.0, 1.0]), 'NaN or infinite'),
-        (None, np.full(4, 1500.0), 'far beyond thrust_max'),
+        (None, np.full(4, 1500.0), 'far above thrust_max'),
     ],
 )
 def test_wrong_commands_are_refused(names, thrust, reason: str) -> None:

@@ -1,4 +1,4 @@
-"""What an IMU may say from one sample to the next."""
+"""Plausible changes between consecutive IMU samples."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +17,7 @@ PERIOD = 0.004  # [s]
 
 
 class TurningImu:
-    """An IMU that turns to and fro by up to 1.2 rad/s, with a cheap sensor's noise."""
+    """An IMU that rotates to and fro at up to 1.2 rad/s, with a cheap sensor's noise."""
 
     def __init__(self) -> None:
         self.watch, self.random, self.now = ImuWatch(), np.random.default_rng(0), 0.0
@@ -37,7 +37,7 @@ class TurningImu:
         )
 
     def run(self, seconds: float, make: Callable[[], ImuSample] | None = None) -> list[str]:
-        """Return why samples were refused, '' for one that was taken."""
+        """Return the reasons of rejections, '' for an accepted sample."""
         reasons = []
         for _ in range(round(seconds / PERIOD)):
             try:
@@ -65,7 +65,7 @@ def test_a_flight_with_a_cheap_sensor_is_taken() -> None:
         ({'rate': 20.0}, 'angular velocity jumps'),
         ({'rate': 2.5}, 'angular velocity jumps'),
         ({'force': np.array([0.0, 30.0, 0.0])}, 'acceleration jumps'),
-        ({'force': 7.0 * UP}, 'rotors cannot bring about'),
+        ({'force': 7.0 * UP}, 'more than the rotors can cause'),
     ],
 )
 def test_a_jump_that_stays_is_refused_until_it_is_forgotten(change: dict, said: str) -> None:
@@ -123,7 +123,7 @@ def test_a_clock_set_back_is_no_fault() -> None:
 def test_the_same_numbers_for_a_tenth_of_a_second_are_frozen(
     frozen: tuple[str, ...], said: str
 ) -> None:
-    """One of the two sensors is enough."""
+    """One frozen sensor of the two is enough."""
     flight = TurningImu()
     flight.run(0.1)
     last = flight.sample()

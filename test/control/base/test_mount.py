@@ -32,7 +32,7 @@ def test_the_link_may_be_named_without_the_prefix(robot) -> None:
         np.testing.assert_allclose(mount.imu_position_in_base, [0.02, 0.0, -0.1])
 
 
-@pytest.mark.parametrize(('link', 'message'), [('imu', 'no link'), ('link2', 'moves')])
+@pytest.mark.parametrize(('link', 'message'), [('imu', 'is not in the URDF'), ('link2', 'moves')])
 def test_a_link_that_cannot_hold_the_imu_is_refused(robot, link, message) -> None:
     with pytest.raises(ValueError, match=message):
         Mount.from_robot(robot, link)

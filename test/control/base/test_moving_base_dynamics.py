@@ -1,4 +1,4 @@
-"""The moving-base model against the fixed-base model, and against the physics engine."""
+"""The moving-base model, compared with the fixed-base model and the physics engine."""
 
 import numpy as np
 import pinocchio as pin
@@ -72,7 +72,7 @@ def samples(seed: int) -> list:
 
 
 def test_torques_match_the_physics_engine_on_a_base_that_answers(carried, make_flying_arm) -> None:
-    """The engine says which wrench moves the base so; the model is told the wrench alone."""
+    """The engine computes the wrench that moves the base; the model receives only the wrench."""
     flying = make_flying_arm()
     for attitude, twist, acceleration, joints in samples(4):
         engine = flying.inverse(attitude.as_quat()[[3, 0, 1, 2]], twist, acceleration, joints)
@@ -99,7 +99,7 @@ def test_a_base_whose_answer_is_not_believed_is_moved(carried) -> None:
 
 
 def test_however_much_an_answer_is_believed_joints_have_inertia(carried) -> None:
-    """Up to 1.3 is believed, where the drone is taken for too heavy."""
+    """The weight of the response is up to 1.3, for a drone modelled as too heavy."""
     random = np.random.default_rng(8)
     still = BaseMotion.still(GRAVITY)
     for share in [np.full(6, 1.3), *random.uniform(0.0, 1.3, (20, 6))]:

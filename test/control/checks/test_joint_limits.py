@@ -17,7 +17,7 @@ def test_order_finds_joints_by_name(limits) -> None:
     'names', [['joint1'], ['joint1'] * 4, ['joint1', 'joint2', 'joint3', 'joint5']]
 )
 def test_other_names_are_rejected(limits, names) -> None:
-    with pytest.raises(RejectedInputError, match='give each of'):
+    with pytest.raises(RejectedInputError, match='name each of'):
         limits.order(names)
 
 

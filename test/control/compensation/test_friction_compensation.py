@@ -51,7 +51,7 @@ def test_with_a_fraction_below_one_friction_still_wins_at_every_velocity() -> No
         ({'width': 0.0}, 'width'),
         ({'coulomb': [-0.1, 0.1]}, 'Coulomb'),
         ({'coulomb': [0.1, 0.1, 0.1]}, '3 values'),
-        ({'load_share': -0.1}, 'load share'),
+        ({'load_share': -0.1}, 'load-dependent friction'),
     ],
 )
 def test_wrong_coefficients_are_refused(changes, message) -> None:

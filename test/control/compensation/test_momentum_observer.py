@@ -1,4 +1,4 @@
-"""The observer finds forces it is not told of, at the rate it promises."""
+"""The observer estimates unknown forces with its nominal time constant."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_is_stable_for_any_gain(dynamics, frictionless_bench) -> None:
 
 
 def test_knows_that_the_base_moves(dynamics) -> None:
-    """An arm held by exactly the torque the moving base asks for shows no disturbance."""
+    """An arm held by exactly the torque for the moving base shows no disturbance."""
     base = BaseMotion(
         np.array([0.0, 0.0, -9.81]), np.array([3.0, -2.0, 12.0]), np.array([1.0, 2.0, -0.5]),
         np.array([4.0, -3.0, 2.0]),

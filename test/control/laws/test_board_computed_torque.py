@@ -1,4 +1,4 @@
-"""Feed-forward from the host, feedback on the boards."""
+"""Feedforward from the host, feedback on the boards."""
 
 import numpy as np
 from answering_base import answering_base, joint_acceleration

@@ -1,4 +1,4 @@
-"""The tool answers a force as the spring and damper it should be."""
+"""The tool responds to a force like the specified spring and damper."""
 
 import numpy as np
 import pytest
@@ -116,7 +116,7 @@ def test_negative_stiffness_is_refused(dynamics, kinematics) -> None:
 
 
 def test_on_a_free_base_the_tool_is_the_same_spring(carried, kinematics) -> None:
-    """What the base's answer does to the tool, seen from the base, is in the law."""
+    """The law includes the effect of the base's response on the tool."""
     law = CartesianImpedance(
         carried, kinematics, STIFFNESS, DAMPING, START, rest_stiffness=0.0, regularisation=1e-4
     )

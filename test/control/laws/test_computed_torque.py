@@ -1,4 +1,4 @@
-"""Thesis (2.21): the error obeys (2.22), in every joint, whatever the arm does meanwhile."""
+"""Thesis (2.21): the error obeys (2.22), in every joint, for any motion of the arm."""
 
 import numpy as np
 import pytest
@@ -79,7 +79,7 @@ def test_gains_must_be_one_a_joint(dynamics) -> None:
 
 
 def test_what_is_known_to_be_late_costs_no_error(dynamics, frictionless_bench) -> None:
-    """A torque acts a cycle later and is held for one; velocities come through a low-pass."""
+    """A torque acts one cycle later for one cycle; velocities pass a low-pass."""
     delay, lag = 1.5 * CYCLE, 1.59e-3
     errors = []
     for timing in ((0.0, 0.0), (delay, lag)):
@@ -93,7 +93,7 @@ def test_what_is_known_to_be_late_costs_no_error(dynamics, frictionless_bench) -
 
 
 class Late:
-    """A law whose commands act a cycle later, and that sees filtered velocities."""
+    """A law whose commands act one cycle later, with filtered velocities."""
 
     def __init__(self, law: ComputedTorque, lag: float) -> None:
         self._law = law

@@ -149,7 +149,7 @@ def test_the_singular_wrist_is_controlled_with_bounded_velocities(make_resolutio
 
 
 def test_what_the_tool_leaves_free_goes_down_an_objective(make_resolution, robot) -> None:
-    """The loss of holding the weight falls to where the posture at this place has least of it."""
+    """The loss of holding the weight falls to the least one at this place."""
     loss = HoldingLoss(EnergyModel(load_arm_config(), robot))
     resolution = make_resolution(rest_gain=0.0, slope=loss.gradient, slope_gain=1.0)
     place = resolution.kinematics.position(START)

@@ -1,4 +1,4 @@
-"""What a trajectory may not be, and the motion made of one."""
+"""Rejected trajectories, and the motion of an accepted one."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_a_first_point_in_the_future_is_reached_from_the_present(limits) -> None
     ('names', 'times', 'positions', 'message'),
     [
         (('joint1', 'joint2', 'joint3', 'elbow'), [0.0], [START], 'elbow'),
-        (NAMES[:3], [0.0], [START[:3]], 'not those of the arm'),
+        (NAMES[:3], [0.0], [START[:3]], 'do not match the arm'),
         (NAMES, [0.0, 1.0, 1.0], [START, MIDDLE, END], 'point 2 at 1 s does not follow'),
         (NAMES, [0.0, -1.0], [START, END], 'must increase'),
         (NAMES, [-1.0], [START], 'not negative'),

@@ -77,8 +77,8 @@ def test_two_single_targets_in_a_row_are_no_path_beyond_the_second(follower) -> 
     ('target', 'message'),
     [
         ([0, np.nan, 0], 'finite'),
-        ([650.0, 0, 0], 'farther than the arm reaches'),
-        ([0, 1.2001, 0], '0.0001 m farther'),
+        ([650.0, 0, 0], 'beyond the reach of the arm'),
+        ([0, 1.2001, 0], '0.0001 m beyond'),
         ([1], 'three'),
     ],
 )

@@ -1,4 +1,4 @@
-"""References never step, whatever comes; wrong ones change nothing."""
+"""References never step, for any input; rejected inputs change nothing."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_goes_to_a_set_point_within_the_limits(follower, limits) -> None:
     np.testing.assert_allclose(rows[-1, 0], AWAY, atol=1e-12)
     assert np.all(np.abs(rows[:, 1]).max(axis=0) <= 0.51 * limits.velocity_max)
     assert follower.status == 'holding'
-    assert follower.outcome.startswith('reached')
+    assert follower.outcome.startswith('goal reached')
 
 
 def test_executes_a_trajectory_in_time_and_holds(follower, limits) -> None:
@@ -136,14 +136,14 @@ def test_an_arm_that_lags_stops_the_motion_where_it_is(follower, limits) -> None
 def test_a_missed_goal_is_said(follower, limits) -> None:
     follower.go_to(AWAY, 0.0)
     play(follower, 4.0, lag=0.02)
-    assert follower.outcome.startswith('missed: joint1 0.02')
+    assert follower.outcome.startswith('goal missed: joint1 0.02')
 
 
 def test_rejected_input_changes_nothing(follower, limits) -> None:
     follower.go_to(AWAY, 0.0)
     before = play(follower, 0.3)[-1]
     far = JointTrajectory(limits, NAMES, [0.0, 1.0], [HOME + 0.9, AWAY])
-    with pytest.raises(RejectedInputError, match='start where the arm is'):
+    with pytest.raises(RejectedInputError, match='start at the present position'):
         follower.follow(far, 0.3)
     with pytest.raises(RejectedInputError, match='joint2 at 9 rad'):
         follower.go_to(np.array([0.0, 9.0, 0.0, 0.0]), 0.3)
@@ -177,7 +177,7 @@ def test_a_goal_is_checked_as_it_would_begin_and_changes_nothing(follower) -> No
     before = follower.motion, follower.status
     follower.check_goal(JointTrajectory(follower.limits, NAMES, [2.0], [AWAY]), 1.0)
     with pytest.raises(
-        RejectedInputError, match=r'joint1 needs 14\.9 rad/s, 9\.92 more than its limit of 5:'
+        RejectedInputError, match=r'joint1 needs 14\.9 rad/s, 9\.92 more than its limit of 5;'
     ):
         follower.check_goal(JointTrajectory(follower.limits, NAMES, [0.1], [AWAY]), 1.0)
     moving = [[0.0, 0.0, 0.0, 0.5]]
@@ -192,4 +192,4 @@ def test_infinite_tolerances_check_nothing(limits) -> None:
     follower.take_over(HOME)
     follower.go_to(AWAY, 0.0)
     play(follower, 3.0, lag=2.0)
-    assert follower.outcome.startswith('reached')
+    assert follower.outcome.startswith('goal reached')

@@ -1,4 +1,4 @@
-"""Distances against geometry done by hand, and the certificate against a dense sweep."""
+"""Distances compared with geometry by hand, and the certificate with a dense sweep."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -118,7 +118,7 @@ def test_an_obstacle_that_only_link_1_can_hit(robot: Robot, link: str) -> None:
 
 def test_a_urdf_without_shapes_is_refused(robot: Robot) -> None:
     bare = robot.urdf_text.replace('collision', 'ignored')
-    with pytest.raises(ExcitationError, match='no <collision> shape'):
+    with pytest.raises(ExcitationError, match='has a <collision> shape, so clearances are unknown'):
         ClearanceChecker(load_robot(bare))
 
 

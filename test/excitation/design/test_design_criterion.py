@@ -1,4 +1,4 @@
-"""Each criterion's value against its definition, and its derivative against differences."""
+"""Each criterion's value compared with its definition, and its derivative with differences."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The best comes first, infeasible ones never."""
+"""The best iterate comes first, infeasible ones never."""
 
 import numpy as np
 

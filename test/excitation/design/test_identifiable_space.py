@@ -1,4 +1,4 @@
-"""Ranks known from the thesis, and bases that span what they should."""
+"""Ranks known from the thesis, and bases that span the right space."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -107,9 +107,15 @@ def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDe
 
 def test_deviations_are_told_as_a_ratio() -> None:
     better, worse = Quality(0.0, 20.0, 5.0, -3.7), Quality(0.0, 50.0, 9.0, -3.0)
-    assert better.compared_with(worse, 'random') == 'deviations 2.01 times smaller than random'
-    assert worse.compared_with(better, 'random') == 'deviations 2.01 times larger than random'
-    assert worse.compared_with(worse, 'random') == 'deviations as large as random'
+    assert (
+        better.compared_with(worse, 'random')
+        == 'standard deviations 2.01 times smaller than those of random'
+    )
+    assert (
+        worse.compared_with(better, 'random')
+        == 'standard deviations 2.01 times larger than those of random'
+    )
+    assert worse.compared_with(worse, 'random') == 'standard deviations equal to those of random'
 
 
 def test_a_stop_before_anything_is_feasible_says_so(designer: TrajectoryDesigner) -> None:
@@ -135,8 +141,8 @@ def test_other_arms(
 @pytest.mark.parametrize(
     ('change', 'message'),
     [
-        ({'fundamental': 0.5}, 'exceeds 2 Hz, highest_frequency of the excitation configuration'),
-        ({'harmonics': 6000}, 'exceeds 500 Hz, half the control rate'),
+        ({'fundamental': 0.5}, r'exceeds 2 Hz \(highest_frequency of the excitation configuration'),
+        ({'harmonics': 6000}, r'exceeds 500 Hz \(half the control rate'),
     ],
 )
 def test_harmonics_too_high_name_the_limit_that_binds(
@@ -152,7 +158,7 @@ def test_infeasible_limits_name_the_one_that_binds(setup: ExcitationSetup) -> No
         setup.robot, setup.config, crawling, setup.rotor_inertia, setup.torque_per_ampere
     )
     with pytest.raises(
-        InfeasibleError, match=r'amplitude 0.35 rad is .* velocity of joint\d binds'
+        InfeasibleError, match=r'amplitude 0.35 rad is .* velocity of joint\d is outside its limit'
     ):
         TrajectoryDesigner(DesignSpecification(slow)).initial(0)
 
@@ -176,7 +182,7 @@ def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) 
 def test_what_is_gained_in_one_must_not_cost_the_other(
     designer: TrajectoryDesigner, designed: DesignResult
 ) -> None:
-    """The objective alone would take a lower condition number for larger deviations."""
+    """The objective alone would trade a lower condition number for larger deviations."""
     specification, start = designer.specification, Quality(1.0, 50.0, 20.0, -1.0)
     assert specification.betters(Quality(0.5, 30.0, 10.0, -1.1), start)
     assert specification.betters(Quality(0.5, 30.0, 10.0, -1.0), start)
@@ -195,7 +201,7 @@ def test_what_is_gained_in_one_must_not_cost_the_other(
 def test_an_optimum_that_no_amplitude_repairs_still_helps(
     designer: TrajectoryDesigner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its bias is outside of the limits, so that smaller amplitudes about it do not help."""
+    """The optimum's bias is outside of the limits, so smaller amplitudes do not help."""
     start = designer.initial(0)
     begin = designer._basis.coefficients(start.trajectory)
     optimum = begin.copy()

@@ -64,9 +64,9 @@ def test_margins_can_be_written(
     [
         ('fourier_trajectory/1', 'fourier_trajectory/9', 'format is'),
         ('fundamental_frequency: 0.1', 'fundamental_frequency: -0.1', 'must be positive'),
-        ('fundamental_frequency: 0.1\n', '', 'fundamental_frequency is missing'),
+        ('fundamental_frequency: 0.1\n', '', 'lacks the key fundamental_frequency'),
         ('bias:', 'bais:', 'bais'),
-        ('cosine: [', 'cosine: [0.1, ', 'one value a harmonic'),
+        ('cosine: [', 'cosine: [0.1, ', 'one value per harmonic'),
         ('sine: [', 'sine: [.nan, ', 'finite|harmonic'),
         ('joints:', 'joints: [', 'not valid YAML'),
     ],

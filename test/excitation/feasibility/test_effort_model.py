@@ -1,4 +1,4 @@
-"""Torque of a motion against statics and energy."""
+"""Torque of a motion compared with statics and energy."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Which limit binds, and how it is told."""
+"""The report of the binding limit."""
 
 import pytest
 

@@ -1,6 +1,6 @@
-"""Nothing that collides or overloads is ever let through: checked by another engine.
+"""Another engine confirms that no accepted motion collides or exceeds a limit.
 
-`benchmarks/excitation.py` does the same with a thousand trajectories.
+`benchmarks/excitation.py` repeats this with a thousand trajectories.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ STEP = 0.01
 def both_engines(
     robot: Robot, arm: ArmConfig, config: ExcitationConfig
 ) -> tuple[ExcitationSetup, MujocoArm]:
-    """Return our checks of an arm and the other engine's view of it."""
+    """Return our checks of an arm, and another engine's."""
     other = MujocoArm(robot, arm.column('reflected_inertia'), config.ground_height)
     return ExcitationSetup.of_arm(robot, arm, config), other
 

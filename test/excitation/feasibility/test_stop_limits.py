@@ -1,4 +1,4 @@
-"""Stops of a player keep the whole limits wherever they begin, and always end."""
+"""Stops of a player respect the limits from any start, and always end."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from aerarm_ros.motion.path_stop import stop_along
 def largest_shares(
     setup: ExcitationSetup, stops: StopLimits, motion: RampedExcitation
 ) -> tuple[float, float, float]:
-    """Return what stops take of acceleration, torque and current limits, at the most."""
+    """Return the largest fractions of the acceleration, torque and current limits in stops."""
     limits, shares = stops.limits, np.zeros(3)
     for begin in np.arange(0.1, motion.duration, 0.4):
         clock = stop_along(motion.evaluate, begin, stops.rows).clock()

@@ -1,4 +1,4 @@
-"""What the motor bench commands, and which parts of it are measured."""
+"""Commands of the motor bench, and their measured parts."""
 
 import numpy as np
 import pytest
@@ -83,8 +83,8 @@ def test_the_postures_that_tell_backlash_can_be_played(
         ({'speeds': (0.5,)}, 'two or more different'),
         ({'speeds': (0.5, -1.0)}, 'positive'),
         ({'span': 0.0}, 'span'),
-        ({'span': 6.0}, 'joint1 has 5.93 rad about 0 rad'),
-        ({'speeds': (0.5, 6.0)}, 'joint1 may turn at 5 rad/s'),
+        ({'span': 6.0}, 'joint1 can move 5.93 rad about 0 rad'),
+        ({'speeds': (0.5, 6.0)}, 'velocity limit of joint1 is 5 rad/s'),
         ({'speeds': (0.5, 4.0), 'span': 0.5}, 'choose a larger span'),
         ({'swings': 1, 'amplitude': 0.9}, 'within half of the span'),
     ],
@@ -96,7 +96,7 @@ def test_plans_that_make_no_sense_are_refused(plan: dict, message: str) -> None:
 
 def test_a_broken_limit_is_named() -> None:
     slow = LIMITS.scaled(1.0, 0.1, 1.0)
-    with pytest.raises(InfeasibleError, match='the motion of the bench'):
+    with pytest.raises(InfeasibleError, match='the motion of the motor bench'):
         motion().require_feasible(FeasibilityChecker(slow))
 
 

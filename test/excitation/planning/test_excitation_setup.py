@@ -1,4 +1,4 @@
-"""One arm's checks, here and in another process."""
+"""One arm's checks, in this and in another process."""
 
 import pickle
 from dataclasses import replace

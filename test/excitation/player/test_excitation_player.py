@@ -1,4 +1,4 @@
-"""Playing against an ideal, a drifting, a blocked and a silent arm."""
+"""Playing to an ideal, a drifting, a blocked and a silent arm."""
 
 import numpy as np
 import pytest
@@ -120,7 +120,7 @@ def test_jumping_stamps_are_refused(motion: MotionSequence, jump: int) -> None:
 def test_an_arm_that_moved_since_the_plan_is_left_alone(motion: MotionSequence) -> None:
     start = motion.evaluate(0.0).q
     player = ExcitationPlayer(motion, VelocityLaw(1.0), STOPS)
-    with pytest.raises(ExcitationError, match='joint3 moved by 0.060 rad since'):
+    with pytest.raises(ExcitationError, match='joint3 moved by 0.060 rad after'):
         player.update(0, start + [0.0, 0.0, 0.06, 0.0])
     assert player.update(MILLISECOND, start + [0.0, 0.0, 0.04, 0.0]).dq is not None
 

@@ -1,4 +1,4 @@
-"""What the command mode with feed-forward makes of a reference."""
+"""Commands from a reference in the mode with feedforward."""
 
 import numpy as np
 

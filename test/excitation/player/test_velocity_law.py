@@ -1,4 +1,4 @@
-"""What the command mode of velocities makes of a reference."""
+"""Commands from a reference in the velocity mode."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""One page with everything in it, that needs no network."""
+"""One complete page that needs no network."""
 
 import re
 from pathlib import Path

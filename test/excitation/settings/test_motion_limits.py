@@ -1,4 +1,4 @@
-"""Limits from the configuration and the URDF, and the share of them that is used."""
+"""Limits from the configuration and the URDF, and their used fraction."""
 
 import numpy as np
 import pytest

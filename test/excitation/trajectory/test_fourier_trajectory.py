@@ -53,7 +53,7 @@ def test_scalar_time_gives_one_row(trajectory: FourierTrajectory) -> None:
         (0.0, [0.0], [[0.1]], [[0.1]], 'fundamental'),
         (float('nan'), [0.0], [[0.1]], [[0.1]], 'fundamental'),
         (0.1, [0.0, 0.0], [[0.1]], [[0.1]], '2 joints'),
-        (0.1, [0.0], [[0.1]], [[0.1, 0.2]], 'one shape'),
+        (0.1, [0.0], [[0.1]], [[0.1, 0.2]], 'the same shape'),
         (0.1, [0.0], [[]], [[]], 'at least one harmonic'),
         (0.1, [0.0], [[np.nan]], [[0.1]], 'finite'),
     ],

@@ -1,4 +1,4 @@
-"""A stroke has a part at exactly its speed, and its derivatives fit together."""
+"""A stroke has a part at exactly its speed, and its derivatives agree."""
 
 import numpy as np
 import pytest

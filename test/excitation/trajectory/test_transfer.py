@@ -1,4 +1,4 @@
-"""Ends and peaks of ways from rest to rest."""
+"""Ends and peaks of motions from rest to rest."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""One board as the bridge drives it, on a wire to an emulated board whose motors turn nothing."""
+"""One board under the bridge's commands, on an emulated board with fixed motor shafts."""
 
 import math
 
@@ -18,7 +18,7 @@ SETTINGS = BridgeSettings()
 
 
 class LoneBoards:
-    """A `Transport` to boards whose shafts stand still; what was sent is kept."""
+    """A `Transport` to boards with fixed shafts that stores sent frames."""
 
     def __init__(self, config, profile=PROFILE):
         motors = [[None, None], [None, None]]
@@ -46,11 +46,11 @@ class LoneBoards:
         return self.trouble
 
     def commands(self, board):
-        """Return what the frames to a board say."""
+        """Return the content of the frames to a board."""
         return [FrameCodec(self.profile).decode_command(frame) for frame in self.frames[board]]
 
     def wait(self, seconds=1e-3):
-        """Let time pass, for boards and host."""
+        """Advance the time of boards and host."""
         for _ in range(round(seconds / SUBSTEP)):
             self.now += SUBSTEP
             for board in self.boards:
@@ -82,7 +82,7 @@ def talk(links, wire, references, cycles=1, enable=False, running=False):
 
 
 def drive(links, wire, references):
-    """Have the boards drive motors that are aligned already."""
+    """Let the boards drive motors that are already aligned."""
     talk(links, wire, references, 10)
     for board in wire.boards:
         for motor in board.motors:
@@ -116,7 +116,7 @@ def test_a_reference_that_no_frame_holds_gives_the_board_no_current(links, wire,
     references.motors[2].position = 1e9
     references.motors[3].current = 2.0
     talk(links, wire, references, 1, enable=True)
-    assert 'beyond the' in links[1].monitor.fault
+    assert 'outside the range' in links[1].monitor.fault
     assert links[0].monitor.fault == ''
     assert wire.boards[1].system_enabled
     assert [motor.current for motor in wire.boards[1].motors] == [0.0, 0.0]

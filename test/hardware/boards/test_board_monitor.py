@@ -88,8 +88,8 @@ def test_too_many_bad_frames_are_a_fault_that_stays():
     assert wire.bad(9) is BoardMode.READY
     assert wire.bad() is BoardMode.FAULT
     assert wire.monitor.fault == (
-        'board0: 10 frames in a row were bad, no frame with a correct check: check supply, wires '
-        'and SPI mode'
+        'board0: 10 consecutive frames were bad, no frame with a correct check: check supply, '
+        'wires and SPI mode'
     )
     assert wire.good(enable=True) is BoardMode.FAULT
     assert wire.monitor.clear(wire.state) == ''
@@ -100,7 +100,7 @@ def test_what_the_bus_reports_is_in_the_text():
     wire = Wire().ready()
     problem = '/dev/spidev0.0 reports: Input/output error'
     wire.bad(10, problem=problem)
-    assert wire.monitor.fault == f'board0: 10 frames in a row were bad, {problem}'
+    assert wire.monitor.fault == f'board0: 10 consecutive frames were bad, {problem}'
     assert wire.monitor.problem == problem
 
 
@@ -185,7 +185,8 @@ def test_a_board_that_restarts_is_a_fault():
     off = {'system_enabled': False, 'motor_enabled': [False] * 2, 'motor_ready': [False] * 2}
     assert wire.good(enable=True, **off) is BoardMode.FAULT
     assert wire.monitor.fault == (
-        'board0: its motors are no longer driven: check its supply, it may have restarted'
+        'board0: the board no longer drives its motors: check its supply, because it may '
+        'have restarted'
     )
 
 
@@ -195,8 +196,8 @@ def test_alignment_may_not_take_for_ever():
     assert wire.good(6000, enable=True) is BoardMode.ALIGNING
     assert wire.good(10, enable=True) is BoardMode.FAULT
     assert wire.monitor.fault == (
-        'board0: its motors are not aligned after 6 s: support the arm, check the motor cables, '
-        'and enable again'
+        'board0: the motors of the board are not aligned after 6 s: support the arm, check the '
+        'motor cables, and enable again'
     )
     # Cleared, it has as long again.
     assert wire.monitor.clear(wire.state) == ''
@@ -208,7 +209,7 @@ def test_frozen_data_is_a_fault():
     assert wire.good(15, enable=True, frozen=True) is BoardMode.READY
     assert wire.good(10, enable=True, frozen=True) is BoardMode.FAULT
     assert wire.monitor.fault == (
-        'board0: its frames are correct but their data is frozen: power-cycle it'
+        'board0: frames are correct but their data is frozen: power-cycle the board'
     )
 
 
@@ -253,9 +254,8 @@ def test_of_slow_exchanges_it_is_said_how_slow_and_what_to_check():
     assert monitor.slow_exchanges == 0
     monitor.slow(0.08)
     assert monitor.fault == (
-        'board0: exchanges take 80.00 ms, more than the allowed 50.00: check clock_hz, and '
-        'polling_limit_us '
-        'of the SPI driver'
+        'board0: exchanges take 80.00 ms, above the limit of 50.00 ms: check clock_hz, and '
+        'polling_limit_us of the SPI driver'
     )
 
 

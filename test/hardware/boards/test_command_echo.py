@@ -8,7 +8,7 @@ SETTINGS = BridgeSettings(lost_commands_max=4, lost_commands_warning=0.05)
 
 
 class Wires:
-    """A board behind two wires, and a host that sends it a command in each exchange."""
+    """A board behind two wires, and a host that sends a command in each exchange."""
 
     def __init__(self, echoes=True, start=0):
         self.echo = CommandEcho('board0', SETTINGS, echoes)
@@ -16,7 +16,7 @@ class Wires:
         self.echo.answered(start, start)
 
     def exchange(self, out=True, back=True):
-        """Exchange frames over wires that are whole or not."""
+        """Exchange frames over intact or broken wires."""
         answered = self.used  # the board answers before it reads
         if back:
             self.echo.answered(answered, self.sent)
@@ -56,8 +56,8 @@ def test_lost_commands_in_a_row_are_a_cut_wire():
     assert wires.echo.is_cut
     assert wires.echo.warning == f'board0: {wires.echo.fault}'
     assert wires.echo.fault == (
-        '4 commands in a row did not reach it over MOSI while its answers reach the host: check '
-        'the MOSI wire, its connector, the ground wire and clock_hz'
+        '4 consecutive commands did not reach the board over MOSI, although its answers reach '
+        'the host: check the MOSI wire, its connector, the ground wire and clock_hz'
     )
     wires.exchange()
     wires.exchange()
@@ -103,7 +103,7 @@ def test_the_rate_is_the_share_of_lost_commands(rate):
     assert wires.echo.lost == pytest.approx(5000 * rate, rel=0.2)
     for _ in range(5):
         wires.exchange()
-    is_told = '% of the commands do not reach it over MOSI' in wires.echo.warning
+    is_told = '% of the commands do not reach the board over MOSI' in wires.echo.warning
     assert is_told == (rate > SETTINGS.lost_commands_warning)
 
 

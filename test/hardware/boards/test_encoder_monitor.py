@@ -15,7 +15,7 @@ def monitor(config):
 
 
 def ramp(monitor, slope, current, start=0.0, cycles=200):
-    """Turn all motors at a speed [rad/s] while currents change; return the first complaint."""
+    """Turn all motors at a speed [rad/s] with changing currents; return the first complaint."""
     for cycle in range(1, cycles + 1):
         time = start + cycle * 1e-3
         position = np.full(4, slope * cycle * 1e-3)
@@ -90,7 +90,7 @@ def flying(config):
 
 
 def stand(monitor, feedback, commanded, cycles=2000):
-    """Keep all motors still while currents [A] change; return the first complaint."""
+    """Keep all motors still with changing currents [A]; return the first complaint."""
     for cycle in range(1, cycles + 1):
         time = cycle * 1e-3
         effort = np.asarray(commanded(time))
@@ -132,7 +132,7 @@ def test_at_first_every_encoder_is_believed(monitor):
 
 
 def look(monitor, position, now, interval=None):
-    """Look at motor 2 alone at an angle [rad]; return the complaint and up to what it may damp."""
+    """Check motor 2 alone at an angle [rad]; return the complaint and its damping limit."""
     angles = NONE.copy()
     angles[1] = position
     longest = None if interval is None else np.full(4, interval)
@@ -335,9 +335,9 @@ CURRENT, INERTIA = 3.0, 0.05  # [A], [kg m^2]
 
 
 def driven(monitor, config, stuck_after=0.05, pause=0.0, noise=0.0, load=lambda time: 0.0):
-    """Drive joint 4 from rest by a current, until it is doubted; return what is said, and when.
+    """Drive joint 4 from rest by a current; return the complaint and its time.
 
-    Its encoder sticks after a time [s], with a pause [s] there; the others stand.
+    The encoder sticks after a time [s], with a pause [s] there; the other joints rest.
     """
     joint = config.joints[3]
     rate = CURRENT * joint.torque_per_ampere / INERTIA / joint.gear.ratio  # [rad/s^2] motor side

@@ -16,7 +16,7 @@ def test_incremental_zeros_are_unknown_until_they_are_found(zeros):
     assert zeros.problem == (
         'the zero of joint1, joint2, joint3, joint4 is unknown (not homed since the bridge '
         'started): bring the arm to its home configuration, joint1 0, joint2 1.571, joint3 0, '
-        "joint4 0 rad, and home it ('arm home')"
+        "joint4 0 rad, then run 'arm home'"
     )
     q = np.array([1.0, 2.0, 3.0, 4.0])
     assert np.isnan(zeros.known_only(q)).all()
@@ -53,8 +53,8 @@ def test_zeros_that_are_lost_are_named_with_their_reasons(zeros):
     zeros.lose([1], 'another')
     assert zeros.are_lost
     assert zeros.problem == (
-        'the zero of joint2, joint4 is unknown (a jump): bring the arm to its home configuration, '
-        "joint1 0, joint2 1.571, joint3 0, joint4 0 rad, and home it ('arm home')"
+        'the zero of joint2, joint4 is unknown (a jump): bring the arm to its home '
+        "configuration, joint1 0, joint2 1.571, joint3 0, joint4 0 rad, then run 'arm home'"
     )
     zeros.lose([0], 'another')
     assert 'joint1, joint2, joint4 is unknown (a jump, another)' in zeros.problem
@@ -79,4 +79,6 @@ def test_the_rest_posture_is_asked_for_once_the_zeros_are_known(zeros, config):
     assert zeros.rest[1] == pytest.approx(
         config.joints[1].sign * config.rest_position[1] / config.joints[1].gear.ratio
     )
-    assert 'homing assumes the home configuration, joint1 0, joint2 1.571' in zeros.vouched()
+    assert (
+        'homing assumes that the arm is at its home configuration, joint1 0, joint2 1.571'
+    ) in zeros.vouched()

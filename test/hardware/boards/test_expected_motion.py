@@ -1,4 +1,4 @@
-"""Whether a motor must have turned, asked of a simulated joint, sound or with a stuck encoder."""
+"""Whether a motor must have turned, for a simulated joint with a sound or stuck encoder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Joint:
         self.q = self.dq = self.time = self.reading = 0.0
 
     def turn(self, torque: float) -> float:
-        """Turn for a cycle; return the change that the encoder tells [rad]."""
+        """Turn for a cycle; return the encoder's change [rad]."""
         for _ in range(round(CYCLE / STEP)):
             self.time += STEP
             push = -1e5 * (self.q - self.stop) - 100.0 * self.dq if self.q > self.stop else 0.0
@@ -51,7 +51,7 @@ class Joint:
         return self.told()
 
     def told(self) -> float:
-        """Return the change that the encoder tells of where the rotor is [rad]."""
+        """Return the encoder's change for the rotor's present angle [rad]."""
         last = self.reading
         if self.time < self.stuck_at:
             self.reading = floor(self.q / RATIO / COUNT) * COUNT
@@ -60,7 +60,7 @@ class Joint:
 
 @dataclass
 class WornJoint(Joint):
-    """One whose rotor turns alone within the play of its gear, and meets hard flanks."""
+    """A joint whose rotor turns alone within the gear's backlash, and hits stiff flanks."""
 
     rotor: float = 0.0095  # [kg m^2]
     play: float = 0.01  # [rad]
@@ -89,7 +89,7 @@ class WornJoint(Joint):
 
 
 def watch(joint: Joint, torque: Callable[[float, Joint], float], seconds: float = 1.0) -> float:
-    """Return when the joint was found to have turned without telling so [s], inf if never."""
+    """Return the time at which an undetected turn is found [s], inf if never."""
     joint.begin()
     motion = ExpectedMotion((1.5 * 4.7 + 0.4) / PER_AMPERE, LARGEST / PER_AMPERE, PER_AMPERE, RATIO)
     for _ in range(round(seconds / CYCLE)):
@@ -197,7 +197,7 @@ def test_a_motor_at_its_limit_that_moves_nothing_for_long_is_found() -> None:
 
 
 def moving(speed: float, cycles: int = 40) -> ExpectedMotion:
-    """Return what has seen a motor turn at a speed of its joint [rad/s], without a load."""
+    """Return a watch that has seen a motor turn at a joint speed [rad/s], without load."""
     motion = ExpectedMotion(12.0, 16.0, PER_AMPERE, RATIO)
     for _ in range(cycles):
         assert not motion.update(speed / RATIO * CYCLE, CYCLE, 0.0, 0.3, 0.7)

@@ -1,4 +1,4 @@
-"""The encoders' zeros are found by their index pulses, wherever the count began."""
+"""Index pulses give the encoders' zeros for any initial count."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def switched_on_at(config, q):
 
 
 def until_homed(rig):
-    """Run until homing ends; return the largest joint speed seen [rad/s]."""
+    """Run until homing ends; return the largest joint speed [rad/s]."""
     fastest = 0.0
     for _ in range(5000):
         rig.cycle()
@@ -108,7 +108,7 @@ def test_without_an_index_pulse_it_ends_in_a_fault(make_rig, config):
 
 def test_it_starts_from_no_arm_that_is_stopped_aligning_or_unheard(make_rig):
     rig = make_rig()
-    assert 'board0 does not answer' in rig.bridge.home().message
+    assert 'no answer from board0' in rig.bridge.home().message
     rig.enable()
     rig.run(0.05)
     answer = rig.bridge.home()
@@ -129,9 +129,9 @@ def test_from_idle_the_arm_aligns_first_and_is_taken_to_be_at_rest(make_rig, con
     answer = rig.bridge.home()
     assert answer.accepted
     assert (
-        'homing assumes the home configuration, joint1 0, joint2 1.571, joint3 0, joint4'
-        in answer.message
-    )
+        'homing assumes that the arm is at its home configuration, joint1 0, joint2 '
+        '1.571, joint3 0, joint4'
+    ) in answer.message
     assert rig.bridge.q == pytest.approx(config.rest_position, abs=1e-3)
     rig.run(0.05)
     assert rig.bridge.mode == 'aligning'
@@ -187,9 +187,9 @@ def test_after_a_restart_that_nobody_saw_an_arm_is_not_enabled_but_homed(make_ri
     answer = rig.bridge.enable()
     assert not answer.accepted
     assert answer.message.startswith(
-        'the zero of joint3, joint4 is unknown (board1 was switched off and on): bring the arm to '
-        'its home configuration, joint1 0, joint2 1.571, joint3 0, joint4 0 rad, and home it '
-        "('arm home')"
+        'the zero of joint3, joint4 is unknown (board1 was switched off and on): bring the arm '
+        'to its home configuration, joint1 0, joint2 1.571, joint3 0, joint4 0 rad, then run '
+        "'arm home'"
     )
     rig.boards.put_at_rest()
     rig.run(0.02)
@@ -335,7 +335,7 @@ def test_an_arm_without_room_for_two_pulses_is_not_homed(make_rig, config):
     rig.run(0.02)
     answer = rig.bridge.home()
     assert not answer.accepted
-    assert answer.message.startswith('joint1 cannot be homed: it needs 0.28 rad from its home')
+    assert answer.message.startswith('joint1 cannot be homed, because homing needs 0.28 rad')
 
 
 def test_pulses_are_found_exactly_at_any_period_and_hold_up_of_the_host(config, turn):

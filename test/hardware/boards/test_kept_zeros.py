@@ -1,4 +1,4 @@
-"""Which zeros survive a restart of the bridge, beside boards that went on or did not."""
+"""Zeros that survive a restart of the bridge, with boards that stayed on or were restarted."""
 
 import json
 
@@ -21,13 +21,13 @@ LEANING = [0.3, 1.1, -0.4, 0.5]
 
 
 def kept_by(rig):
-    """Return what the bridge keeps, through its text."""
+    """Return the bridge's stored zeros, through their text."""
     text = rig.bridge.recall.keep(arm_identity(rig.config), HOST).text()
     return KeptZeros.parse(text).check(arm_identity(rig.config), HOST, rig.now)
 
 
 def homed_elsewhere(make_rig, **options):
-    """Return an arm whose boards were switched on at rest, and whose bridge knows that."""
+    """Return an arm whose boards were switched on at rest, with a bridge that has its zeros."""
     config = make_rig().config
     ratios = config.column('sign') * config.column('gear.ratio')
     at = (np.array(config.rest_position) - config.column('offset')) / ratios
@@ -45,7 +45,7 @@ def homed_elsewhere(make_rig, **options):
 
 
 def away(rig, seconds):
-    """Let boards and arm go on without a bridge."""
+    """Advance boards and arm without a bridge."""
     for _ in range(round(seconds / 0.01)):
         rig.now += 0.01
         rig.boards.advance(rig.now)
@@ -74,7 +74,7 @@ def test_without_a_file_it_does_not(make_rig):
     bridge = restarted(rig, None)
     assert bridge.mode == 'unhomed'
     assert all(link.state.index_detected == [True, True] for link in bridge.links)
-    assert "('arm home')" in bridge.enable().message
+    assert "then run 'arm home'" in bridge.enable().message
 
 
 @pytest.mark.parametrize('board', [0, 1])
@@ -87,13 +87,13 @@ def test_a_board_that_was_switched_off_and_on_has_lost_its_zeros_alone(make_rig,
     bridge = restarted(rig, kept)
     assert bridge.mode == 'unhomed'
     assert bridge.zeros.unknown == [['joint1', 'joint2'], ['joint3', 'joint4']][board]
-    reason = f'board{board} was switched off and on while the bridge was away'
+    reason = f'board{board} was switched off and on while the bridge was not running'
     assert reason in bridge.zeros.problem
     assert [text.count(reason) for text in bridge.faults] == [1]
 
 
 def coincident(rig, board):
-    """Cycle a board's supply so that its clock seems to have gone on, as one time in thousands."""
+    """Cycle a board's supply so that its clock appears uninterrupted, a rare coincidence."""
     board = rig.boards.boards[board]
     clock = board._clock
     board.power_cycle()
@@ -110,7 +110,7 @@ def test_a_clock_that_fits_by_chance_is_not_enough(make_rig):
         motor.encoder.index_detected = True  # ... were met again
     bridge = restarted(rig, kept)
     assert bridge.zeros.unknown == ['joint1', 'joint2']
-    assert 'board0 does not go on with the count of joint' in bridge.zeros.problem
+    assert 'board0 has another encoder count of joint' in bridge.zeros.problem
 
 
 def test_an_index_bit_that_flipped_without_a_pulse_between_is_another_count(make_rig):
@@ -129,7 +129,7 @@ def test_a_pulse_that_was_measured_again_is_homed_by(make_rig):
     rig.bridge = again
     rig.run(0.02)
     assert again.zeros.unknown == ['joint3', 'joint4']
-    assert 'board1 was homed by another index pulse of joint4' in again.zeros.problem
+    assert 'board1 was homed with another index pulse of joint4' in again.zeros.problem
 
 
 def test_a_clock_of_16_bits_is_read_across_its_wrap_and_not_beyond_its_period(make_rig):
@@ -147,7 +147,7 @@ def test_a_clock_of_16_bits_is_read_across_its_wrap_and_not_beyond_its_period(ma
     rig.boards._now = rig.now
     bridge = restarted(rig, kept)
     assert bridge.mode == 'unhomed'
-    assert f'its clock tells at most {AWAY_MAX:g} s' in bridge.zeros.problem
+    assert f'its clock covers at most {AWAY_MAX:g} s' in bridge.zeros.problem
 
 
 @pytest.mark.parametrize('drift', [4e-4, -4e-4, 3e-2, -3e-2])
@@ -209,7 +209,7 @@ def test_a_file_of_another_arm_host_or_time_is_named(make_rig, config):
         ((arm_identity(config.with_encoders('absolute')), HOST, rig.now), 'another arm'),
         ((arm, HostClock('other', 0.0), rig.now), 'before the host was started'),
         ((arm, HostClock('boot', 9.0), rig.now), 'before the host was suspended'),
-        ((arm, HOST, rig.now - 1.0), 'newer than now'),
+        ((arm, HOST, rig.now - 1.0), 'a time in the future'),
     ]:
         with pytest.raises(KeptZerosError, match=reason):
             kept.check(*wrong)
@@ -231,5 +231,5 @@ def test_a_file_that_is_not_whole_gives_no_zeros(make_rig):
         text + ' ' * 100_000,
     ]
     for broken in wrong:
-        with pytest.raises(KeptZerosError, match='not whole'):
+        with pytest.raises(KeptZerosError, match='incomplete'):
             KeptZeros.parse(broken)

@@ -1,4 +1,4 @@
-"""The published torque is the mean of a cycle, not the sample at the end of a held reference."""
+"""The published torque is the mean of a cycle, not its last sample."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_measured_torque_is_what_the_motors_give_on_average(speed: float) -> Non
 
 
 def test_torque_of_an_accelerating_joint_is_the_commanded_one() -> None:
-    """Under torque control the boards have no gains, whatever a joint's speed does."""
+    """Under torque control the boards have no gains, at any speed of the joint."""
     config = load_arm_config().with_encoders('absolute')
     cycle = BridgeCycle(config, make_emulated_transport(config, load_robot(), None))
     effort, now, measured = np.array([1.0, 0.0, 0.5, 0.0]), 0.0, []

@@ -27,7 +27,7 @@ def drive(config):
 
 
 def make_barriers(config, q, highest=(99.0,) * 4, lowest=(-99.0,) * 4):
-    """Return barriers of joints at rest that let torques between two bounds pass."""
+    """Return barriers of joints at rest that accept torques between two bounds."""
     barriers = []
     for i, joint in enumerate(config.joints):
         barrier = JointBarrier(joint, BridgeSettings(), 10.0, 0.1)
@@ -308,12 +308,12 @@ def test_gains_are_set_whole_or_not_at_all(references):
     assert get(references, 'kp').tolist() == [2.0] * 4
     assert get(references, 'kd').tolist() == [0.1, 0.2, 0.3, 0.4]
     for kp, kd, ki, hint in (
-        (5.2, 0.1, 0.0, 'kp .* hold 0 to 5.09'),
-        (1.0, 0.7, 0.0, 'kd .* hold 0 to 0.61'),
+        (5.2, 0.1, 0.0, 'kp .* carry 0 to 5.09'),
+        (1.0, 0.7, 0.0, 'kd .* carry 0 to 0.61'),
         (-1.0, 0.1, 0.0, 'kp'),
         (math.nan, 0.1, 0.0, 'kp'),
-        ([1.0, 2.0], 0.1, 0.0, 'kp has 2 values: give 1 or 4'),
-        (1.0, 0.1, 0.5, 'integral_gain .* hold 0 to 0'),
+        ([1.0, 2.0], 0.1, 0.0, 'kp has 2 values: set 1 or 4'),
+        (1.0, 0.1, 0.5, 'integral_gain .* carry 0 to 0'),
     ):
         with pytest.raises(ValueError, match=hint):
             references.set_gains(kp, kd, ki)
@@ -332,7 +332,9 @@ def test_integral_gain_where_the_frame_carries_it(config):
 
 def test_damping_that_lets_the_arm_fall_is_refused(config):
     references = MotorReferences(config, load_profile(), 0.5, damping_min=[1.0, 3.0, 0.1, 0.1])
-    with pytest.raises(ValueError, match='kd of joint2 is 0.1 A s/rad, .* set at least 0.1891'):
+    with pytest.raises(
+        ValueError, match='kd of joint2 is 0.1 A s/rad, .* set kd to at least 0.1891'
+    ):
         references.set_gains(5.0, 0.1)
     with pytest.raises(ValueError, match='kd of joint1 is 0 A s/rad'):
         references.check_gains(0.0, 0.0)

@@ -6,7 +6,7 @@ from aerarm_ros.hardware.transports.spidev_transport import self_test
 
 
 class ClockedBus:
-    """Emulated boards behind wires that work in one SPI mode: in others bits are shifted."""
+    """Emulated boards behind wires that work in one SPI mode only; otherwise bits are shifted."""
 
     def __init__(self, boards, working_mode, share=1.0, problem=''):
         self.boards = boards
@@ -52,7 +52,7 @@ def test_good_wires_pass(try_bus):
     answers = try_bus(working_mode=0)
     assert [answer.accepted for answer in answers] == [True, True]
     assert answers[0].message == (
-        'board0 on /dev/spidev0.0 at 8 MHz, mode 0: 50 of 50 answers had a correct check'
+        'board0 on /dev/spidev0.0 at 8 MHz, mode 0: 50 of 50 answers had a correct checksum'
     )
 
 
@@ -60,7 +60,7 @@ def test_good_wires_pass(try_bus):
 def test_the_mode_that_works_is_named(try_bus, mode):
     for answer in try_bus(working_mode=mode):
         assert not answer.accepted
-        assert f'0 of 50 answers had a correct check, but mode {mode} works' in answer.message
+        assert f'0 of 50 answers had a correct checksum, but mode {mode} works' in answer.message
 
 
 def test_bad_wires(try_bus):

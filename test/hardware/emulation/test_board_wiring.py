@@ -1,4 +1,4 @@
-"""Errors of the bench: what the boards count and what the motors drive differ from the file."""
+"""Wiring errors: the counted joints and driven motors differ from the configuration."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from aerarm_ros.hardware.emulation.fault_injection import inject
 
 
 def counted(boards, joint, travel):
-    """Return how far all motors' counts go when a joint is turned by an angle [rad]."""
+    """Return the changes of all motors' counts when a joint is turned by an angle [rad]."""
     boards.advance(0.0)
     boards.advance(1e-3)
     encoders = [motor.encoder for board in boards.boards for motor in board.motors]

@@ -28,7 +28,7 @@ def held_posture(config, robot, profile: str) -> np.ndarray:
 
 
 def test_boards_hold_the_arm_on_a_base_that_leans(config, robot):
-    """On a base leaning sideways joint 1 carries weight too, and gives way by its stiffness."""
+    """On a base that leans sideways joint 1 carries weight too, and yields by its stiffness."""
     level, leaning = (held_posture(config, robot, profile) for profile in (STILL, TILTED))
     assert abs(level[0]) < 1e-3
     assert 2e-3 < abs(leaning[0]) < 0.05

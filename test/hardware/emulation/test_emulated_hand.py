@@ -33,10 +33,10 @@ def test_the_hand_turns_one_joint_and_lets_go(config, robot, seed):
 
 
 def test_the_hand_refuses_driven_motors_and_angles_beyond_a_limit(config, robot, rig):
-    with pytest.raises(ValueError, match='disable first'):
+    with pytest.raises(ValueError, match='disable the arm first'):
         rig.boards.turn(0, 1.0)
     boards = make_emulated_transport(config, robot, None)
-    with pytest.raises(ValueError, match='joint4 turns from'):
+    with pytest.raises(ValueError, match='joint4 can turn from'):
         boards.turn(3, 3.0)
 
 
@@ -47,5 +47,5 @@ def test_joint_and_angle_are_read():
 
 @pytest.mark.parametrize('text', ['joint2', ':1', 'joint5:1', 'joint:1', 'joint1:nan', 'joint1:x'])
 def test_a_turn_that_makes_no_sense_is_rejected(text):
-    with pytest.raises(ValueError, match='is not JOINT:ANGLE'):
+    with pytest.raises(ValueError, match='must be JOINT:ANGLE'):
         parse_turn(text, NAMES)

@@ -27,9 +27,9 @@ def test_short_and_long_forms(text, request_):
         ('slow_bus:0:0:much', r'NAME\[:BOARD'),
         ('slow_bus:0:0:nan', r'NAME\[:BOARD'),
         ('slow_bus:0:0:0.1:5', r'NAME\[:BOARD'),
-        ('slow_bus:0:0:-1', 'slow_bus: -1 is not from 0 to 1'),
-        ('bit_errors:0:0:2', 'bit_errors: 2 is not from 0 to 1'),
-        ('dead_board:0:0:1', 'dead_board has no VALUE'),
+        ('slow_bus:0:0:-1', 'value -1 of slow_bus must lie in 0 .. 1'),
+        ('bit_errors:0:0:2', 'value 2 of bit_errors must lie in 0 .. 1'),
+        ('dead_board:0:0:1', 'dead_board takes no VALUE'),
     ],
 )
 def test_what_makes_no_sense_is_said(text, hint):

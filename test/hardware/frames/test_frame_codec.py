@@ -213,16 +213,16 @@ def test_what_is_harmless_saturates_and_never_wraps(codec):
     [
         (
             {'position': [128.1 * TURN, 0.0]},
-            r'position of motor 1 is 804\.876, beyond the \+-804\.248 of the frame, where it would '
-            'wrap: check the reference and the zero of the encoder$',
+            r'position of motor 1 is 804\.876, outside the range \+-804\.248 of the frame: check '
+            'the reference and the zero of the encoder$',
         ),
-        ({'position': [0.0, -128.1 * TURN]}, 'position of motor 2 .* wrap'),
+        ({'position': [0.0, -128.1 * TURN]}, 'position of motor 2 .* outside the range'),
         ({'position': [math.nan, 0.0]}, 'position of motor 1 is nan'),
         ({'velocity': [0.0, math.inf]}, 'velocity of motor 2 is inf'),
         ({'current': [math.nan, 0.0]}, 'current of motor 1'),
         (
             {'timeout': 0.0},
-            'timeout is 0, which the frame rounds to 0 and the board reads as no limit: '
+            'timeout is 0, which the frame rounds to 0 and the board reads as "no limit": '
             r'set 0\.001 or more$',
         ),
         ({'timeout': 0.0004}, 'timeout'),

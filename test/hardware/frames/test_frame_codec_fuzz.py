@@ -13,7 +13,7 @@ CHUNK = 50_000
 
 
 def accepted(frames):
-    """Return how many of the frames (M, 34) the decoder takes."""
+    """Return the number of frames (M, 34) that the decoder accepts."""
     rows = frames.tobytes()
     decode = CODEC.decode
     return sum(decode(rows[i : i + 34]) is not None for i in range(0, len(rows), 34))

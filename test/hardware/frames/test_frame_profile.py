@@ -84,19 +84,22 @@ def test_own_profile_from_a_file(tmp_path):
 @pytest.mark.parametrize(
     ('command', 'hint'),
     [
-        ('{name: speed, word: 1, type: i16}', "no 'speed'"),
+        ('{name: speed, word: 1, type: i16}', "no field 'speed'"),
         ('{name: velocity, motor: 1, word: 14, type: i32}', '15 payload words'),
         ('{name: index, word: 15, type: u16}', '15 payload words'),
         ('{name: index, word: 1, type: u16, colour: red}', 'colour'),
-        ('{name: index, word: 1, type: u16}, {name: index, word: 1, type: i16}', 'share bits'),
-        ('{name: timeout, word: 1, type: u16}', 'timeout is a quantity, no count'),
-        ('{name: kp, word: 1, type: u16, lsb: 0.1}', 'kp is of each motor'),
+        (
+            ('{name: index, word: 1, type: u16}, {name: index, word: 1, type: i16}'),
+            'use the same bits',
+        ),
+        ('{name: timeout, word: 1, type: u16}', 'timeout is a physical quantity'),
+        ('{name: kp, word: 1, type: u16, lsb: 0.1}', 'kp belongs to each motor'),
         (
             '{name: timeout, motor: 1, word: 1, type: u16, unit: ms}',
-            'timeout is of the whole board',
+            'timeout belongs to the whole board',
         ),
-        ('{name: index, word: 1, type: u16, bit: 3}', 'only bits begin within words'),
-        ('{name: index, word: 1, type: u16, nonzero: true}', 'nonzero is for quantities'),
+        ('{name: index, word: 1, type: u16, bit: 3}', 'all other types begin at a word'),
+        ('{name: index, word: 1, type: u16, nonzero: true}', 'needs a quantity'),
         ('{name: index, word: 1, type: u16, lsb: two}', 'mine'),
         ('{word: 1, type: u16}', 'uomodri_v3.yaml'),
         ('7', 'uomodri_v3.yaml'),
@@ -115,8 +118,8 @@ def test_wrong_files_are_named(tmp_path):
     with pytest.raises(ProfileError, match='crc_words'):
         load_profile(written(tmp_path, order='sideways'))
     for text, hint in (
-        ('[1, 2]', 'no map'),
-        ('{', 'cannot read'),
+        ('[1, 2]', 'must be a mapping'),
+        ('{', 'cannot be read'),
         ('{name: mine, extends: mine}', 'extends itself'),
         ('{name: mine, extends: nobody}', 'nobody'),
         ('{name: mine, extends: uomodri_v3, command: {fields: [{word: 1}]}}', 'check its fields'),

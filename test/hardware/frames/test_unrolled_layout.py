@@ -6,7 +6,7 @@ from aerarm_ros.hardware.frames.frame_profile import load_profile
 
 
 class Packer:
-    """Takes the place of a struct, and shows its items."""
+    """Replacement of a struct that shows its items."""
 
     def __init__(self, items=()):
         self._items = items

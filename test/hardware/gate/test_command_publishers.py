@@ -35,7 +35,7 @@ def test_the_list_judges_the_node_that_sends_whoever_else_is_there():
     assert publishers.judge(FIRST, 2) == (FIRST, True)
     assert publishers.judge(SECOND, 2) == (SECOND, False)
     assert publishers.judge(NEW, 2) == (NEW, False)
-    assert '/intruder publishes joint_command without being' in publishers.warning
+    assert '/intruder publishes joint_command but is not' in publishers.warning
 
 
 def test_two_publishers_of_one_node_are_two():
@@ -74,8 +74,8 @@ def test_where_no_message_names_its_publisher_two_publishers_are_rejected_and_na
     publishers.look({FIRST: '/a', SECOND: '/b'})
     assert publishers.judge(None, 1) == (None, True)  # the match comes later
     assert publishers.warning == (
-        'joint_command has 2 publishers (/a, /b), and this ROS does not name the sender of a '
-        'command: stop all but one'
+        'joint_command has 2 publishers (/a, /b), and this ROS version does not report the '
+        'sender of a message: stop all but one'
     )
 
 

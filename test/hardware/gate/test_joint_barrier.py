@@ -19,7 +19,7 @@ def make_barrier(settings=SETTINGS):
 
 
 def seen(q=0.0, dq=0.0, effort=0.0, load=0.0):
-    """Return a barrier that has seen a joint go on like this for some cycles."""
+    """Return a barrier that has processed some cycles of a joint's motion."""
     barrier = make_barrier()
     for _ in range(30):
         barrier.update(q, dq, effort, load, INERTIA, DT, DT)
@@ -107,7 +107,7 @@ def test_what_is_learned_is_bounded():
 
 
 def test_of_a_fast_joint_more_is_learned_which_fades_when_it_is_slow():
-    """On a base turned over: 6 Nm less than known, of which 1.4 are learned at any speed."""
+    """On an inverted base the load is 6 Nm below the model, of which 1.4 are always learnt."""
     barrier = make_barrier()
     for _ in range(100):  # 6 Nm of torque on 0 of load, and it does not get faster
         barrier.update(0.0, 4.0, 6.0, 0.0, INERTIA, DT, DT)

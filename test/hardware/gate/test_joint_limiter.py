@@ -138,7 +138,7 @@ def test_nothing_gets_past_the_limits(requests):
     ('q', 'dq', 'hint'),
     [
         (3.02, 0.0, 'joint3 is at 3.020 rad'),
-        (-3.02, 0.0, 'beyond its limits'),
+        (-3.02, 0.0, 'outside its limits'),
         (0.0, 6.3, 'runs at 6.30'),
         (0.0, -6.3, 'encoder'),
         (NAN, 0.0, 'joint3 is at nan'),
@@ -151,7 +151,7 @@ def test_a_joint_out_of_bounds_demands_a_stop(q, dq, hint):
 
 def test_what_a_stop_is_for_is_one_whole_sentence():
     assert make_limiter().state_violation(0.0, 6.3) == (
-        'joint3 runs at 6.30 rad/s, its limit is 5.00: check the controller and the encoder'
+        'joint3 runs at 6.30 rad/s, above its limit of 5.00: check the controller and the encoder'
     )
 
 
@@ -164,7 +164,7 @@ def test_a_joint_within_tolerance_demands_none():
 @pytest.mark.parametrize(
     ('command', 'hint'),
     [
-        ((3.1, NAN, NAN), 'beyond its limits'),
+        ((3.1, NAN, NAN), 'outside its limits'),
         ((0.6, NAN, NAN), 'too far for one step'),
         ((NAN, 6.3, NAN), 'velocity of 6.30'),
         ((NAN, NAN, -15.5), 'effort of -15.50'),

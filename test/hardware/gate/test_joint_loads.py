@@ -8,8 +8,8 @@ from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 
 UNABLE = (
-    'joint2: effort_max = 5 Nm does not hold the arm stretched out with its rated payload, '
-    r'\d\.\d\d Nm: check effort_max, rated_payload and the URDF$'
+    'joint2: effort_max = 5 Nm cannot carry the outstretched arm with its rated payload, '
+    r'which needs \d\.\d\d Nm; check effort_max, rated_payload and the URDF$'
 )
 
 
@@ -19,7 +19,7 @@ def loads(config, robot):
 
 
 def test_the_deceleration_is_there_in_the_worst_postures(loads, config, robot):
-    """Checked by the physics engine, with the whole rated payload, one joint at a time."""
+    """Checked by the physics engine, with the full rated payload, one joint at a time."""
     mass, *centre = config.rated_payload
     truth = PlantParameters.nominal(config, robot).carrying(mass, centre, 0.001)
     effort_max = config.column('effort_max')
@@ -69,12 +69,12 @@ def test_a_drive_that_cannot_hold_the_arm_is_refused(config, robot):
 
 def test_another_arm_is_refused(config):
     others = tuple(replace(joint, name=f'other{i}') for i, joint in enumerate(config.joints))
-    with pytest.raises(ValueError, match='URDF .*: give both for the same arm$'):
+    with pytest.raises(ValueError, match='URDF .*: pass files of the same arm$'):
         JointLoads(replace(config, joints=others), load_robot())
 
 
 def test_the_least_damping_slows_a_falling_arm(loads, config, robot):
-    """Let go stretched out, with the rated payload, by the physics engine."""
+    """Released while stretched out, with the rated payload, in the physics engine."""
     mass, *centre = config.rated_payload
     truth = PlantParameters.nominal(config, robot).carrying(mass, centre, 0.001)
     plant = ArmPlant(robot, truth, [0.0, 1.0, 0.0, 0.0])

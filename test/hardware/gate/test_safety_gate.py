@@ -21,7 +21,7 @@ def gate(config, robot):
 
 
 def limit(gate, command, q, dt, now):
-    """Return what is left of a command within the limits."""
+    """Return the part of a command within the limits."""
     motors = MotorReferences(load_arm_config(), load_profile(), reach_max=0.5).motors
     gate.follow(command, q, dt, now, motors, [False] * 4)
     out = CommandBuffer(4)
@@ -85,7 +85,8 @@ def test_motors_align_at_rest_and_inside(gate):
         'rests, then enable it'
     )
     assert gate.alignment_refusal(np.array([0.0, 9.12345, 0.0, 0.0]), DQ) == (
-        'joints at [0.    9.123 0.    0.   ] rad are beyond their limits'
+        'joints at [0.    9.123 0.    0.   ] rad are outside their limits: move the arm '
+        'back by hand'
     )
 
 

@@ -1,4 +1,4 @@
-"""The estimate against its equations, and against emulated motors that share no code with it."""
+"""The estimate compared with its equations, and with independent emulated motors."""
 
 from dataclasses import replace
 from math import inf, isinf

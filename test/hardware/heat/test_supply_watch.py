@@ -20,7 +20,7 @@ def test_a_voltage_within_its_limits_is_not_spoken_of(voltage):
     assert (watch.warning(), watch.stop()) == ('', '')
 
 
-@pytest.mark.parametrize(('voltage', 'limit'), [(18.5, 'least of 18'), (29.0, 'largest of 30')])
+@pytest.mark.parametrize(('voltage', 'limit'), [(18.5, 'minimum of 18'), (29.0, 'maximum of 30')])
 def test_a_voltage_near_its_limits_is_warned_of(voltage, limit):
     watch = watched(voltage, 24.0)
     assert f'board0 had {voltage:.1f} V, near its {limit}' in watch.warning()

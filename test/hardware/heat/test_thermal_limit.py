@@ -55,7 +55,7 @@ def test_the_order_is_warning_reduction_stop(config):
         seen.append((bool(limited.warning()), limited.is_reduced, bool(limited.stop())))
     warned, reduced, stopped = (row.index(True) for row in np.array(seen).T.tolist())
     assert warned + 20 < reduced < stopped
-    assert 'is reduced' in limited.warning() or limited.lets_down
+    assert 'is limited' in limited.warning() or limited.lets_down
 
 
 def test_the_warning_says_how_much_time_is_left(config):
@@ -63,7 +63,7 @@ def test_the_warning_says_how_much_time_is_left(config):
     drive(limited, config, 1, 25.0, 10.0)
     assert limited.warning().startswith('the motor of joint2 has')
     left = limited.remaining
-    assert f'reduced in {left:.0f} s' in limited.warning()
+    assert f'limits its torque in {left:.0f} s' in limited.warning()
     drive(limited, config, 1, left - 1.0, 10.0)
     assert not limited.is_reduced
     drive(limited, config, 1, 2.5, 10.0)
@@ -111,7 +111,7 @@ def test_a_motor_without_data_counts_a_third_of_its_current(config):
 
 @pytest.mark.parametrize('period', [0.5, 4.0, 20.0])
 def test_full_torque_again_and_again_never_brings_a_made_motor_to_its_boards_error(config, period):
-    """All motors, half of the time under all the torque that they are left, as made by seeds."""
+    """All motors at their thermal torque limit half of the time, as manufactured, by seeds."""
     step = 0.05
     for joint in config.joints[:3]:
         for seed in range(4):

@@ -31,9 +31,9 @@ def use(
     config: str = '',
     at_end: Callable[[], None] | None = None,
 ) -> dict:
-    """Let a process exchange frames, do something, let it exchange as many; return its report.
+    """Let a process exchange frames, act, and exchange as many again; return its report.
 
-    With something to do at the end, it goes on until every board answers.
+    With an action at the end, the process continues until every board answers.
     """
     command = [sys.executable, spi_boards.HERE / 'spi_client.py', config, str(COUNT)]
     if at_end:
@@ -95,7 +95,7 @@ def test_input_output_errors_are_bad_frames_with_a_reason_and_pass(boards):
     report = use(boards, lambda: boards.set(DEVICES[0], eio=True))
     assert report['before']['good'] == [COUNT, COUNT]
     assert report['after']['good'] == [0, COUNT]
-    assert '/dev/spidev0.0 reports: Input/output error' in report['after']['problems'][0]
+    assert '/dev/spidev0.0 reports an error (Input/output error)' in report['after']['problems'][0]
     boards.set(DEVICES[0], eio=False)
     assert use(boards)['before']['good'] == [COUNT, COUNT]
 
@@ -118,7 +118,7 @@ def test_a_vanished_device_is_reported_and_cannot_be_opened_again(boards):
     assert 'check that the device still exists' in report['after']['problems'][0]
     assert max(report['after']['slowest']) < 1.0
     error = use(boards)['error']
-    assert error.startswith('cannot open /dev/spidev0.0 for board0: No such file or directory')
+    assert error.startswith('/dev/spidev0.0 of board0 cannot be opened (No such file or directory)')
 
 
 def test_a_device_that_comes_back_is_opened_again_with_its_mode_and_clock(boards, tmp_path):
@@ -134,7 +134,7 @@ def test_a_device_that_comes_back_is_opened_again_with_its_mode_and_clock(boards
         lambda: boards.come_back(DEVICES[0]),
     )
     assert report['after']['good'] == [0, COUNT]
-    assert 'tries to open it again' in report['after']['problems'][0]
+    assert 'tries to open the device again' in report['after']['problems'][0]
     assert report['later']['good'] == [1, 1]
     assert report['later']['problems'] == ['', '']
     assert [(b['mode'], b['speed']) for b in boards.report()] == [(1, 4_000_000)] * 2

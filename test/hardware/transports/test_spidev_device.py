@@ -1,4 +1,4 @@
-"""How often a device that is gone is looked for; the transfers themselves: test_spidev_bus.py."""
+"""Search for a missing device; for the transfers see test_spidev_bus.py."""
 
 import errno
 import sys
@@ -11,7 +11,7 @@ FRAME = bytes(34)
 
 
 class Driver:
-    """Stands in for the module spidev, which opens what the kernel has: here what a test says."""
+    """Replacement of the module spidev, with devices set by the test."""
 
     def __init__(self) -> None:
         self.error = 0  # of every transfer
@@ -62,7 +62,7 @@ def device(config, driver):
 
 
 def run(device, driver, seconds):
-    """Transfer a frame each millisecond; return how many came back."""
+    """Transfer one frame per millisecond; return the number of answers."""
     good = 0
     for _ in range(round(seconds * 1000)):
         driver.now += 1e-3
@@ -124,5 +124,5 @@ def test_it_says_when_a_transfer_was_and_how_long_it_took(device, driver):
 
 def test_what_cannot_be_opened_says_what_to_check(config, driver):
     driver.is_there = False
-    with pytest.raises(TransportError, match='cannot open /dev/spidev0.0 for board0: No such file'):
+    with pytest.raises(TransportError, match='/dev/spidev0.0 of board0 cannot be opened'):
         SpidevDevice(config.boards[0]).open()

@@ -21,7 +21,7 @@ def test_without_the_module_it_says_what_to_install(config):
 
 @pytest.mark.skipif(not HAS_SPIDEV, reason='the module spidev is not installed (extra spi)')
 def test_without_the_device_it_says_what_to_check(config):
-    with pytest.raises(TransportError, match='/dev/spidev77.7 for board0: No such file'):
+    with pytest.raises(TransportError, match='/dev/spidev77.7 of board0 cannot be opened'):
         SpidevTransport(nowhere(config)).open()
 
 

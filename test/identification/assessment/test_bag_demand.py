@@ -35,7 +35,7 @@ def test_a_joint_that_rested_is_uncertain(
     result = identify(robot, config, [still], [bag], options, Stopwatch())
     velocity = next(text for text in result.warnings if 'velocity leaves the range' in text)
     assert velocity.startswith('bag1: ')
-    assert 'joint4, which hardly moved there' in velocity
+    assert 'joint4, which hardly moves in the identification motion' in velocity
     assert any('hardly excites' in text and 'joint4' in text for text in result.warnings)
     assert 'fs_joint4' in result.only_prior
     assert result.demands[1].uncertainty[3] > 3.0 * result.demands[0].uncertainty[3]

@@ -56,14 +56,14 @@ def warnings(make_arm: Callable, robot: Robot, config: ArmConfig) -> Callable[[C
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        (scaled(1, -1.0), "joint2's effort has the opposite sign"),
-        (scaled(2, -1.0), "joint3's effort has the opposite sign"),
+        (scaled(1, -1.0), 'the effort of joint2 has the opposite sign'),
+        (scaled(2, -1.0), 'the effort of joint3 has the opposite sign'),
         (swapped(1, 3), '--rename joint2=joint4 joint4=joint2'),
         (swapped(0, 1), '--rename joint1=joint2 joint2=joint1'),
-        (shifted(1, 90.0), "joint2's zero is off by +90 degrees"),
-        (shifted(1, -90.0), "joint2's zero is off by -90 degrees"),
-        (scaled(0, 2.0), "joint1's effort is 2 times"),
-        (scaled(1, 2.0), "joint2's effort is 2 times"),
+        (shifted(1, 90.0), 'the zero of joint2 is off by +90 degrees'),
+        (shifted(1, -90.0), 'the zero of joint2 is off by -90 degrees'),
+        (scaled(0, 2.0), 'the effort of joint1 is 2 times'),
+        (scaled(1, 2.0), 'the effort of joint2 is 2 times'),
     ],
 )
 def test_the_error_is_named(

@@ -35,14 +35,14 @@ def test_good_data_are_not_warned_of(warnings: Callable[..., str]) -> None:
 
 def test_a_joint_with_the_other_sign(warnings: Callable[..., str]) -> None:
     text = warnings(1.0, -1.0, 1.0, 1.0)
-    assert "joint2's effort has the opposite sign" in text
+    assert 'the effort of joint2 has the opposite sign' in text
     assert 'check sign and unit of the effort' in text
-    assert 'a physically consistent arm leaves' in text
+    assert 'a physically consistent model leaves' in text
 
 
 def test_efforts_in_another_unit(warnings: Callable[..., str]) -> None:
     text = warnings(20.0, 20.0, 20.0, 20.0)
-    assert "joint2's effort is 2" in text
+    assert 'the effort of joint2 is 2' in text
     assert 'times as large' in text
 
 
@@ -58,7 +58,9 @@ def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
     held, wanted = np.array(estimate.theta), np.array(fit.theta)
     held[first], wanted[first] = 0.0, -1.0
     (text,) = bound_warnings(replace(estimate, theta=held), replace(fit, theta=wanted), mass)
-    assert text.startswith(f'{fit.model.columns[first]} left out, as the data ask for less than 0')
+    assert text.startswith(
+        f'{fit.model.columns[first]} omitted, because the data ask for a negative value'
+    )
 
 
 def test_a_joint_that_only_validation_fails_to_predict(result: IdentificationResult) -> None:
@@ -67,7 +69,7 @@ def test_a_joint_that_only_validation_fails_to_predict(result: IdentificationRes
     assert joint_warnings(solution, joints) == []
     poor = [replace(b, per_joint_filtered=np.array([1, 2, 35, 4])) for b in solution.validation]
     (text,) = joint_warnings(replace(solution, validation=poor), joints)
-    assert 'in validation (joint3 35 % is residual)' in text
+    assert 'in validation (residual joint3 35 %)' in text
     assert joint_warnings(replace(solution, validation=[]), joints) == []
 
 
@@ -95,4 +97,4 @@ def test_a_joint_that_another_one_drives(
         found = identify(robot, config, [recording], [], chosen, Stopwatch())
         text = ' '.join(found.warnings)
         assert ('--coupled joint4=joint2' in text) == said
-        assert ('explains little of the torque of some joints (joint4' in text) == said
+        assert ('explains little of the torque of some joints (residual joint4' in text) == said

@@ -137,10 +137,10 @@ def test_trials_have_their_samples_in_common(recording) -> None:
 
 
 def test_a_cutoff_below_the_motion_is_refused(recording) -> None:
-    with pytest.raises(IdentificationError, match='would filter the motion away'):
+    with pytest.raises(IdentificationError, match='would filter out the motion'):
         Conditioner([recording], ConditioningOptions(cutoff=1e-9))
 
 
 def test_a_cutoff_above_the_rate_is_refused(recording) -> None:
-    with pytest.raises(IdentificationError, match='above 200 Hz.*choose a lower one'):
+    with pytest.raises(IdentificationError, match='above 200 Hz.*choose a lower cutoff'):
         Conditioner([recording], ConditioningOptions(cutoff=240.0))

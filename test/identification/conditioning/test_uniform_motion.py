@@ -46,7 +46,7 @@ def test_standing_still_at_the_ends_is_left_out(make_arm: Callable) -> None:
 
 def test_a_short_motion_is_refused(make_arm: Callable) -> None:
     recording = make_arm(rate=100.0).recording(1)
-    with pytest.raises(IdentificationError, match=r'only [12]\.\d+ s of motion: too short'):
+    with pytest.raises(IdentificationError, match=r'only [12]\.\d+ s of motion, too short'):
         aperiodic_motion(recording.part(0.5, 0.5 + 2.5 / recording.duration, ''))
 
 

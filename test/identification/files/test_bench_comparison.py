@@ -58,11 +58,11 @@ def test_what_cannot_be_compared_is_said(benches: tuple[Path, Path], tmp_path: P
         compare_benches(new, other)
     with pytest.raises(IdentificationError, match='cannot be compared'):
         compare_benches(old, written(tmp_path, 'odd', joint2={'coulomb': 'much'}))
-    with pytest.raises(IdentificationError, match='Coulomb friction of joint2 is no number'):
+    with pytest.raises(IdentificationError, match='Coulomb friction of joint2 is not a number'):
         compare_benches(old, written(tmp_path, 'empty', joint2={'coulomb': [float('nan'), 0.0]}))
     other.write_text('a: 1\n')
-    with pytest.raises(IdentificationError, match=r'is no motor_bench\.yaml'):
+    with pytest.raises(IdentificationError, match=r'is not a motor_bench\.yaml'):
         compare_benches(old, other)
     options = Namespace(compare=[old, tmp_path / 'x'], out=None, bag=[], model=None, payload=[])
-    with pytest.raises(IdentificationError, match='pass two of the same kind'):
+    with pytest.raises(IdentificationError, match='pass two results of the same kind'):
         CompareRun(options).execute()

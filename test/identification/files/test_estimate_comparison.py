@@ -88,7 +88,7 @@ def test_the_command_tells_writes_and_shows_it(results: tuple[Path, Path], tmp_p
     assert page.count('Plotly.newPlot(') == 2
     changes = json.loads((out / 'summary.json').read_text())['changes']
     assert sum(change['clear'] for change in changes) == 4
-    with pytest.raises(IdentificationError, match='pass it without bags'):
+    with pytest.raises(IdentificationError, match='remove --bag'):
         CompareRun(Namespace(**{**vars(options), 'bag': [out]}))
 
 
@@ -99,7 +99,7 @@ def test_what_cannot_be_compared_is_said(results: tuple[Path, Path], tmp_path: P
     with pytest.raises(IdentificationError, match='compare two results of one arm'):
         compare_estimates(old, other)
     other.write_text('a: 1\n')
-    with pytest.raises(IdentificationError, match=r'is no estimate\.yaml'):
+    with pytest.raises(IdentificationError, match=r'is not an estimate\.yaml'):
         compare_estimates(other, new)
     document = yaml.safe_load(old.read_text())
     del document['/**']['ros__parameters']['base_parameters']

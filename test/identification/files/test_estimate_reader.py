@@ -38,17 +38,17 @@ def test_gravity_is_that_of_the_estimate(
     file.write_text(text.replace('gravity_in_base', 'another_key'))
     assert np.array_equal(read_gravity(file, robot), robot.gravity_in_base)
     file.write_text(text.replace('[0.1, 0.2, 9.7]', '[0.1, up]'))
-    with pytest.raises(IdentificationError, match='gravity_in_base is not three numbers'):
+    with pytest.raises(IdentificationError, match='gravity_in_base of .* is not three numbers'):
         read_gravity(file, robot)
 
 
 @pytest.mark.parametrize(
     ('old', 'new', 'words'),
     [
-        ('joint3', 'elbow', 'is of 4 joints joint1, joint2, elbow'),
-        ('inertial_parameters: [', 'other: [', 'is no estimate.yaml of an arm with 4 joints'),
+        ('joint3', 'elbow', 'has 4 joints joint1, joint2, elbow'),
+        ('inertial_parameters: [', 'other: [', 'is not an estimate.yaml of an arm with 4 joints'),
         ('ros__parameters', 'parameters', "'ros__parameters' is missing"),
-        ('coulomb: [', 'coulomb: [1.0, ', 'a list has not the right length'),
+        ('coulomb: [', 'coulomb: [1.0, ', 'a list has a wrong length'),
     ],
 )
 def test_other_files_are_refused(
@@ -67,7 +67,7 @@ def test_the_estimate_of_another_robot_is_refused(
     """Four joints against six: the shape of the numbers is not what the user wants to read."""
     file = tmp_path / 'estimate.yaml'
     file.write_text(estimate_yaml(result, result.recommended.estimate, NOTHING, NOTHING))
-    with pytest.raises(IdentificationError, match='is of 4 joints joint1, .* 6: shoulder_pan') as e:
+    with pytest.raises(IdentificationError, match='has 4 joints joint1, .* 6, shoulder_pan') as e:
         read_estimate(file, load_robot(example_urdf('ur10_robot.urdf')))
     assert '(--urdf)' in str(e.value)
     assert 'reshape' not in str(e.value)

@@ -51,7 +51,10 @@ def test_an_empty_folder_is_used(tmp_path: Path) -> None:
 
 def test_other_peoples_files_are_safe(tmp_path: Path) -> None:
     (tmp_path / 'thesis.tex').write_text('years of work')
-    with pytest.raises(IdentificationError, match='holds other files'), ResultDirectory(tmp_path):
+    with (
+        pytest.raises(IdentificationError, match='contains other files'),
+        ResultDirectory(tmp_path),
+    ):
         pass
     assert (tmp_path / 'thesis.tex').exists()
 
@@ -62,7 +65,10 @@ def test_a_result_with_anything_else_is_not_replaced(tmp_path: Path, files: tupl
     for name in files:
         (tmp_path / name).write_text('old')
     directory = ResultDirectory(tmp_path, files=(MARKER, 'report.html'))
-    with pytest.raises(IdentificationError, match=rf'holds other files \({files[-1]}\)'), directory:
+    with (
+        pytest.raises(IdentificationError, match=rf'contains other files \({files[-1]}\)'),
+        directory,
+    ):
         pytest.fail('nothing should be computed')
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
 

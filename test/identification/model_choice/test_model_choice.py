@@ -44,5 +44,5 @@ def test_models_are_combined(result: IdentificationResult) -> None:
 
 @pytest.mark.parametrize('name', ['', 'wet', 'load+', 'load+wet'])
 def test_unknown_models_are_named(name: str) -> None:
-    with pytest.raises(IdentificationError, match='no model'):
+    with pytest.raises(IdentificationError, match='friction model'):
         friction_terms(name)

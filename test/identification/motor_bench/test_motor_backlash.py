@@ -47,5 +47,5 @@ def test_a_link_that_gravity_presses_to_one_side_tells_nothing() -> None:
 
 
 def test_swings_that_are_too_short_are_refused() -> None:
-    with pytest.raises(IdentificationError, match='joint: its swings are shorter than 0.5 s'):
+    with pytest.raises(IdentificationError, match='joint: the sine waves are shorter than 0.5 s'):
         found(swings(0.02, seconds=0.4))

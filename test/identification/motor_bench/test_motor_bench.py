@@ -159,7 +159,7 @@ def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -
     vague = upright.evaluate(3, runs).backlash
     assert vague is not None
     assert vague[1] > 0.02
-    assert upright.warnings[0].startswith('joint4: joint2 may rattle along')
+    assert upright.warnings[0].startswith('joint4: joint2 may rattle too')
     leaning = MotorBench(config, robot, [0.0, 1.0, 0.0, -0.5708])
     found = leaning.evaluate(3, runs).backlash
     assert found is not None
@@ -169,7 +169,9 @@ def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -
     assert MotorBench(config, None, np.zeros(4)).evaluate(3, runs).backlash is None
     unheard = MotorRun(None, *np.zeros((4, 0)), swings=True)
     assert leaning.evaluate(3, [*steps(), unheard]).backlash is None
-    assert leaning.warnings[-1].startswith('backlash not measured: joint4: its swings are shorter')
+    assert leaning.warnings[-1].startswith(
+        'backlash not measured: joint4: the sine waves are shorter'
+    )
 
 
 def test_torque_constant_from_a_known_mass(
@@ -202,7 +204,7 @@ def test_a_mass_without_a_lever_is_no_error(
     result = bench.evaluate(0, runs)
     assert result.torque_constant is None
     (warning,) = bench.warnings
-    assert 'choose a posture in which the mass has a lever' in warning
+    assert 'choose a posture with a longer lever arm' in warning
 
 
 def test_impossible_uses_of_a_known_mass(config: ArmConfig, robot: Robot) -> None:

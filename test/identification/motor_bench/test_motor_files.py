@@ -90,7 +90,7 @@ def test_what_is_not_known_is_not_written(tmp_path: Path) -> None:
 def test_other_files_are_refused(text: str, tmp_path: Path) -> None:
     file = tmp_path / 'other.yaml'
     file.write_text(text)
-    with pytest.raises(IdentificationError, match='is no motor_bench.yaml'):
+    with pytest.raises(IdentificationError, match='is not a motor_bench.yaml'):
         load_earlier(file)
     with pytest.raises(ConfigError, match='none.yaml'):
         load_earlier(tmp_path / 'none.yaml')

@@ -51,9 +51,9 @@ def test_a_velocity_loop_that_still_settles_does_no_harm() -> None:
 
 
 def test_faulty_runs_are_named() -> None:
-    with pytest.raises(IdentificationError, match='elbow: 0 stretches'):
+    with pytest.raises(IdentificationError, match='elbow: only 0 intervals'):
         fit_motor_friction([], mounted=True, name='elbow')
-    with pytest.raises(IdentificationError, match='one direction only'):
+    with pytest.raises(IdentificationError, match='the same direction'):
         fit_motor_friction([step(0.3), step(0.5)], mounted=False, name='elbow')
     stuck = [replace(run, dq=0.0 * run.dq) for run in steps()]
     with pytest.raises(IdentificationError, match='does not reach 0.2 rad/s'):

@@ -20,10 +20,10 @@ def test_inertia_under_gravity_and_friction() -> None:
 
 def test_runs_that_tell_nothing_are_named() -> None:
     friction = fit_motor_friction(steps(), mounted=True, name='j')
-    with pytest.raises(IdentificationError, match='elbow: its acceleration runs are shorter'):
+    with pytest.raises(IdentificationError, match='elbow: the acceleration runs are shorter'):
         fit_inertia([], friction, 'elbow')
     run = acceleration()  # ddq = -pi^2 q
-    with pytest.raises(IdentificationError, match='elbow: its inertia comes out as'):
+    with pytest.raises(IdentificationError, match='elbow: the measured inertia'):
         fit_inertia(
             [replace(run, tau=run.tau + 2.0 * INERTIA * np.pi**2 * run.q)], friction, 'elbow'
         )

@@ -49,7 +49,7 @@ def coefficients(estimate: Estimate) -> list[float]:
 def test_coefficients_of_either_sign_are_found(arm, config: ArmConfig, friction: str) -> None:
     estimate = identified(arm, config, friction).recommended.estimate
     (told,) = unwritten(estimate)
-    assert told.startswith('cv_joint3_joint4, ca_joint3_joint4 are in estimate.yaml only')
+    assert told.startswith('cv_joint3_joint4, ca_joint3_joint4 are only in estimate.yaml')
     assert coefficients(estimate) == pytest.approx([VISCOUS, INERTIA], rel=0.1)
     assert estimate.physically_consistent
 
@@ -79,7 +79,10 @@ def test_an_estimate_with_them_is_read_back(
 
 @pytest.mark.parametrize(
     ('pair', 'words'),
-    [(('joint3', 'elbow'), 'no joint elbow'), (('joint3', 'joint3'), 'coupled to another one')],
+    [
+        (('joint3', 'elbow'), 'unknown joint elbow'),
+        (('joint3', 'joint3'), 'name two different joints'),
+    ],
 )
 def test_wrong_pairs_are_named(robot: Robot, pair: tuple[str, str], words: str) -> None:
     with pytest.raises(IdentificationError, match=words):

@@ -53,17 +53,17 @@ def test_renaming_ignoring_and_gains(states) -> None:
     rows = np.searchsorted(states.stamp, recording.start + recording.time)
     assert np.array_equal(recording.q, states.position[rows])
     assert np.array_equal(recording.tau[:, 1], 0.5 * states.effort[rows, 1])
-    with pytest.raises(IdentificationError, match='gripper of the bag are missing from the URDF'):
+    with pytest.raises(IdentificationError, match='gripper of .* are missing from the URDF'):
         recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}))
-    with pytest.raises(IdentificationError, match='joint1 of the URDF are not in the bag'):
+    with pytest.raises(IdentificationError, match='joint1 of the URDF are not in'):
         recording_from_states('bag', more, JOINTS, JointMapping({}, ('gripper',)))
-    with pytest.raises(IdentificationError, match='no joint b to ignore: the bag has joint1'):
+    with pytest.raises(IdentificationError, match=r'joint b \(--ignore\) is not in .*joint1'):
         recording_from_states('bag', more, JOINTS, JointMapping({'a1': 'joint1'}, ('gripper', 'b')))
     with pytest.raises(IdentificationError, match='called joint2 after renaming'):
         recording_from_states(
             'bag', more, JOINTS, JointMapping({'a1': 'joint1', 'gripper': 'joint2'})
         )
-    with pytest.raises(IdentificationError, match='no joint b to rename'):
+    with pytest.raises(IdentificationError, match=r'joint b \(--rename\) is not in'):
         recording_from_states('bag', more, JOINTS, JointMapping({'b': 'joint1'}))
 
 
@@ -71,9 +71,7 @@ def test_a_prefix_is_taken_off(states) -> None:
     prefixed = replace(states, names=tuple(f'left_{name}' for name in states.names))
     recording = recording_from_states('bag', prefixed, JOINTS, JointMapping({}, prefix='left_'))
     assert recording.joint_names == JOINTS
-    with pytest.raises(
-        IdentificationError, match='not in the bag, which has left_joint1.*--tf-pre'
-    ):
+    with pytest.raises(IdentificationError, match='not in .*, which has left_joint1.*--tf-pre'):
         recording_from_states('bag', prefixed, JOINTS, AS_IS)
     mapping = JointMapping({'left_joint1': 'joint1'}, prefix='left_')
     assert recording_from_states('bag', prefixed, JOINTS, mapping).joint_names == JOINTS
@@ -90,11 +88,23 @@ def test_missing_or_zero_velocities_are_derived_later(states) -> None:
 @pytest.mark.parametrize(
     ('field', 'rows', 'columns', 'value', 'text'),
     [
-        ('effort', slice(100, 103), 2, np.nan, r'effort of joints joint3 is NaN .* in 3 of '),
-        ('effort', slice(None), slice(None), np.nan, 'no effort recorded of joints joint1, joint2'),
-        ('effort', slice(None), slice(None), 0.0, 'effort of every joint is constant'),
+        (
+            'effort',
+            slice(100, 103),
+            2,
+            np.nan,
+            r'effort of joints joint3 in bag is NaN .* in 3 of ',
+        ),
+        ('effort', slice(None), slice(None), np.nan, 'no effort of joints joint1, joint2'),
+        ('effort', slice(None), slice(None), 0.0, 'effort of every joint in .* is constant'),
         ('position', slice(500, 506), 0, np.inf, 'position of joints joint1'),
-        ('effort', slice(500, 506), 1, 1e308, r'effort of joints joint2 reaches 1e\+308 in 6 of'),
+        (
+            'effort',
+            slice(500, 506),
+            1,
+            1e308,
+            r'effort of joints joint2 in bag reaches 1e\+308 in 6 of',
+        ),
         ('position', slice(None), slice(None), 1.0, 'no joint moves'),
     ],
 )
@@ -108,7 +118,7 @@ def test_single_faulty_joints_are_named(states) -> None:
     recording = recording_from_states('bag', dead, JOINTS, AS_IS)
     assert recording.dead_effort.tolist() == [False, False, False, True]
     assert recording.warnings == (
-        'bag: joint joint4 has a constant effort: its equation is left out',
+        'bag: joint joint4 has a constant effort, so its equation is ignored',
     )
     still = changed(states, 'position', slice(None), 1, 0.2)
     recording = recording_from_states('bag', still, JOINTS, AS_IS)
@@ -139,7 +149,7 @@ def test_only_what_was_commanded_is_used(states) -> None:
 
 def test_a_locked_joint_rests(states) -> None:
     mapping = JointMapping({}, locked=('joint4',))
-    text = r'joint4 is locked \(--lock\) but moves by [\d.]+ rad in bag: leave out --lock joint4'
+    text = r'joint4 is locked \(--lock\) but moves by [\d.]+ rad in bag: remove --lock joint4'
     with pytest.raises(IdentificationError, match=text):
         recording_from_states('bag', states, JOINTS[:3], mapping)
     held = changed(states, 'position', slice(None), 3, 0.2)
@@ -149,7 +159,7 @@ def test_a_locked_joint_rests(states) -> None:
 def test_a_gap_is_placed_in_the_whole_bag(states) -> None:
     stamp = states.stamp.copy()
     stamp[1200:] += 0.134
-    text = r'bag: no joint states for 0.144 s at 11.99 s of the bag \(11.35 s of the used part'
+    text = r'bag has no joint states for 0.144 s at 11.99 s of the bag \(11.35 s of the used part'
     with pytest.raises(IdentificationError, match=text):
         recording_from_states('bag', replace(states, stamp=stamp), JOINTS, AS_IS)
 
@@ -158,7 +168,7 @@ def test_too_few_messages(states) -> None:
     few = replace(
         states, **{f: getattr(states, f)[:9] for f in ('stamp', 'position', 'velocity', 'effort')}
     )
-    with pytest.raises(IdentificationError, match='only 9 joint states: too short'):
+    with pytest.raises(IdentificationError, match='only 9 joint states, too few'):
         recording_from_states('bag', few, JOINTS, AS_IS)
 
 

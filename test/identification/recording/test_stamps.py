@@ -58,9 +58,9 @@ def broken(kind: str) -> np.ndarray:
     ('kind', 'text'),
     [
         ('constant', 'same stamp'),
-        ('repeated', '199 of 5000 stamps are repeated'),
+        ('repeated', '199 of 5000 stamps of bag are repeated'),
         ('backwards', 'repeated|jump back'),
-        ('jump', r'bag: no joint states for 5.001 s at 2.50 s of the bag: the recorder'),
+        ('jump', r'bag has no joint states for 5.001 s at 2.50 s of the bag, because the recorder'),
         ('nan', 'not finite'),
     ],
 )
@@ -94,5 +94,5 @@ def test_stamps_that_are_no_seconds() -> None:
     check_stamp_unit('bag', STAMP)
     check_stamp_unit('bag', np.full(5, 3.0))
     for factor, unit in ((1e3, 'milliseconds'), (1e6, 'microseconds'), (1e9, 'nanoseconds')):
-        with pytest.raises(IdentificationError, match=f's apart: stamps look like {unit}'):
+        with pytest.raises(IdentificationError, match=f's apart, so their stamps look like {unit}'):
             check_stamp_unit('bag', factor * 5.0 * STAMP)

@@ -35,7 +35,7 @@ def test_joints_at_rest_cost_parameters(robot: Robot) -> None:
 def test_condition_decides(robot: Robot) -> None:
     base = base_of(robot, [0, 1, 2, 3])
     (text,) = excitation_warnings(replace(base, condition_number=500.0), Regressor(robot))
-    assert 'poorly excited' in text
+    assert 'excites the parameters poorly' in text
     with pytest.raises(IdentificationError, match='too short or too small to excite'):
         excitation_warnings(replace(base, condition_number=5000.0), Regressor(robot))
     nothing = find_base_parameters(np.zeros((48, 48)), base.columns)

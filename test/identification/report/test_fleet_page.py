@@ -47,7 +47,7 @@ def test_the_arm_that_differs_is_found() -> None:
 def test_the_page_names_both_and_what_failed() -> None:
     failed = {'bag': 'x', 'arm': 'arm1', 'date': None, 'status': 'failed', 'reason': 'no <bag>'}
     text = fleet_page([*rows(), failed])
-    assert '60 of 61 bags of 6 arms identified' in text
+    assert '60 of 61 bags of 6 arms were identified' in text
     assert 'no &lt;bag&gt;' in text
     assert text.count('Plotly.newPlot(') == 3  # errors, and the two parameters of joints
 

@@ -23,6 +23,7 @@ from aerarm_ros.identification.report.report_tables import (
     joint_error_table,
     parameter_table,
 )
+from aerarm_ros.identification.residual_split import REMEDIES, TORQUE_NOISE
 from aerarm_ros.identification.solvers.solvers import SOLVERS
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors
 from aerarm_ros.pages.html_text import number
@@ -96,8 +97,9 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
     page = Page(html)
     assert page.headings == [
         'Torque errors',
-        'Torque errors joint by joint',
-        'Against the true parameters',
+        'Torque errors per joint',
+        'What limits accuracy',
+        'Comparison with the true parameters',
         'bag1 (identification): measured and predicted torque',
         'bag1 (identification): residual over time',
         'bag1 (identification): spectrum of the residual',
@@ -116,8 +118,12 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
     assert html.count('Plotly.newPlot(') == 12
     assert '"name":"desired"' in html
     text = ' '.join(page.texts)
+    # Noise is all that the simulated arm leaves, and the report names a remedy.
+    assert REMEDIES[TORQUE_NOISE] in text
     sdp, cad = (result.solutions[name].validation[0].filtered for name in ('sdp', 'cad_friction'))
-    assert f'Torque error on bag2 (validation): {sdp:.2f} % filtered' in text
+    assert (
+        f'Torque error of the identified model on bag2 (validation): {sdp:.2f} % filtered'
+    ) in text
     assert f'{cad:.2f} % with the CAD model and identified friction ({cad / sdp:.1f} times' in text
     assert '1.0 .. 25.0 s of 26.0 s (motion)' in page.texts
     for column in result.fit.model.columns:
@@ -144,9 +150,9 @@ def test_warnings_that_say_the_same_stand_together(result: IdentificationResult)
     page = Page(report_html(replace(result, warnings=texts), ReportExtras()))
     for text in texts:
         assert text in page.texts
-    assert [text for text in page.texts if 'more like it' in text] == [
-        '3 more like it',
-        '1 more like it',
+    assert [text for text in page.texts if 'similar warnings' in text] == [
+        '3 similar warnings',
+        '1 similar warnings',
     ]
 
 
@@ -184,7 +190,7 @@ def test_intervals_are_those_of_the_table(result: IdentificationResult) -> None:
 def test_only_solvers_that_ran_are_explained(result: IdentificationResult) -> None:
     def explained(result: IdentificationResult) -> list[str]:
         text = ' '.join(Page(report_html(result, ReportExtras())).texts)
-        (metric,) = re.findall(r'Thesis \(5\.3\).*?identified\.urdf\.', text)
+        (metric,) = re.findall(r'thesis \(5\.3\).*?identified\.urdf contain', text)
         return re.findall(r'(\w+): ', metric.partition('as recorded.')[2])
 
     assert explained(result) == ['cad', 'cad_friction', 'ols', 'wls', 'sdp']
@@ -220,7 +226,7 @@ def test_what_the_truth_lacks_is_a_dash(result: IdentificationResult, extras: Re
 
 def test_it_can_do_without_extras(result: IdentificationResult) -> None:
     page = Page(report_html(result, ReportExtras()))
-    assert 'Against the true parameters' not in page.headings
+    assert 'Comparison with the true parameters' not in page.headings
     assert not any('True: parameter of the simulated arm' in text for text in page.texts)
 
 

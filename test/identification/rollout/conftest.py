@@ -1,4 +1,4 @@
-"""Windows of a motion whose arm is known."""
+"""Windows of a motion with a known arm."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Problems for the solvers: the thesis's, and systems whose answer is known."""
+"""Problems for the solvers: the thesis's, and systems with a known solution."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ def problem(result: IdentificationResult) -> ThesisProblem:
 
 @pytest.fixture(scope='session')
 def limits(cad: ArmParameters) -> PhysicalLimits:
-    """Of links and three coefficients a joint, none of which may be negative."""
+    """Limits of links and of three coefficients per joint, none of which may be negative."""
     size = cad.inertial_scale()[:, 1] / cad.inertial[:, 0]
     return PhysicalLimits(cad.inertial[:, 0], size, np.ones(12, dtype=bool))
 
@@ -44,14 +44,14 @@ def factor(robot: Robot) -> np.ndarray:
 
 @pytest.fixture(scope='session')
 def true(make_arm: Callable) -> np.ndarray:
-    """Parameters of an arm that could be."""
+    """Parameters of a physical arm."""
     arm = make_arm()
     return np.concatenate([arm.inertial.ravel(), arm.viscous, arm.coulomb, arm.rotor])
 
 
 @pytest.fixture(scope='session')
 def system_of(factor: np.ndarray) -> Callable[..., TriangularSystem]:
-    """Return a function that makes systems without noise, weighted, of given parameters."""
+    """Return a function that creates weighted systems without noise from given parameters."""
 
     def make(theta: np.ndarray, weight: float = 1.0) -> TriangularSystem:
         return TriangularSystem(weight * factor, weight * factor @ theta)
@@ -61,13 +61,13 @@ def system_of(factor: np.ndarray) -> Callable[..., TriangularSystem]:
 
 @pytest.fixture(scope='session')
 def impossible(prior: Prior) -> Callable[[np.random.Generator], np.ndarray]:
-    """Return a function that draws parameters that no arm has, far from the prior."""
+    """Return a function that draws non-physical parameters, far from the prior."""
     return lambda random: prior.mean + 3.0 * prior.std * random.standard_normal(len(prior.mean))
 
 
 @pytest.fixture(scope='session')
 def possible(limits: PhysicalLimits) -> Callable[[np.random.Generator], np.ndarray]:
-    """Return a function that draws parameters within the limits, of any arm."""
+    """Return a function that draws physical parameters within the limits."""
 
     def draw(random: np.random.Generator) -> np.ndarray:
         roots = random.standard_normal((4, 4, 4))

@@ -31,5 +31,5 @@ def test_without_a_window_there_is_no_solution(robot: Robot) -> None:
     model = JointModel.uniform(robot.joint_names, robot.link_names, THESIS_TERMS)
     nothing = np.zeros((0, 51, 4))
     windows = RolloutWindows(robot, 0.01, nothing, nothing, nothing)
-    with pytest.raises(IdentificationError, match='no half second'):
+    with pytest.raises(IdentificationError, match='no half-second'):
         solve_output_error(model, windows, np.ones(48), np.ones(8))

@@ -1,4 +1,4 @@
-"""When the bridge reports: from the cycle's slack, once a second and at every new mode."""
+"""Times of the bridge's reports: in the cycle's slack, once per second and at every new mode."""
 
 import time
 from collections.abc import Callable
@@ -97,7 +97,9 @@ def test_an_active_bridge_reports_once_a_second_and_only_from_its_cycle(
     listener.wait_for(lambda: len(listener.messages) > before)
     timing = listener.messages[-1].status[2]
     assert timing.level == DiagnosticStatus.WARN
-    assert 'the stamps are 2000 ms ahead of the system clock, which was set' in timing.message
+    assert (
+        'the stamps are 2000 ms ahead of the system clock, because this clock was set'
+    ) in timing.message
     assert any(v.value == '-2000.0' for v in timing.values)
     before += 1
     listener.diagnostics.unwatch()
@@ -120,12 +122,12 @@ def test_a_new_mode_is_reported_within_some_cycles(listener: Listener) -> None:
 
 
 def test_a_publisher_that_is_not_heard_is_reported(listener: Listener) -> None:
-    listener.watch.problems = ('joint_command of /other is not heard: it is another type',)
+    listener.watch.problems = ('joint_command of /other is not received: it is another type',)
     for now in range(20):
         listener.cycle.update(100.0 + now * PERIOD)
     listener.diagnostics.watch(listener.watched)
     listener.step(100.1, PIECES)
-    listener.wait_for(lambda: any('not heard' in m.status[0].message for m in listener.messages))
+    listener.wait_for(lambda: any('not received' in m.status[0].message for m in listener.messages))
     assert listener.arm().level == DiagnosticStatus.WARN
 
 

@@ -8,7 +8,7 @@ from rclpy.node import Node
 
 
 class Lifecycle:
-    """What a launch file or `ros2 lifecycle` asks of a node."""
+    """Client with the requests of a launch file or of `ros2 lifecycle`."""
 
     def __init__(self, node: Node, name: str = 'fake_hardware') -> None:
         self._node = node

@@ -1,4 +1,4 @@
-"""Who may command a running bridge."""
+"""Publishers that may command a running bridge."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -93,7 +93,9 @@ def test_only_allowed_publishers_command(
 
     client.answer = as_intruder
     client.wait_for(lambda: count(client, 'not_allowed') > 100)
-    assert '/intruder publishes joint_command without being on the list' in client.messages['arm']
+    assert (
+        '/intruder publishes joint_command but is not in allowed_publishers'
+    ) in client.messages['arm']
     assert client.modes[-1] == 'ready'
 
     def both(state):

@@ -27,7 +27,7 @@ def test_a_cycle_that_does_not_answer_is_said_with_where_to_look(ros_node: Node)
     answer = client.call_async(Trigger.Request())
     assert spin_until(ros_node, answer.done, 60.0)
     assert not answer.result().success
-    expected = 'the cycle did not respond: check the console of the bridge, or view'
+    expected = 'the control cycle did not respond: check the log of the bridge, or the page of view'
     assert answer.result().message == expected
 
 
@@ -52,7 +52,7 @@ def test_only_stops_are_served_while_two_nodes_have_the_same_name(ros_node: Node
     finally:
         twin.destroy_node()
     assert not answers['enable'].success
-    assert 'two nodes are named' in answers['enable'].message
+    assert 'two nodes have the name' in answers['enable'].message
     assert answers['e_stop'].success
 
 

@@ -1,4 +1,4 @@
-"""Commissioning at the bridge, without a bridge: what its topics do with the record."""
+"""Commissioning topics without a bridge: use of the record."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +16,7 @@ from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, Reco
 
 
 class StubCycle:
-    """What a cycle offers to commissioning."""
+    """Interface of a cycle for commissioning."""
 
     mode = 'unhomed'
 

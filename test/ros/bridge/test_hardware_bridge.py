@@ -1,4 +1,4 @@
-"""The bridge in this process: what it does beside its cycle, and whatever ends the cycle."""
+"""The bridge in this process: work next to its cycle, and all ends of the cycle."""
 
 import sys
 import threading
@@ -31,7 +31,7 @@ class FakeHardware(HardwareBridge):
 
 
 class Defective(FakeHardware):
-    """Enables the arm, drives it for a moment, and then meets a defect."""
+    """Bridge that enables the arm, drives it for a moment, and then fails."""
 
     cycles = 0
 

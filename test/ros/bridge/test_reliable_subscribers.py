@@ -1,4 +1,4 @@
-"""Subscriptions as others write them: reliable, with a history of ten, and not always quick."""
+"""Subscriptions of other programs: reliable, with a queue of ten, sometimes slow."""
 
 import signal
 import subprocess

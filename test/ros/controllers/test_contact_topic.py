@@ -1,4 +1,4 @@
-"""base_reaction tells what touches the drone, by odometry and rotor commands, or why not."""
+"""base_reaction publishes contact on the drone, or the reason why it does not."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -31,7 +31,7 @@ STEP_NS = 4_000_000
 
 
 class HoveringDrone:
-    """What drone and arm at rest say, in the process of the node that hears it."""
+    """Topics of a drone and an arm at rest, in the process of the receiving node."""
 
     def __init__(self, node: BaseReactionNode) -> None:
         self.told_to = node
@@ -136,7 +136,7 @@ def test_a_push_is_told_and_what_is_missing_is_named(make) -> None:
     for command in (JointState(name=['a'], effort=[1.0]), JointState(name=list(DRONE.rotor_names))):
         rejections = node.diagnostics.rejections
         drone.until(lambda n=rejections: node.diagnostics.rejections > n, command=command)
-        assert node.diagnostics.last_rejection.startswith('rotor_command: it')
+        assert node.diagnostics.last_rejection.startswith('rotor_command: a message')
     # What drone and rotors say ends: it fades, ends, and is named.
     drone.until(lambda: drone.force == pytest.approx(PUSH, rel=0.05), lift=WEIGHT)
     drone.until(lambda: drone.force == 0.0, speaks=False)

@@ -1,4 +1,4 @@
-"""What a controller must not follow: refused with a reason, while the arm stays as it was."""
+"""Invalid inputs of a controller: rejected with a reason, while the arm does not move."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,7 +29,7 @@ def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
 def refuse(
     bench: ControllerBench, process: NodeProcess, send: Callable[[], None], reason: str
 ) -> None:
-    """Require that what is sent is refused on diagnostics and in the log, and moves nothing."""
+    """Require that an input is rejected on diagnostics and in the log, and moves nothing."""
     bench.problems.clear()
 
     def is_told() -> bool:
@@ -95,7 +95,7 @@ def test_set_points(bench: ControllerBench) -> None:
         for reason, message in (
             ('joint2 at 9 rad is outside', JointState(name=NAMES, position=[0.0, 9.0, 0.0, 0.0])),
             ('shoulder', JointState(name=['shoulder', *NAMES[1:]], position=HERE)),
-            ('it needs 4 positions', JointState(name=NAMES, position=HERE[:3])),
+            ('it must have 4 positions', JointState(name=NAMES, position=HERE[:3])),
             ('must be finite', JointState(name=NAMES, position=[float('nan'), *HERE[1:]])),
         ):
             refuse(bench, process, lambda m=message: set_points.publish(m), reason)
@@ -111,7 +111,7 @@ def test_tool_targets(bench: ControllerBench, name: str) -> None:
         not_a_number.pose.position.y = float('nan')
         elsewhere.header.frame_id = 'map'
         for reason, message in (
-            ('the arm reaches', unreachable),
+            ('the reach of the arm', unreachable),
             ('three finite numbers', not_a_number),
             ("send it in 'base_link'", elsewhere),
         ):
@@ -126,7 +126,8 @@ def test_a_set_point_for_an_arm_that_is_stopped(bench: ControllerBench) -> None:
         set_points = bench.publisher(topics.SET_POINT)
         message = JointState(name=NAMES, position=HERE)
         reason = (
-            "set_point rejected: the arm is 'fault': run 'arm enable', or clear its fault, first"
+            "set_point rejected, because the arm is 'fault': first run 'arm enable', or "
+            'clear its fault'
         )
         bench.wait(
             lambda: reason in process.log.read_text(),

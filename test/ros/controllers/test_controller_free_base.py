@@ -1,4 +1,4 @@
-"""A controller on a free base: what it asks for, refuses, and hears of the rotors."""
+"""A controller on a free base: its requirements, rejections and rotor commands."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -17,8 +17,8 @@ from aerarm_msgs_py import topics
 from aerarm_ros.control.base.free_base_estimator import FreeBaseEstimator
 from aerarm_ros.description.resources import resource
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE
-from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
-from aerarm_ros.nodes.kinematic_control import KinematicControlNode
+from aerarm_ros.nodes.controllers.computed_torque import ComputedTorqueNode
+from aerarm_ros.nodes.controllers.kinematic_control import KinematicControlNode
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD
 
@@ -122,7 +122,7 @@ def test_rotor_commands_are_heard_and_those_of_others_refused(make) -> None:
     hear(node, tell(names, thrusts), lambda: base.rotors.commanded_force > 0.0)
     np.testing.assert_allclose(base.rotors.thrust(node.stamp_ns * 1e-9), thrusts)
     for sent, thrust, reason in (
-        (names[:4], thrusts[:4], 'another drone'),
+        (names[:4], thrusts[:4], 'describes this drone'),
         (names, [float('nan'), *thrusts[1:]], 'NaN'),
         (names, [], 'no effort'),
     ):

@@ -115,7 +115,7 @@ def test_the_tool_reaches_a_target(bench: ControllerBench, name: str) -> None:
 
 @contextmanager
 def repeated(bench: ControllerBench, publisher: Publisher, sample: Imu) -> Iterator[None]:
-    """Publish IMU samples at the rate of one, whatever the test does meanwhile."""
+    """Publish IMU samples at a constant rate during the test."""
     over = threading.Event()
 
     def publish() -> None:
@@ -155,7 +155,7 @@ def test_base_reaction_knows_the_weight_and_follows_the_imu(bench: ControllerBen
         inertia = bench.heard[topics.ARM_INERTIA.name]
         assert isinstance(inertia, InertiaStamped)
         assert inertia.inertia.m == pytest.approx(weight / 9.81)
-        bench.wait(lambda: any('no IMU yet' in p for p in bench.problems), 'a warning')
+        bench.wait(lambda: any('no IMU sample yet' in p for p in bench.problems), 'a warning')
         imus = bench.publisher(topics.IMU)
         tilted = Imu()
         tilted.orientation_covariance[0] = -1.0
@@ -205,7 +205,7 @@ def test_an_arm_that_is_off_gets_no_commands(bench: ControllerBench) -> None:
     ('parameters', 'message'),
     [
         ({'kp': [1.0, 2.0]}, 'kp has 2 values, 4 are needed'),
-        ({'load_friction': [0.1, 0.2]}, 'load share has 2 values, 4 are needed'),
+        ({'load_friction': [0.1, 0.2]}, 'load-dependent friction has 2 values, 4 are needed'),
         # What YAML makes of `off`.
         ({'base_motion': False}, 'base_motion must be a string, one of none, attitude, full'),
     ],

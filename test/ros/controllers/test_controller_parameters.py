@@ -1,4 +1,4 @@
-"""Live parameters of controllers: taken or refused at once, and hand guiding."""
+"""Live parameters of controllers, accepted or rejected at once, and hand guiding."""
 
 from collections.abc import Callable, Iterator
 
@@ -11,9 +11,9 @@ from sensor_msgs.msg import JointState
 
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
-from aerarm_ros.nodes.gravity_compensation import GravityCompensationNode
-from aerarm_ros.nodes.impedance_control import ImpedanceControlNode
+from aerarm_ros.nodes.controllers.computed_torque import ComputedTorqueNode
+from aerarm_ros.nodes.controllers.gravity_compensation import GravityCompensationNode
+from aerarm_ros.nodes.controllers.impedance_control import ImpedanceControlNode
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
 
 CYCLE = 1e-3
@@ -37,7 +37,7 @@ def make(ros_domain: dict[str, str]) -> Iterator[Callable[..., ControllerNode]]:
 
 
 def act(node: ControllerNode, now: float = 0.0) -> None:
-    """Let the loop's thread do what waits for it."""
+    """Run the waiting actions of the loop's thread."""
     while node._requests:
         node._requests.popleft()(now)
 

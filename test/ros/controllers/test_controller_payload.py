@@ -1,4 +1,4 @@
-"""A payload reaches a running controller: from payload.yaml at its start, and while it runs."""
+"""Payload of a running controller: from payload.yaml at its start, and while it runs."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import rclpy
 import yaml
 from rclpy.parameter import Parameter
 
-from aerarm_ros.nodes.computed_torque import ComputedTorqueNode
+from aerarm_ros.nodes.controllers.computed_torque import ComputedTorqueNode
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD
 
 BALL = [0.2, 0.02, 0.0, 0.0, 1e-4, 0.0, 2.1e-3, 0.0, 0.0, 2.1e-3]

@@ -48,7 +48,7 @@ def test_a_week_of_use_is_seen(tmp_path: Path, capsys: pytest.CaptureFixture[str
     lines = capsys.readouterr().out.splitlines()
     (marked,) = (line for line in lines if line.startswith('* Coulomb'))
     assert marked.split()[5:7] == ['0.2000', '0.2600']
-    assert lines[-1] == '* 1 of 6 changed by more than three standard deviations'
+    assert lines[-1] == '* 1 of 6 values changed by more than three standard deviations'
 
 
 def test_a_silence_is_no_learning(tmp_path: Path) -> None:
@@ -76,10 +76,10 @@ def test_a_folder_that_has_gone_is_told_and_made_good(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_kept_is_refused_at_once(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match='cannot be written there'):
+    with pytest.raises(OSError, match='cannot be written to'):
         FrictionLog(tmp_path / 'none' / 'friction.csv', NAMES, 1.0)
     (tmp_path / 'notes.txt').write_text('mine\n')
-    with pytest.raises(ValueError, match='is no trend of friction'):
+    with pytest.raises(ValueError, match='is not a friction history'):
         FrictionLog(tmp_path / 'notes.txt', NAMES, 1.0)
     assert (tmp_path / 'notes.txt').read_text() == 'mine\n'
 

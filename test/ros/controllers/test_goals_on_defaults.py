@@ -8,7 +8,7 @@ import pytest
 sys.path.append(str(Path(__file__).parents[3] / 'benchmarks'))
 from goal_runs.goal_bench import GoalBench
 
-from aerarm_ros.nodes.impedance_control import PARAMETERS
+from aerarm_ros.nodes.controllers.impedance_control import PARAMETERS
 
 SETTLING = 0.5  # [s]
 

@@ -1,4 +1,4 @@
-"""What `base_reaction` tells a drone ahead of time, a process that is fed by this one."""
+"""Forecast of a `base_reaction` process for a drone, with inputs from the test."""
 
 import time
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ def swing(time: float | np.ndarray) -> JointReference:
 
 
 class ToldArm:
-    """Swings, says where it is and what it plans, and hears what the drone is told."""
+    """Publish a swinging arm's states and plan, and receive the drone's topics."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -67,13 +67,13 @@ class ToldArm:
         return stamp.sec * 10**9 + stamp.nanosec if stamp else 0
 
     def motion(self) -> float:
-        """Return the largest part of what the motion asks of the drone."""
+        """Return the largest component of the motion's wrench on the drone."""
         force = vector(self.heard['base_wrench_motion'].wrench.force)
         spin = vector(self.heard['feedforward_acceleration'].accel.angular)
         return float(np.abs([force, spin]).max())
 
     def step(self) -> bool:
-        """Go on for 5 ms; return whether the drone was told of this state in time."""
+        """Continue for 5 ms; return whether the drone's topics answered this state in time."""
         self.stamp_ns += 5_000_000
         self.plan.update()
         rclpy.spin_once(self.node, timeout_sec=0.005)
@@ -111,7 +111,7 @@ def until_in_time(arm: ToldArm) -> None:
 
 
 def sizes_of_a_fade(arm: ToldArm) -> list[float]:
-    """Return what is left of a motion whose states end, as it is told until nothing is."""
+    """Return the sizes of a fading motion after the last state, until zero."""
     sizes = [arm.motion()]
     while sizes[-1] > 0.0:
         count = arm.about('feedforward_acceleration')

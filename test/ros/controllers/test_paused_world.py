@@ -1,4 +1,4 @@
-"""What `base_reaction` tells while the host of an emulated arm pauses, and when the arm is gone."""
+"""Topics of `base_reaction` while the host of an emulated arm pauses, and after its end."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What a controller's model carries of what is published."""
+"""Payload of a controller's model for a published estimate."""
 
 from types import SimpleNamespace
 

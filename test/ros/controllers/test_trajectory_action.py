@@ -1,6 +1,6 @@
-"""FollowJointTrajectory by a client of rclpy, on the emulated arm; skipped without control_msgs.
+"""FollowJointTrajectory with a client of rclpy, on the emulated arm; skipped without control_msgs.
 
-What a goal means is tested in test_trajectory_goals.py, without ROS.
+test_trajectory_goals.py tests the goals without ROS.
 """
 
 from collections.abc import Iterator
@@ -135,5 +135,5 @@ def test_without_control_msgs_it_is_said(tmp_path: Path, ros_node: Node) -> None
         with bench.controller('computed_torque') as process:
             bench.wait(lambda: bench.mode == 'running', 'commands')
             said = process.tail(50)
-    assert 'control_msgs is not installed: the action ~/follow_joint_trajectory' in said
-    assert 'active, from joint1 ' in process.tail(50)
+    assert 'control_msgs is not installed, so the action ~/follow_joint_trajectory' in said
+    assert 'active, starting from joint1 ' in process.tail(50)

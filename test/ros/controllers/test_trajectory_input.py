@@ -1,4 +1,4 @@
-"""What a JointTrajectory message means to a follower."""
+"""JointTrajectory messages for a follower."""
 
 import re
 
@@ -38,7 +38,7 @@ def test_joints_that_are_not_named_stay() -> None:
 
 @pytest.mark.parametrize('names', [['joint1', 'elbow'], ['joint1', 'joint1'], []])
 def test_other_names_are_rejected_all_the_same(names: list[str]) -> None:
-    reason = re.escape(f'joint names {names} are not those of the arm: give some of')
+    reason = re.escape(f'joint names {names} do not match the arm: name some of')
     with pytest.raises(RejectedInputError, match=reason):
         read_trajectory(LIMITS, message(names, [[0.1] * len(names)]), 0.0, HERE)
 
@@ -56,5 +56,5 @@ def test_velocities_are_given_at_every_point_or_at_none() -> None:
 
 
 def test_all_joints_are_named_where_none_may_stay() -> None:
-    with pytest.raises(RejectedInputError, match='are not those of the arm'):
+    with pytest.raises(RejectedInputError, match='do not match the arm'):
         read_trajectory(LIMITS, message(['joint1'], [[0.1]]), 0.0)

@@ -1,4 +1,4 @@
-"""A line a phase in a log, one line rewritten on a terminal."""
+"""One line per phase in a log, one updated line on a terminal."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""The emulated arm's own time: what a pause of the host, or of a controller, does to it."""
+"""Simulation time of the emulated arm during pauses of the host or of a controller."""
 
 import os
 import signal
@@ -116,7 +116,10 @@ def test_in_lockstep_who_answers_no_more_is_waited_for_once(
     client.wait_for_mode('running')
     client.answer = None
     client.wait_for_mode('damping')
-    assert bridge.log.read_text().count('within 0.5 s: the simulation continues') == 1
+    assert (
+        bridge.log.read_text().count('within 0.5 s (answer_timeout), so the simulation continues')
+        == 1
+    )
 
 
 def test_a_controller_takes_over_where_the_clock_was_set_back(
@@ -209,7 +212,7 @@ def test_in_lockstep_a_silent_publisher_is_named(start_bridge: StartBridge, ros_
     bridge = start_bridge(answer_timeout=0.3)
     client = BridgeClient(ros_node)  # it has a publisher of joint_command
     client.make_ready()
-    said = 'joint_command has a publisher that responds to no state'
+    said = 'a publisher of joint_command does not respond to states'
     client.wait_for(lambda: said in bridge.tail(50))
     client.call('enable')  # the wait begins again after it
     client.spin(1.0)
@@ -238,10 +241,10 @@ def test_in_lockstep_a_second_controller_is_waited_for_as_the_first(
 
 
 def stop_until_the_world_stands(client: BridgeClient, recorder: NodeProcess) -> int:
-    """Stop a recorder until the world waits for it; return the last stamp [ns] before that.
+    """Stop a recorder until the simulation waits for it; return the last stamp [ns] before.
 
-    A process that is stopped just while it takes a message holds a lock of the middleware, and so
-    whoever writes to it, for seconds: then it is let go and stopped again.
+    A process that is stopped while it receives a message holds a lock of the middleware and delays
+    the publisher for seconds; then it is continued and stopped again.
     """
     client.wait_for(lambda: bool(client.states))
     deadline = time.monotonic() + 120.0

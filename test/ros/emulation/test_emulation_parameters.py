@@ -19,7 +19,7 @@ def test_gears_have_the_play_that_is_asked_for() -> None:
     assert isinstance(transport.plant, BacklashPlant)
     np.testing.assert_array_equal(transport.plant.backlash, np.full(4, 0.02))
     assert transport.plant.true_parameters()['backlash'] == [0.02] * 4
-    with pytest.raises(ValueError, match='on a fixed base only'):
+    with pytest.raises(ValueError, match='only for an arm on a fixed base'):
         mount_on_base(transport, ROBOT, next(iter(BASE_PROFILES.values())))
 
 
@@ -28,7 +28,7 @@ def test_none_are_asked_for_by_default() -> None:
 
 
 def test_some_joints_alone_are_refused() -> None:
-    with pytest.raises(ValueError, match='give one value, or one for each of 4 joints'):
+    with pytest.raises(ValueError, match='must have one value, or one for each of 4 joints'):
         plant_parameters(CONFIG, ROBOT, 1, [0.02, 0.01], 0.0, [])
 
 

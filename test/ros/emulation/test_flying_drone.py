@@ -1,4 +1,4 @@
-"""The emulated drone over real topics: it flies, is held, falls, and refuses what is wrong."""
+"""The emulated drone over real topics: it flies, is held, falls, and rejects bad commands."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -62,7 +62,7 @@ class DroneBench(ControllerBench):
         return self.controller('flight_control', drone_file=DRONE, **parameters)
 
     def feels(self, force: np.ndarray) -> bool:
-        """Return whether the last twenty words on contact were that force, within a tenth."""
+        """Return whether the last twenty contact messages were that force, within a tenth."""
         if len(self.pushes) < 20:
             return False
         errors = np.linalg.norm(np.array(self.pushes[-20:]) - force, axis=-1)
@@ -172,10 +172,13 @@ def test_commands_that_are_not_its_own_leave_it_where_it_is_held(bench: DroneBen
     names = list(load_drone_config().rotor_names)
     bench.start()
     for command, reason in (
-        (JointState(name=['a', 'b', 'c', 'd'], effort=[HOVER] * 4), 'it is for rotors a, b, c, d'),
+        (
+            JointState(name=['a', 'b', 'c', 'd'], effort=[HOVER] * 4),
+            ('the message has rotors a, b, c, d'),
+        ),
         (JointState(name=names, effort=[np.nan, *[HOVER] * 5]), 'a thrust is NaN'),
-        (JointState(name=names, position=[1.0] * 6), 'it has no effort'),
-        (JointState(name=names, effort=[HOVER]), '6 names with 0 positions'),
+        (JointState(name=names, position=[1.0] * 6), 'has no effort'),
+        (JointState(name=names, effort=[HOVER]), '6 names, but 0 positions'),
     ):
         for _ in range(3):
             bench.rotors.publish(command)
@@ -195,9 +198,9 @@ def test_a_weak_drone_and_two_kinds_of_base_are_refused(
     for parameters, reason in (
         ({'drone_file': tmp_path / 'none.yaml'}, 'No such file'),
         ({'drone_file': DRONE, 'base_motion_profile': 'moving'}, 'remove one of the two'),
-        ({'drone_file': DRONE, 'imu_noise': [0.1]}, 'imu_noise has 1 numbers, not 2'),
+        ({'drone_file': DRONE, 'imu_noise': [0.1]}, 'imu_noise has 1 numbers instead of 2'),
         ({'contact_force': [1.0, 0.0, 0.0]}, 'a flying drone: set drone_file'),
-        ({'drone_file': DRONE, 'contact_link': 'nowhere'}, "there is no link 'nowhere'"),
+        ({'drone_file': DRONE, 'contact_link': 'nowhere'}, "unknown link 'nowhere'"),
     ):
         done = run('fake_hardware', parameters=parameters)
         assert done.returncode == 1

@@ -1,4 +1,4 @@
-"""What a recorder tells of the world that waits for it, and what it tells of others."""
+"""Reports of a recorder to its own simulation, and reports to others."""
 
 from builtin_interfaces.msg import Time
 from quick_spinning import spin_until

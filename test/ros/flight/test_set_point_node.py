@@ -1,4 +1,4 @@
-"""A node on an autopilot's set points, of an autopilot that speaks a package that is here."""
+"""A set point node with an autopilot whose message package is installed."""
 
 import time
 from collections.abc import Callable, Iterator

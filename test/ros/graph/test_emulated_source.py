@@ -1,4 +1,4 @@
-"""An arm with a time of its own, told by what its bridge publishes."""
+"""An emulated arm with its own time, detected by its bridge's topics."""
 
 import time
 from functools import partial

@@ -121,8 +121,8 @@ def test_who_is_not_heard_is_reported_with_the_reason(
         )
     )
     strange, unreliable = sorted(watched.watch.problems)
-    assert '/somewhere/strange is not heard: it is std_msgs/msg/String' in strange
-    assert '/somewhere/weak is not heard: its quality of service' in unreliable
+    assert '/somewhere/strange is not received: its type is std_msgs/msg/String' in strange
+    assert '/somewhere/weak is not received: its quality of service' in unreliable
     assert 'eliab' in unreliable
     leave()
     watched.wait_for(lambda: len(watched.watch.problems) == 1)

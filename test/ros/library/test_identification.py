@@ -1,4 +1,4 @@
-"""The interface for programs: arrays or bags in, an arm that says what it is worth out."""
+"""The interface for programs: arrays or bags as input, an identified arm with errors as output."""
 
 import inspect
 import json
@@ -94,7 +94,7 @@ def test_it_is_saved_as_the_identifier_does(arm: IdentifiedArm, tmp_path: Path) 
 
 
 def test_noise_is_taken_for_no_delay(arrays: tuple[np.ndarray, ...]) -> None:
-    """With one effort dead, noise looks like a delay of -1 ms of another, by chance."""
+    """One constant effort lets noise look like a delay of -1 ms in another joint."""
     stamp, q, dq, tau = arrays
     bag = aerarm_ros.from_arrays(stamp, q, np.where(np.arange(4) == 2, 1.0, tau), dq)
     found = aerarm_ros.identify(bag, options=OPTIONS)
@@ -111,7 +111,7 @@ def test_shapes_are_checked_with_a_sentence() -> None:
         ((q, q, q), r'time has the shape \(5, 4\): give \(M,\)'),
         ((time, q[:4], q), r'q has the shape \(4, 4\): give \(M, n\) with M = 5'),
         ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): give \(5, 4\)'),
-        ((time, q, [[1.0], [2.0, 3.0]]), 'tau must be numbers, in rows of equal length'),
+        ((time, q, [[1.0], [2.0, 3.0]]), 'tau must contain numbers, in rows of equal length'),
     ):
         with pytest.raises(IdentificationError, match=words):
             aerarm_ros.from_arrays(*given)
@@ -119,7 +119,7 @@ def test_shapes_are_checked_with_a_sentence() -> None:
         aerarm_ros.from_arrays(time, q, q, names=['a', 'b'])
     with pytest.raises(IdentificationError, match='holdout = 1.5'):
         aerarm_ros.identify([], holdout=1.5)
-    with pytest.raises(IdentificationError, match='no bag to identify from'):
+    with pytest.raises(IdentificationError, match='no bag to identify from: pass at least one'):
         aerarm_ros.identify([])
     for given in (q, 5, None):
         with pytest.raises(IdentificationError, match='is neither a path nor a motion'):

@@ -44,10 +44,10 @@ def test_it_is_saved_and_shown(plan: PlannedExcitation, tmp_path: Path) -> None:
     [
         ({'seconds': -1.0}, 'seconds = -1'),
         ({'periods': 0}, 'periods = 0'),
-        ({'harmonics': 500}, 'frequency of highest harmonic'),
+        ({'harmonics': 500}, 'the highest harmonic'),
         ({'bias': [0.0]}, 'bias has 1 values'),
-        ({'lock': 'joint1'}, 'lock = joint1: use it with the path of a URDF'),
-        ({'acceleration_limit': 5.0}, 'acceleration_limit is for an arm without motors'),
+        ({'lock': 'joint1'}, 'lock = joint1 needs the path of a URDF'),
+        ({'acceleration_limit': 5.0}, 'acceleration_limit needs an arm without motors'),
     ],
 )
 def test_what_cannot_be_is_said(given: dict, message: str) -> None:

@@ -1,4 +1,4 @@
-"""A node that the page starts; that it ends as it should is seen in test_view_actions.py."""
+"""A node that the page starts; test_view_actions.py checks its end."""
 
 import threading
 from pathlib import Path
@@ -27,4 +27,4 @@ def test_clicks_at_the_same_time_start_one_node(ros_domain: dict[str, str], tmp_
     for thread in threads:
         thread.join()
     program.close()
-    assert refused == ['recorder runs already: stop it first'] * (CLICKS - 1)
+    assert refused == ['recorder is already running: stop it first'] * (CLICKS - 1)

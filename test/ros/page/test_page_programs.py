@@ -1,4 +1,4 @@
-"""What the page may start; that it does so is seen in test/nodes/test_view_actions.py."""
+"""Programs that the page may start; test/nodes/test_view_actions.py starts them."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,7 +42,7 @@ def test_a_bag_is_no_way_out_of_the_folder(programs: PagePrograms, name: str) ->
 
 def test_what_exists_or_is_not_offered_is_refused(programs: PagePrograms, tmp_path: Path) -> None:
     (tmp_path / 'bag').mkdir()
-    with pytest.raises(PageProgramError, match='exists: give another name'):
+    with pytest.raises(PageProgramError, match='already exists: choose another name'):
         programs.record('bag')
     with pytest.raises(PageProgramError, match='no trajectory'):
         programs.play('/etc/passwd')

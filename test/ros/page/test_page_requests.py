@@ -1,4 +1,4 @@
-"""What the page's buttons reach, without a page."""
+"""Actions of the page's buttons, without a page."""
 
 import time
 

@@ -70,7 +70,7 @@ def test_who_has_ended_is_shown_no_more_and_forgotten() -> None:
 def test_the_way_out_is_that_of_a_bridge_that_is_there() -> None:
     diagnostics = ViewDiagnostics()
     assert diagnostics.way_out(0.0) == ''
-    values = {'way out': "'arm clear_fault'"}
+    values = {'recovery hint': "'arm clear_fault'"}
     diagnostics.add('arm', ViewStatus(2, 'fault', values, received=10.0))
     assert diagnostics.way_out(11.0) == "'arm clear_fault'"
     assert diagnostics.way_out(20.0) == ''

@@ -1,4 +1,4 @@
-"""What the page says of the states that it receives."""
+"""The page's text about the received states."""
 
 import time
 

@@ -32,7 +32,7 @@ def test_gravity_and_joints_are_those_of_the_configuration(tmp_path: Path) -> No
     np.testing.assert_array_equal(robot.gravity_in_base, [0.0, 0.0, 9.81])
     renamed = tmp_path / 'renamed.yaml'
     renamed.write_text(text.replace('joint1', 'shoulder'))
-    with pytest.raises(ValueError, match="no moving joint 'shoulder'"):
+    with pytest.raises(ValueError, match="unknown moving joint 'shoulder'"):
         load_arm(values(config=str(renamed)))
 
 

@@ -1,4 +1,4 @@
-"""What `ros2 param dump` writes of a node is a parameter file that the node starts with."""
+"""The output of `ros2 param dump` is a valid parameter file of the node."""
 
 import importlib
 from collections.abc import Iterator
@@ -63,7 +63,7 @@ def test_a_dump_loads_again(name: str, tmp_path: Path, ros: None) -> None:
 
 
 def test_only_a_list_may_be_empty(tmp_path: Path, ros: None) -> None:
-    table = importlib.import_module('aerarm_ros.nodes.computed_torque').PARAMETERS
+    table = importlib.import_module('aerarm_ros.nodes.controllers.computed_torque').PARAMETERS
     path = tmp_path / 'd.yaml'
     path.write_text('/computed_torque: {ros__parameters: {goal_time: []}}')
     with pytest.raises(ParameterError, match='goal_time must be a finite number'):

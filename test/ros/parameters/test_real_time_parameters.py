@@ -1,4 +1,4 @@
-"""What a loop asks of the system, and what happens when that says no."""
+"""Real-time requests of a loop to the system, granted and refused."""
 
 import gc
 from types import SimpleNamespace

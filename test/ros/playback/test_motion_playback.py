@@ -1,4 +1,4 @@
-"""A motion against an arm that tells each state once the one before it is answered."""
+"""A motion of an arm that sends each state after the answer to the previous one."""
 
 import threading
 import time
@@ -33,7 +33,7 @@ STEPS_MISSED = 1000 * (1 + round(LIMIT))
 
 
 class LockstepArm:
-    """Publishes what a bridge does, and waits for each answer."""
+    """Publish a bridge's topics, and wait for each answer."""
 
     def __init__(self) -> None:
         self.node = rclpy.create_node('bridge')
@@ -47,7 +47,7 @@ class LockstepArm:
         return bool(self._states.get_subscription_count() and self._commands.publishers())
 
     def tell(self, steps: int = 1) -> None:
-        """Publish the next state of an arm that rests, or once more the last one."""
+        """Publish the next state of an arm at rest, or the last one again."""
         self.number += steps
         state = JointState(name=NAMES, position=[0.0, 0.0], velocity=[0.0, 0.0])
         state.header.stamp.sec, millisecond = 10 + self.number // 1000, self.number % 1000
@@ -69,7 +69,7 @@ def until(condition: Callable[[], object]) -> None:
 
 
 def end(playing: threading.Thread, arm: LockstepArm) -> None:
-    """Tell states until nobody answers any more."""
+    """Publish states until no node answers."""
     while playing.is_alive():
         arm.tell()
         until(lambda: arm.is_answered() or not playing.is_alive())

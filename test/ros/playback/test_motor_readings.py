@@ -78,7 +78,7 @@ def test_states_and_power_of_the_same_cycle_are_read_by_joint(ros_node: Node) ->
 
 @pytest.mark.parametrize(('source', 'part'), [('model', MOTORS), ('voltage', 'arm')])
 def test_power_that_was_computed_is_no_reading(ros_node: Node, source: str, part: str) -> None:
-    """What is computed by a resistance cannot tell it."""
+    """A power computed from a resistance cannot determine the resistance."""
     motors = Motors(ros_node)
     motors.tell(source, part)
     motors.cycle(1)

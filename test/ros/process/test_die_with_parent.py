@@ -1,4 +1,4 @@
-"""Commands that ROS's launch has started, when launch is gone; launch is a process like it here."""
+"""Commands started by ROS's launch, after launch has ended; a test process replaces launch."""
 
 import os
 import signal

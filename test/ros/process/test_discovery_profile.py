@@ -158,7 +158,7 @@ def udp_sockets(pid: int) -> list[UdpSocket]:
 
 
 def unread_after(pid: int, sockets: list[UdpSocket], patience: float) -> dict[int, int]:
-    """Send a datagram to each socket; return what is unread, by port, once all was read or [s]."""
+    """Send a datagram to each socket; return the unread ones by port, at the latest after [s]."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for one in sockets:
             sender.sendto(b'RTPS-like', ('127.0.0.1', one.port))
@@ -172,7 +172,7 @@ def unread_after(pid: int, sockets: list[UdpSocket], patience: float) -> dict[in
 
 
 def hears_elsewhere(pid: int, patience: float) -> bool:
-    """Tell whether a process reads, within [s], what comes at another address than 127.0.0.1."""
+    """Return whether a process reads, within [s], datagrams to another address than 127.0.0.1."""
     elsewhere = [x for x in udp_sockets(pid) if x.address != '127.0.0.1' and not x.unread]
     # Fast DDS sends from sockets of all interfaces; those nobody reads.
     at_all = [x for x in elsewhere if x.address == '0.0.0.0']

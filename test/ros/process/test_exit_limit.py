@@ -1,4 +1,4 @@
-"""A process whose libraries never end: what the C library runs at exit spins for ever."""
+"""A process whose exit handler in the C library loops for ever."""
 
 import os
 import platform

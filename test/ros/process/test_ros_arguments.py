@@ -1,4 +1,4 @@
-"""What a command line gives to which node."""
+"""Parameters and remappings of a command line, by node."""
 
 import re
 from pathlib import Path
@@ -92,8 +92,8 @@ def test_the_name_of_a_node_is_the_remapped_one(remaps: list[str], name: str) ->
 @pytest.mark.parametrize(
     ('content', 'said'),
     [
-        ('seed: 3', "'seed' is in no section NODE: ros__parameters:"),
-        ('excitation: {seed: 3}', "'excitation/seed' is in no section"),
+        ('seed: 3', "'seed' in parameter file"),
+        ('excitation: {seed: 3}', "'excitation/seed' in parameter file"),
         ('[1, 2]', 'has no section'),
         ('a: [', 'is not valid YAML'),
         (b'\xff\xfe\x00', 'is not valid YAML'),
@@ -107,7 +107,7 @@ def test_a_file_that_gives_nothing_is_refused(tmp_path: Path, content, said: str
 
 
 def test_a_parameter_without_a_value_is_refused() -> None:
-    with pytest.raises(UsageError, match='-p seed=3: write -p NAME:=VALUE'):
+    with pytest.raises(UsageError, match='-p seed=3 is invalid: write -p NAME:=VALUE'):
         RosArguments(['--ros-args', '-p', 'seed=3'])
 
 
@@ -116,9 +116,9 @@ def test_a_parameter_without_a_value_is_refused() -> None:
     [
         ('pace:=', '-p pace:= has no value: write -p pace:=VALUE'),
         ('player:pace:=', '-p player:pace:= has no value: write -p player:pace:=VALUE'),
-        ('pace:=[', 'has no readable value'),
-        ('pace:={a: 1}', 'has no readable value'),
-        ('pace:=a: b', 'has no readable value'),
+        ('pace:=[', 'has no valid value'),
+        ('pace:={a: 1}', 'has no valid value'),
+        ('pace:=a: b', 'has no valid value'),
     ],
 )
 def test_what_rcl_cannot_read_is_refused_before_it_is_asked(rule: str, said: str) -> None:

@@ -1,4 +1,4 @@
-"""The stop signals in a process of their own: asked once, and once more in earnest."""
+"""Stop signals in a separate process: one signal, and a repetition."""
 
 import signal
 import subprocess

@@ -10,9 +10,9 @@ from aerarm_ros.ros.programs.contact_replay import contact_replay
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (['--bag', '{bag}'], 'give either --free BAG'),
-        (['--bag', '{bag}', '--free', '{bag}', '--residuals', 'x'], 'give either --free BAG'),
-        (['--free', '{bag}'], 'nothing to search'),
+        (['--bag', '{bag}'], 'pass --free BAG'),
+        (['--bag', '{bag}', '--free', '{bag}', '--residuals', 'x'], 'pass --free BAG'),
+        (['--free', '{bag}'], 'no recording to search'),
         (['--free', '{bag}', '--bag', '{bag}'], 'empty.mcap'),
         (['--bag', '{bag}', '--residuals', 'none.yaml'], 'none.yaml'),
         (['--bag', '{bag}', '--free', '{bag}', '--confirmation', '0'], '--confirmation must be'),

@@ -1,4 +1,4 @@
-"""What the demo says at its end, read from its nodes' logs."""
+"""The demo's final summary, read from its nodes' logs."""
 
 from pathlib import Path
 
@@ -35,9 +35,12 @@ def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
     ('given', 'said'),
     [
         (
-            {'share': '81.6', 'slip': ', 11.68 s behind it: too slow here for a real arm'},
-            'NOTE      the simulation waited for this computer, so the results do not change; '
-            'a real arm does not wait: ',
+            {
+                'share': '81.6',
+                'slip': ', 11.68 s behind real time: this computer is too slow for a real arm',
+            },
+            'NOTE      the simulation waited for this computer, so the results are valid; a real '
+            'arm would not wait: ',
         ),
         ({'lost': 7}, 'WARNING   the bags lack 7 messages: '),
     ],

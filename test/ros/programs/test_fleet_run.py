@@ -1,4 +1,4 @@
-"""`identifier --each`: a row per bag, kept as soon as it is there, the same however it is run."""
+"""`identifier --each`: one row per bag, stored at once, and equal for any kind of run."""
 
 import csv
 import json
@@ -68,7 +68,7 @@ def test_every_bag_is_a_row_with_its_arm_and_errors(out: Path) -> None:
         assert float(row['validation_cad_friction_filtered']) > 5.0
         assert float(row['fs_joint2']) == pytest.approx(0.2, abs=0.03)
         assert 0.0 < float(row['fs_joint2_std']) < 0.03
-    assert '3 of 4 bags of 2 arms identified' in (out / 'fleet.html').read_text()
+    assert '3 of 4 bags of 2 arms were identified' in (out / 'fleet.html').read_text()
 
 
 def test_parquet_holds_the_same(out: Path) -> None:
@@ -89,7 +89,7 @@ def test_it_goes_on_where_it_was_ended(
     kept = [line for line in lines if json.loads(line)['row']['bag'].endswith('a.npz')]
     (again / 'rows.jsonl').write_text('\n'.join([*kept, lines[0][:40]]) + '\n')
     assert run('--each', folder, '--workers', 1, '--out', again) == 0
-    assert '2 of 4 bags are in' in capsys.readouterr().err
+    assert '2 of 4 bags are already in' in capsys.readouterr().err
     old = {row['bag']: row for row in rows(out)}
     for row in rows(again):
         if row['bag'].endswith('a.npz'):
@@ -126,10 +126,10 @@ def test_bags_are_found_in_folders_patterns_and_lists(folder: Path, tmp_path: Pa
 
 def test_what_cannot_be_done_is_one_line(folder: Path, tmp_path: Path, capsys: Any) -> None:
     assert run('--each', folder, '--validation', folder) == 2
-    assert '--each identifies each bag separately' in capsys.readouterr().err
+    assert '--each, which identifies each bag separately' in capsys.readouterr().err
     (tmp_path / 'other').write_text('kept')
     assert run('--each', folder, '--out', tmp_path) == 2
-    assert 'holds other files' in capsys.readouterr().err
+    assert 'contains other files' in capsys.readouterr().err
     only = folder / 'right' / 'still.npz'
     assert run('--each', only, '--out', tmp_path / 'new', '--workers', 1) == 2
     assert 'none of 1 bags could be identified' in capsys.readouterr().err

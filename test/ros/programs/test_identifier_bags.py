@@ -1,4 +1,4 @@
-"""Bags that are incomplete are told from bags whose recorder was killed."""
+"""Incomplete bags are distinguished from bags whose recorder was killed."""
 
 from pathlib import Path
 
@@ -108,7 +108,7 @@ def test_less_than_the_metadata_says_is_truncated(bag: Path) -> None:
     set_count(bag, COUNT + 1)
     reader = bags()
     assert len(reader.read(bag, 'bag').recording.time) == COUNT
-    assert f'truncated: it holds {COUNT} of the {COUNT + 1} messages' in reader.messages[-1]
+    assert f'truncated: it contains {COUNT} of the {COUNT + 1} messages' in reader.messages[-1]
 
 
 @pytest.mark.parametrize('count', [0, COUNT - 50])
@@ -116,7 +116,7 @@ def test_a_killed_recorder_leaves_less_in_the_metadata(bag: Path, count: int) ->
     set_count(bag, count)
     reader = bags()
     assert len(reader.read(bag, 'bag').recording.time) == COUNT
-    assert f'but its metadata.yaml lists {count}: the recorder was killed' in reader.messages[0]
+    assert f'but metadata.yaml lists {count}: the recorder was killed' in reader.messages[0]
 
 
 def test_without_metadata_a_finished_file_speaks_for_itself(bag: Path) -> None:
@@ -176,7 +176,7 @@ MODES = ((0, 'ready'), (100, 'running'), (150, 'damping'), (200, 'running'), (35
 @pytest.mark.parametrize(
     ('modes', 'rows', 'reason'),
     [
-        (MODES, (200, 350), 'arm_mode running, the liveliest of 2'),
+        (MODES, (200, 350), 'arm_mode running, the fastest of 2'),
         (MODES[1:3], (0, 150), 'arm_mode running'),
         (MODES[:1], (0, 400), 'joint_command'),
     ],
@@ -184,7 +184,7 @@ MODES = ((0, 'ready'), (100, 'running'), (150, 'damping'), (200, 'running'), (35
 def test_only_the_running_arm_is_used(
     tmp_path: Path, modes: tuple[tuple[int, str], ...], rows: tuple[int, int], reason: str
 ) -> None:
-    """Messages of the other modes hold nonsense, which does not matter."""
+    """Messages in other modes contain invalid data, which must have no effect."""
     codec = JointStateCdr(JOINTS)
     topics = [
         *(RecordedTopic(f'/arm/{name}', KIND) for name in ('joint_states', 'joint_command')),

@@ -47,8 +47,8 @@ def test_what_was_found_out_is_not_overwritten(tmp_path: Path, capsys: Any) -> N
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['missing.urdf'], 'missing.urdf: No such file'),
-        ([URDF, '--locked', 'thumb'], "there is no moving joint 'thumb'"),
+        (['missing.urdf'], 'missing.urdf cannot be read (No such file'),
+        ([URDF, '--locked', 'thumb'], "unknown moving joint 'thumb'"),
         ([URDF, '--out', '/proc/nowhere'], '/proc/nowhere'),
     ],
 )
@@ -119,8 +119,8 @@ def test_an_arm_without_collision_shapes_is_drafted_and_moves(tmp_path: Path, ca
     urdf = _without_collision(tmp_path)
     assert main(['init', urdf, '--out', str(tmp_path)]) == 0
     printed = capsys.readouterr().out
-    assert 'no <collision> shape' in printed
-    assert 'check_clearance: false, so motions are NOT checked for collisions' in printed
+    assert 'no moving link of the URDF has a <collision> shape' in printed
+    assert 'check_clearance is false, so motions are NOT checked for collisions' in printed
     report = _plan(_values(tmp_path, urdf))
     assert 'collisions are not checked' in ' '.join(report.notes)
 

@@ -1,4 +1,4 @@
-"""What the command line of `payload_estimator --bag` is told that cannot be done."""
+"""Command lines that `payload_estimator --bag` rejects."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def empty(folder: Path) -> Path:
         (['{bag}', '--memory', '0'], '--memory must be a finite number in s, from 1.0 to 3600.0'),
         (['{bag}', '--memory', 'nan'], '--memory must be'),
         (['{bag}', '--rate', '100'], '--rate is for tables'),
-        (['{bag}', '--rename', 'joint1'], 'write it as LEFT=RIGHT'),
+        (['{bag}', '--rename', 'joint1'], 'write LEFT=RIGHT'),
         (['{bag}', '--ros-args', '-p', 'memory:=3.0'], 'memory is a parameter of the node'),
     ],
 )

@@ -27,9 +27,9 @@ def test_another_topic_is_given_with_its_type() -> None:
 @pytest.mark.parametrize(
     ('entries', 'said'),
     [
-        (['joint_stats'], "'joint_stats' is none of joint_states, .*give NAME=TYPE"),
-        (['imu', 'imu'], 'give each topic once'),
-        ([], 'give each topic once'),
+        (['joint_stats'], "'joint_stats' .*unknown: choose from joint_states, .*NAME=TYPE"),
+        (['imu', 'imu'], 'name each topic once'),
+        ([], 'name each topic once'),
         (['a=own_msgs/msg/Own'], "'own_msgs/msg/Own' is not installed"),
         (['a=std_msgs/msg/Own'], "'std_msgs/msg/Own' is not installed"),
         (['a='], "'' is not installed"),

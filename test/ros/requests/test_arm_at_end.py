@@ -1,4 +1,4 @@
-"""A node that moved the arm asks the bridge to hold it at the end, and logs what came of it."""
+"""A node that moved the arm requests holding at its end, and logs the result."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""Bridges by what they offer, not by what they are called."""
+"""Bridges are found by their services, not by their names."""
 
 from answering_bridges import AnsweringBridges, until_offered
 from rclpy.node import Node

@@ -1,4 +1,4 @@
-"""A service of the one bridge there is."""
+"""A service of the only running bridge."""
 
 from answering_bridges import LIMIT, AnsweringBridges, until_offered
 from rclpy.node import Node

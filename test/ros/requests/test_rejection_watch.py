@@ -1,4 +1,4 @@
-"""What a controller rejects, seen by the one who asked."""
+"""A controller's rejections, seen by the client."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""A request that cannot be sent is an answer too: who asks several goes on to the others."""
+"""A request that cannot be sent counts as an answer, so clients continue with other bridges."""
 
 import time
 
@@ -21,7 +21,7 @@ def test_a_request_that_cannot_be_sent_is_refused(ros_node: Node) -> None:
     answer = call.poll()
     assert answer is not None
     assert not answer.accepted
-    assert answer.message.startswith('it cannot receive requests: ')
+    assert answer.message.startswith('the node cannot receive requests: ')
     assert not call.is_answered
 
 
@@ -44,7 +44,7 @@ def test_what_can_never_be_sent_is_said_at_the_end(ros_node: Node) -> None:
     client = ros_node.create_client(Trigger, 'bridge/e_stop')
     ros_node.destroy_client(client)
     answer = answer_of(ServiceCall(client, 0.1, repeats=True))
-    assert (answer.accepted, answer.message[:26]) == (False, 'it cannot receive requests')
+    assert (answer.accepted, answer.message[:26]) == (False, 'the node cannot receive requests')
 
 
 def test_what_was_sent_at_last_and_not_answered_is_no_answer(

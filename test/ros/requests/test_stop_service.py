@@ -1,4 +1,4 @@
-"""A stop of all bridges, known beforehand or not, some of them only just being found."""
+"""A stop of all bridges, known in advance or not, some of them just discovered."""
 
 import threading
 import time

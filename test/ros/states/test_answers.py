@@ -1,4 +1,4 @@
-"""Each state comes once; what answered it is published again when it is re-sent."""
+"""Each state is processed once; its answers are republished when the state is re-sent."""
 
 import pytest
 

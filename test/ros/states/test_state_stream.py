@@ -1,4 +1,4 @@
-"""Who wants every state gets it, however late, with the IMU as it was by then."""
+"""A node with a queue receives every state, however late, with the IMU samples of that time."""
 
 import time
 
@@ -15,7 +15,7 @@ STATES, BETWEEN = 40, 4  # an IMU sample after every fourth state
 
 
 def publish_all(node: Node, stream: StateStream) -> None:
-    """Publish states and IMU samples in turn, while nobody takes them."""
+    """Publish states and IMU samples in turn, without a reader."""
     states = node.create_publisher(
         topics.JOINT_STATES.type, topics.JOINT_STATES.name, topics.JOINT_STATES.offered
     )

@@ -1,6 +1,7 @@
-"""Holds the arm at set points by gravity compensation, or lets a person move it.
+"""Hold the arm at set points by gravity compensation, or let a person move the arm.
 
-Thesis (2.14). Set points: topic set_point; zero-gain mode: parameter hand_guiding.
+The control law is thesis (2.14). Set points arrive on the topic set_point. The parameter
+hand_guiding selects the zero-gain mode.
 """
 
 import sys
@@ -52,22 +53,23 @@ PARAMETERS = controller_parameters(
         live=True,
     ),
     Parameter(
-        'hand_friction', 0.7, 'share of friction compensated during hand guiding', '', 0.0, 0.95
+        'hand_friction', 0.7, 'fraction of friction compensated during hand guiding', '', 0.0, 0.95
     ),
 )
 
 
 class GravityCompensationNode(ControllerNode):
-    """Set points and trajectories for `GravityCompensation`."""
+    """Controller of set points and trajectories with `GravityCompensation`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law with its control loop."""
+        """Create the control law and its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
-        # By hand the friction is compensated along a measured, noisy velocity: wider.
+        # In hand guiding, friction compensation uses the noisy measured velocity, so its zone is
+        # wider.
         hand = FrictionCompensation(arm.robot.viscous, arm.robot.coulomb, 0.1, values.hand_friction)
         self.follower = arm.follower(values)
         self.law = GravityCompensation(
@@ -79,7 +81,7 @@ class GravityCompensationNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Take set points, and trajectories by topic and action."""
+        """Subscribe to set points and trajectories, and serve the trajectory action."""
         self.take_references(topics.SET_POINT, self._unless_guided(go_to_set_point))
         follow = partial(follow_trajectory, partial=self.values.allow_partial_joints_goal)
         self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow))
@@ -92,7 +94,7 @@ class GravityCompensationNode(ControllerNode):
         guided = self.law.hand_guiding
         self.loop.compensating = not guided
         if guided and self.law.stiffness > 0.0:
-            # The torque of an error left fades with the gains.
+            # The torque of the remaining error fades with the gains.
             if self.follower.status != 'holding':
                 self.follower.stop(now, 'stopped: hand guiding')
         elif guided or self._was_guided:
@@ -112,7 +114,7 @@ class GravityCompensationNode(ControllerNode):
             non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Report the progress of the motion."""
+        """Return the progress of the motion for diagnostics."""
         mode = 'hand guiding' if self.law.hand_guiding else self.follower.status
         motion = {'motion': mode, 'last motion': self.follower.outcome}
         return {**super().describe(), **motion}
@@ -121,7 +123,7 @@ class GravityCompensationNode(ControllerNode):
         return 'hand_guiding is active: set it to false first' if self.law.hand_guiding else ''
 
     def _unless_guided(self, act: Callable[..., None]) -> Callable[[Any, float], None]:
-        """Return what takes a message for the follower, except while a person moves the arm."""
+        """Return a callback that passes a message to `act`, except while a person moves the arm."""
 
         def take(message: Any, now: float) -> None:
             problem = self._guidance_problem()

@@ -1,7 +1,8 @@
-"""Holds the tool in the world, or leads it there, while the drone sways.
+"""Hold the tool in the world frame, or move it along a path, while the drone sways.
 
-Targets: tool_trajectory, and timed paths on tool_motion, in the odometry's frame; without one the
-tool stays where control finds it. Takes odometry, imu, rotor_command and joint_states.
+Targets arrive on tool_trajectory, timed paths on tool_motion, both in the odometry's frame.
+Without a target the tool stays where it is when control starts. The node subscribes to odometry,
+imu, rotor_command and joint_states.
 """
 
 import sys
@@ -39,41 +40,44 @@ from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
 NAME = 'world_control'
 
 _GAINS = WorldGains()
-_SOON = 3.0  # [s] before the end of the reach, for a warning
+_SOON = 3.0  # [s] before the tool leaves the arm's reach, for a warning
 _NEAR = 0.02  # [m]
 _RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
-    # By measured velocity: below one, so that the arm stays passive.
-    Parameter('friction_fraction', 0.9, 'share of friction compensated', '', 0.0, 0.95),
+    # Friction compensation by measured velocity stays below one, so that the arm is passive.
+    Parameter('friction_fraction', 0.9, 'fraction of friction that is compensated', '', 0.0, 0.95),
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
     *grouped(
         'Tool position in the world',
-        Parameter('kp', _GAINS.kp, 'gain on the tool position', '1/s^2', 1.0, 2500.0, live=True),
-        Parameter('kd', _GAINS.kd, 'gain on the tool velocity', '1/s', 0.0, 200.0, live=True),
+        Parameter('kp', _GAINS.kp,
+            'feedback gain on the tool position error', '1/s^2', 1.0, 2500.0, live=True),
+        Parameter('kd', _GAINS.kd,
+            'feedback gain on the tool velocity error', '1/s', 0.0, 200.0, live=True),
         Parameter('orientation_weight', _GAINS.orientation, (
-            'weight of the orientation goal relative to the posture, in directions that the '
-            'position leaves free'
+            'weight of the orientation goal relative to the posture goal, in directions that the '
+            'position goal leaves free'
         ), '', 0.0, 100.0),
         Parameter('posture', [], (
-            'null-space joint configuration, in the middle of the reach; the initial configuration '
-            'if empty'
+            'null-space joint configuration, in the middle of the reach; the initial '
+            'configuration if empty'
         ), 'rad', -7.0, 7.0,
                   element=float),
         Parameter('posture_kp', _GAINS.posture_kp,
-            'stiffness towards that configuration', '1/s^2', 0.0, 400.0),
+            'stiffness towards the null-space joint configuration', '1/s^2', 0.0, 400.0),
         Parameter('posture_kd', _GAINS.posture_kd,
-            'damping towards that configuration', '1/s', 0.0, 40.0),
+            'damping towards the null-space joint configuration', '1/s', 0.0, 40.0),
         Parameter('singular_threshold', 0.06,
             'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
         Parameter('singular_damping', 0.03, 'damping at the singularity', 'm/rad', 1e-4, 1.0),
-        Parameter('error_max', 0.05, 'tool error at which the tool stops in the base frame',
+        Parameter('error_max', 0.05,
+            'tool error at which the controller stops the tool in the base frame',
                   'm', 1e-3, 1.0),
         Parameter('trust_min', 0.9, (
-            'smallest share of the predicted base response that is used; wind makes the prediction '
+            'smallest used fraction of the predicted base response; wind makes the prediction '
             'look wrong'
         ), '', 0.0, 1.0),
     ),
@@ -81,9 +85,10 @@ PARAMETERS = controller_parameters(
         'Odometry',
         Parameter('odometry_timeout', 0.2, 'largest age of usable odometry', 's', 0.01,
                   2.0),
-        Parameter('jump_max', 0.5, 'largest accepted jump of the odometry, in m and rad',
+        Parameter('jump_max', 0.5, 'largest accepted jump of the odometry, in m and in rad',
                   'm', 0.01, 10.0),
-        Parameter('recovery_speed', 0.1, 'tool velocity towards its target after a stop or a jump',
+        Parameter('recovery_speed', 0.1,
+            'tool velocity towards its target after a stop or an odometry jump',
                   'm/s', 1e-3, 1.0),
     ),
     *grouped(
@@ -99,7 +104,7 @@ PARAMETERS = controller_parameters(
 
 
 class WorldControlNode(ControllerNode):
-    """Targets in the world for `WorldLaw`."""
+    """Controller of tool targets in the world frame with `WorldLaw`."""
 
     takes_odometry = True
 
@@ -107,7 +112,7 @@ class WorldControlNode(ControllerNode):
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law with its control loop."""
+        """Create the control law and its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         kinematics = Kinematics(arm.robot, values.frame)
@@ -149,24 +154,24 @@ class WorldControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Take targets, tell the plan, and publish tool and reach."""
+        """Subscribe to targets, and advertise the plan, the tool and the remaining reach."""
         self.topics = WorldTopics(self, self.reference, self.values)
         self.attend(self.topics)
         self.tell_plan(self._ahead)
         self.take_payload()
 
     def take_imu(self, sample: ImuSample, now: float) -> None:
-        """Give an IMU sample to both estimators of the base."""
+        """Pass an IMU sample to both estimators of the base."""
         super().take_imu(sample, now)
         self.pose.offer_imu(sample, now)
 
     def take_odometry(self, message: Odometry, now: float) -> None:
-        """Give an odometry to the estimator of the base's pose."""
+        """Pass an odometry message to the estimator of the base's pose."""
         self.topics.frame = message.header.frame_id
         self.pose.offer_odometry(to_odometry_sample(message), now)
 
     def _ahead(self, times: NDArray[np.float64]) -> JointReference | None:
-        """Return the planned motion of the joints at times (M,) [s]; none of it is reaction."""
+        """Return the planned joint motion at times (M,) [s], without the reaction to the drone."""
         if self.state is None:
             return None
         now, q = 1e-9 * self.stamp_ns, self.state.q
@@ -175,26 +180,28 @@ class WorldControlNode(ControllerNode):
         return planned_joints(self._planning, self._inverse, q, pose, planned, times)
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change gains."""
+        """Change the control gains."""
         self.law.gains = self.law.gains._replace(**{name: float(value)})
 
     def warning(self) -> str:
-        """Name why the tool is not held in the world, or that its reach ends soon."""
+        """Return why the tool is not held in the world, or that its reach ends soon."""
         if problem := super().warning():
             return problem
         if self.reference.reason:
-            return f'the tool stays in the base frame: {self.reference.reason}'
+            return (
+                f'the controller holds the tool in the base frame, because {self.reference.reason}'
+            )
         margin = self.topics.margin
         if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
             return (
-                'the arm nears the end of its reach: the drone may move '
-                f'{1000.0 * margin.least:.0f} mm more, {margin.time:.1f} s at its velocity. Bring '
-                'it nearer to the tool'
+                'the arm is near the end of its reach: the drone may move '
+                f'{1000.0 * margin.least:.0f} mm more, which takes {margin.time:.1f} s at its '
+                'velocity. Move the drone nearer to the tool'
             )
         return ''
 
     def describe(self) -> dict[str, object]:
-        """Report tool error, odometry age and remaining reach."""
+        """Return tool error, odometry age and remaining reach for diagnostics."""
         pose, margin = self.pose, self.topics.margin
         values: dict[str, object] = {
             **super().describe(),
@@ -206,13 +213,13 @@ class WorldControlNode(ControllerNode):
             'odometry noise [mm, mm/s]': (1e3 * pose.noise).round(1).tolist(),
             'odometry jumps': pose.jumps,
             'odometry rejected': pose.rejections,
-            'least singular value [m/rad]': round(self.law.least_singular_value, 4),
+            'smallest singular value [m/rad]': round(self.law.least_singular_value, 4),
         }
         if margin is not None:
             values['drone may move [mm]'] = round(1e3 * margin.least)
             values['time to end of reach [s]'] = round(margin.time, 1)
         if self.values.base_motion != FREE:
-            values['law'] = 'fixed-base Jacobian: base_motion is not free'
+            values['law'] = 'fixed-base Jacobian, because base_motion is not free'
         return values
 
 

@@ -1,4 +1,4 @@
-"""Follows trajectories by computed torque, thesis (2.21), on the host or on the boards."""
+"""Follow joint trajectories by computed torque, thesis (2.21), on the host or on the boards."""
 
 import sys
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ PARAMETERS = controller_parameters(
         'command_delay',
         0.0,
         "delay from a state to the middle of the cycle that applies its command; feedback 'host' "
-        "compensates it. 0.0015 at the bridge's 1 kHz",
+        'compensates this delay (0.0015 s at 1 kHz)',
         's',
         0.0,
         0.02,
@@ -62,25 +62,25 @@ PARAMETERS = controller_parameters(
     Parameter(
         'velocity_lag',
         0.0,
-        "time constant of the boards' velocity low-pass; feedback 'host' compensates it. 0.00159 "
-        'for 100 Hz',
+        "time constant of the boards' velocity low-pass; feedback 'host' compensates this lag "
+        '(0.00159 s for 100 Hz)',
         's',
         0.0,
         0.02,
     ),
-    Parameter('ki', 0.0, 'gain of the error integral; 0 for none', '1/s^3', 0.0, 1e6),
+    Parameter('ki', 0.0, 'gain of the error integral; 0 for no integral action', '1/s^3', 0.0, 1e6),
     Parameter('integral_max', 20.0, 'largest integral action', 'rad/s^2', 0.0, 1e4),
 )
 
 
 class ComputedTorqueNode(ControllerNode):
-    """Trajectories for `ComputedTorque` or `BoardComputedTorque`."""
+    """Trajectory controller with `ComputedTorque` or `BoardComputedTorque`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law with its control loop."""
+        """Create the control law and its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         integral = None
@@ -101,7 +101,7 @@ class ComputedTorqueNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Take trajectories, by topic and action, and set points."""
+        """Subscribe to set points and trajectories, and serve the trajectory action."""
         self.take_references(
             topics.JOINT_TRAJECTORY,
             lambda m, now: follow_trajectory(
@@ -116,11 +116,11 @@ class ComputedTorqueNode(ControllerNode):
         self.take_payload()
 
     def on_parameter(self, name: str, value: Any) -> None:
-        """Change gains."""
+        """Change the control gains."""
         setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain, or one per joint, and a law that has them."""
+        """Require one gain or one per joint, and a control law that uses the gain."""
         if name in ('kp', 'kd'):
             if not isinstance(self.law, ComputedTorque):
                 raise ValueError(
@@ -129,7 +129,7 @@ class ComputedTorqueNode(ControllerNode):
             non_negative(name, one_or_each(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
-        """Report the progress of the motion, and under a drone the tolerated command delay."""
+        """Return the progress of the motion and, under a drone, the tolerated command delay."""
         values: dict[str, object] = {
             'motion': self.follower.status,
             'last motion': self.follower.outcome,

@@ -1,4 +1,4 @@
-"""Moves the tool along tool_trajectory by joint velocities, thesis 2.5.2 and 2.5.3."""
+"""Move the tool along tool_trajectory by joint velocities, thesis 2.5.2 and 2.5.3."""
 
 import sys
 from collections.abc import Sequence
@@ -27,7 +27,8 @@ JOINT, CARTESIAN = 'joint', 'cartesian'
 
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
-    Parameter('scheme', CARTESIAN, 'where the error is fed back', choices=(JOINT, CARTESIAN)),
+    Parameter('scheme', CARTESIAN,
+        'space in which the error is fed back, joint or Cartesian', choices=(JOINT, CARTESIAN)),
     Parameter('gain', 8.0, 'gain K: errors decay as exp(-K t)', '1/s', 0.0, 100.0),
     Parameter('singular_threshold', 0.03,
         'singular value below which the inverse is damped', 'm/rad', 1e-4, 1.0),
@@ -36,19 +37,21 @@ PARAMETERS = controller_parameters(
         'gain towards the home configuration in the null space', '1/s', 0.0, 20.0),
     Parameter('holding_gain', 0.0,
         'gain of the null-space descent of the holding torque', 'rad^2/J', 0.0, 1.0),
-    Parameter('limit_gain', 5.0, 'gain of the repulsion from position limits', '1/s', 0.1, 100.0),
-    Parameter('limit_margin', 0.02, 'distance kept from position limits', 'rad', 0.0, 1.0),
+    Parameter('limit_gain', 5.0,
+        'gain of the repulsion from position limits', '1/s', 0.1, 100.0),
+    Parameter('limit_margin', 0.02,
+        'distance at which the repulsion from position limits begins', 'rad', 0.0, 1.0),
 )  # fmt: skip
 
 
 class KinematicControlNode(ControllerNode):
-    """Tool targets for `CartesianMotionControl` or `JointMotionControl`."""
+    """Controller of tool targets with `CartesianMotionControl` or `JointMotionControl`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law and its reference."""
+        """Create the control law and its reference."""
         values, arm = self.values, self.arm
         self.follower = make_target_follower(values, arm)
         self.resolution = VelocityResolution(
@@ -66,14 +69,14 @@ class KinematicControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, scheme(self.resolution, values.gain))
 
     def subscribe(self) -> None:
-        """Listen to tool targets."""
+        """Subscribe to tool targets."""
         self.tool = ToolTopics(self, self.follower, self.values.frame)
 
     def describe(self) -> dict[str, object]:
-        """Report the distance to singularities and limits."""
+        """Return the distances to singularities and joint limits for diagnostics."""
         return {
             **super().describe(),
-            'least singular value [m/rad]': round(self.resolution.least_singular_value, 4),
+            'smallest singular value [m/rad]': round(self.resolution.least_singular_value, 4),
             'slowdown': round(self.resolution.slowdown, 3),
         }
 

@@ -1,4 +1,4 @@
-"""Gives the tool a Cartesian impedance about tool_trajectory."""
+"""Give the tool a Cartesian impedance about the targets of tool_trajectory."""
 
 import sys
 from collections.abc import Sequence
@@ -28,9 +28,9 @@ NAME = 'impedance_control'
 PARAMETERS = controller_parameters(
     *TARGET_PARAMETERS,
     *(p for p in FRICTION_PARAMETERS if p.name != 'friction_fraction'),
-    # By measured velocity: below one, so that the arm stays passive.
-    Parameter('friction_fraction', 0.7, 'share of friction compensated', '', 0.0, 0.95),
-    # What a contact pushes is no disturbance to compensate.
+    # Friction compensation by measured velocity stays below one, so that the arm is passive.
+    Parameter('friction_fraction', 0.7, 'fraction of friction that is compensated', '', 0.0, 0.95),
+    # The observer must not compensate contact forces.
     *observer_parameters(compensation=0.0),
     *HAND_OVER_PARAMETERS,
     Parameter(
@@ -64,13 +64,13 @@ PARAMETERS = controller_parameters(
 
 
 class ImpedanceControlNode(ControllerNode):
-    """Tool targets for `CartesianImpedance`."""
+    """Controller of tool targets with `CartesianImpedance`."""
 
     def __init__(self) -> None:
         super().__init__(NAME, PARAMETERS)
 
     def make_loop(self) -> ControlLoop[Any]:
-        """Build the law with its control loop."""
+        """Create the control law and its control loop."""
         values, arm = self.values, self.arm
         dynamics, friction = arm.dynamics(values), arm.friction(values)
         self.follower = make_target_follower(values, arm)
@@ -89,7 +89,7 @@ class ImpedanceControlNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Listen to tool targets."""
+        """Subscribe to tool targets."""
         self.tool = ToolTopics(self, self.follower, self.values.frame)
         self.take_payload()
 
@@ -98,7 +98,7 @@ class ImpedanceControlNode(ControllerNode):
         setattr(self.law, name, non_negative(name, one_or_each(value), 3))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one value, or one along each axis."""
+        """Require one value, or one per axis."""
         if name in ('stiffness', 'damping'):
             non_negative(name, one_or_each(value), 3)
 

@@ -1,0 +1,368 @@
+"""Causes of the torque residual, which show what limits the accuracy.
+
+Two causes are random: torque noise, and noise of position and velocity. Their size is measured:
+white noise of the level in the upper half of the recorded spectra is added to the recording again,
+and both recordings pass the same filters. All other causes have a pattern. The residual is
+regressed on the torque of each pattern, minus the part that the model's parameters absorb. Causes
+are added in order of the explained residual. The explained part is the variance in held-out parts
+of the recording, so chance explains almost nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+from scipy.stats import norm
+
+from aerarm_ros.identification.conditioning.conditioning import Conditioner
+from aerarm_ros.identification.conditioning.spectral_filter import SETTLING_PERIODS, SpectralFilter
+from aerarm_ros.identification.conditioning.uniform_motion import (
+    FOLDS,
+    KinematicsFilter,
+    Samples,
+)
+from aerarm_ros.identification.recording.recording import Recording
+from aerarm_ros.identification.regression.regression import SampleColumns
+from aerarm_ros.identification.solvers.estimate import Estimate
+from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.motion.signals import Array
+
+TORQUE_NOISE, MOTION_NOISE = 'torque noise', 'position and velocity noise'
+RIPPLE, FLEXIBILITY = 'gear ripple', 'joint flexibility'
+DELAY, REVERSAL = 'torque delay', 'friction at reversal'
+
+REMEDIES: Mapping[str, str] = {
+    TORQUE_NOISE: 'record more periods or longer, or choose a lower cut-off',
+    MOTION_NOISE: 'choose a lower cut-off, accelerate less, or use finer encoders',
+    RIPPLE: 'compensate the periodic torque of the gears, or move faster so that the cut-off '
+    'removes it',
+    FLEXIBILITY: 'accelerate less, or measure the angles on the output side of the gears',
+    DELAY: 'take torques and angles of one instant, or allow the identifier to estimate the delay '
+    '(do not state exact stamps)',
+    REVERSAL: 'reverse less often, or pass through zero velocity faster',
+}
+"""Remedy for each cause of the residual."""
+
+UNEXPLAINED = (
+    'check geometry, tool and cables; calibrate the geometry; record a motion that is more varied'
+)
+"""Remedy for a residual without known cause."""
+
+_RANDOM = (TORQUE_NOISE, MOTION_NOISE)
+_LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # of the searched gear ratios
+_SEARCHED = 4000  # samples, enough to find a period
+_PRESLIDING = (0.003, 0.01, 0.03)  # [rad] after a reversal, until friction reaches its full value
+_LEAST_GAIN = 0.01  # of the mean square; smaller gains are due to chance
+_RIDGE = 1e-4  # prevents large opposite coefficients of similar patterns
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualSplit:
+    """Causes of one bag's filtered torque residual.
+
+    Attributes
+    ----------
+    bag : str
+        Name of the bag.
+    rms : (n,) ndarray
+        RMS of the residual [Nm].
+    fractions : dict of str to (n,) ndarray
+        Fraction of the mean square per cause, a key of `REMEDIES`; the rest is unexplained.
+    above_cutoff : (n,) ndarray
+        Fraction of the unfiltered residual's mean square that the torque's low-pass filter removes.
+    """
+
+    bag: str
+    rms: Array
+    fractions: dict[str, Array]
+    above_cutoff: Array
+
+    @property
+    def unexplained(self) -> Array:
+        """Fraction (n,) of the mean square without known cause: model, geometry, unknown forces."""
+        return np.asarray(1.0 - sum(self.fractions.values()))
+
+    def largest(self) -> list[str | None]:
+        """Return the largest cause per joint, None where most of the residual is unexplained."""
+        names = list(self.fractions)
+        parts = np.array([*self.fractions.values(), self.unexplained])
+        best = parts.argmax(axis=0)
+        return [names[index] if index < len(names) else None for index in best.tolist()]
+
+
+def split_residual(
+    regressor: Regressor,
+    conditioner: Conditioner,
+    kinematics: KinematicsFilter,
+    estimate: Estimate,
+    recording: Recording,
+    ratios: Array | None = None,
+) -> ResidualSplit:
+    """Split the residual of an estimate on a recording by its causes.
+
+    Parameters
+    ----------
+    conditioner : Conditioner
+        Conditioner with the cut-off and delays of the identification.
+    recording : Recording
+        Recording of at least some seconds; one minute is sufficient.
+    ratios : (n,) ndarray, optional
+        Motor turns per joint turn; without them, periods are searched.
+
+    Raises
+    ------
+    IdentificationError
+        If the motion is too short for the filter.
+    """
+    bag = _conditioned(regressor, conditioner, kinematics, recording)
+    samples = bag.samples
+    prediction = bag.predict(estimate.model, estimate.theta)
+    residual, raw = samples.tau - prediction.filtered, samples.tau_raw - prediction.raw
+    noise = _noise_torques(regressor, conditioner, kinematics, estimate, recording, bag)
+    patterns = _patterns(regressor, estimate, bag, prediction.filtered, residual, ratios)
+    n = samples.n
+    rms, above = np.full(n, np.nan), np.full(n, np.nan)
+    fractions = {cause: np.full(n, np.nan) for cause in REMEDIES}
+    for joint in np.flatnonzero(samples.measured.any(axis=0)).tolist():
+        rows = samples.measured[:, joint]
+        power = max(float(np.mean(residual[rows, joint] ** 2)), 1e-300)
+        rms[joint] = math.sqrt(power)
+        above[joint] = max(1.0 - power / max(float(np.mean(raw[rows, joint] ** 2)), 1e-300), 0.0)
+        parts = {c: float(np.mean(noise[c][rows, joint] ** 2)) / power for c in _RANDOM}
+        parts |= _explained(
+            residual[rows, joint],
+            {cause: columns[joint][rows] for cause, columns in patterns.items()},
+            samples.fold[rows],
+        )
+        whole = max(sum(parts.values()), 1.0)
+        for cause, part in parts.items():
+            fractions[cause][joint] = part / whole
+    return ResidualSplit(recording.name, rms, fractions, above)
+
+
+def _conditioned(
+    regressor: Regressor,
+    conditioner: Conditioner,
+    kinematics: KinematicsFilter,
+    recording: Recording,
+) -> SampleColumns:
+    conditioner.forget_motions()
+    samples = conditioner.condition(recording, kinematics, predicted=True)
+    conditioner.forget_motions()
+    return SampleColumns(samples, regressor)
+
+
+def white_noise(values: Array) -> Array:
+    """Return the standard deviation of white noise in signals (M, n).
+
+    The result is the smaller of two estimates. The median over the upper half of the spectrum
+    ignores a motion and narrow peaks, but not steps. The median of second differences ignores
+    steps, such as those of dry friction, but not a fast motion.
+    """
+    window = np.hanning(len(values))[:, None]
+    slope = np.linspace(0.0, 1.0, len(values))[:, None] * (values[-1] - values[0])
+    power = np.abs(np.fft.rfft((values - slope) * window, axis=0)) ** 2
+    level = np.median(power[len(power) // 2 :], axis=0) / math.log(2.0)
+    by_spectrum = np.sqrt(level / (window**2).sum())
+    second = np.abs(np.diff(values, 2, axis=0))
+    by_difference = np.median(second, axis=0) / (norm.ppf(0.75) * math.sqrt(6.0))
+    # With a coarse encoder most differences are zero.
+    by_difference[by_difference == 0.0] = np.inf
+    return np.asarray(np.minimum(by_spectrum, by_difference))
+
+
+def _noise_torques(
+    regressor: Regressor,
+    conditioner: Conditioner,
+    kinematics: KinematicsFilter,
+    estimate: Estimate,
+    recording: Recording,
+    bag: SampleColumns,
+) -> dict[str, Array]:
+    """Return the filtered torque (M, n) [Nm] caused by additional noise of the measured level."""
+    random = np.random.default_rng(0)
+
+    def noisy(values: Array) -> Array:
+        return values + white_noise(values) * random.standard_normal(values.shape)
+
+    measured = recording.dq
+    again = replace(
+        recording,
+        q=noisy(recording.q),
+        dq=None if measured is None else noisy(measured),
+        tau=noisy(recording.tau),
+    )
+    other = _conditioned(regressor, conditioner, kinematics, again)
+
+    def change(before: Array, after: Array) -> Array:
+        # Noise may shift the ends of the motion by some samples.
+        return np.asarray(CubicSpline(other.samples.time, after)(bag.samples.time) - before)
+
+    predicted = [each.predict(estimate.model, estimate.theta).filtered for each in (bag, other)]
+    return {
+        TORQUE_NOISE: change(bag.samples.tau, other.samples.tau),
+        MOTION_NOISE: change(*predicted),
+    }
+
+
+def _patterns(
+    regressor: Regressor,
+    estimate: Estimate,
+    bag: SampleColumns,
+    predicted: Array,
+    residual: Array,
+    ratios: Array | None,
+) -> dict[str, list[Array]]:
+    """Return filtered torques (M, k) of each cause's pattern, by cause and joint."""
+    samples = bag.samples
+    inertial = estimate.theta[: 10 * samples.n]
+    fine = _fine_positions(samples)
+    derive = _derivative(samples)
+    bends = _bent(regressor, inertial, bag, derive)
+    # A delay of the filter's period or more also affects the second derivative.
+    rates = np.stack([derive(predicted, 1), derive(predicted, 2)], axis=2)
+    absorbed = _Absorption(bag, estimate)
+    patterns = {
+        RIPPLE: [_ripple(samples, fine, residual, j, ratios) for j in range(samples.n)],
+        FLEXIBILITY: list(bends),
+        DELAY: [rates[:, j] for j in range(samples.n)],
+        REVERSAL: [_presliding(samples, fine[:, j], j) for j in range(samples.n)],
+    }
+    return {
+        cause: [absorbed.rest(columns, joint) for joint, columns in enumerate(own)]
+        for cause, own in patterns.items()
+    }
+
+
+class _Absorption:
+    """Least-squares fit of the model's parameters, which absorbs a part of every pattern."""
+
+    def __init__(self, bag: SampleColumns, estimate: Estimate) -> None:
+        samples, model = bag.samples, estimate.model
+        inertial = estimate.theta[: 10 * samples.n]
+        columns = model.joint_columns
+        self._usable = samples.usable
+        self._rows = []
+        for joint in range(samples.n):
+            rows = np.zeros((len(samples.time), 10 * samples.n + len(columns)))
+            rows[:, : 10 * samples.n] = bag.rigid[:, joint]
+            for index, (own, term) in enumerate(columns):
+                if own == joint:
+                    rows[:, 10 * samples.n + index] = bag.term(term, inertial)[:, joint]
+            self._rows.append(rows)
+        used = [r[u] for r, u in zip(self._rows, self._usable.T, strict=True)]
+        self._inverse = np.linalg.pinv(sum(r.T @ r for r in used), rcond=1e-12, hermitian=True)
+
+    def rest(self, pattern: Array, joint: int) -> Array:
+        """Return the part of a joint's torque (M, k) that the parameters do not absorb [Nm]."""
+        rows, usable = self._rows[joint], self._usable[:, joint]
+        return np.asarray(pattern - rows @ (self._inverse @ (rows[usable].T @ pattern[usable])))
+
+
+def _fine_positions(samples: Samples) -> Array:
+    """Return positions at the rate of the fine velocities (L, n) [rad]."""
+    coarse = np.arange(len(samples.q)) * samples.step
+    return np.asarray(CubicSpline(coarse, samples.q)(np.arange(len(samples.dq_fine))))
+
+
+def _derivative(samples: Samples) -> Callable[[Array, int], Array]:
+    filtered = samples.coarse_filter
+    settling = None if filtered.periodic else SETTLING_PERIODS * 5.0 * filtered.dt
+    return SpectralFilter(filtered.count, filtered.dt, np.ones_like, settling=settling)
+
+
+def _ripple(
+    samples: Samples, fine: Array, residual: Array, joint: int, ratios: Array | None
+) -> Array:
+    """Return sinusoids of joint angle and motor angle; an unknown gear ratio is searched."""
+    rows = np.flatnonzero(samples.measured[:, joint])
+    angle, left = samples.q[rows, joint], residual[rows, joint]
+    orders = [1.0, 2.0]
+    if ratios is not None:
+        orders += [abs(float(ratios[joint])), 2.0 * abs(float(ratios[joint]))]
+    stride = max(1, len(rows) // _SEARCHED)
+    tried = np.arange(3.0, _LARGEST_RATIO, _RATIO_STEP)
+    waves = np.exp(1j * np.outer(tried, angle[::stride]))
+    orders.append(float(tried[np.abs(waves @ left[::stride]).argmax()]))
+    phase = np.outer(fine[:, joint], orders)
+    return samples.fine_filter(np.hstack([np.sin(phase), np.cos(phase)]))
+
+
+def _bent(
+    regressor: Regressor, inertial: Array, bag: SampleColumns, derive: Callable[[Array, int], Array]
+) -> Array:
+    """Return the torque (n, M, n + 1) per compliance of each joint and of the joint's rotor [rad].
+
+    A gear of compliance c places the link at q - c tau if the encoder is on the motor (one column
+    per gear, by a finite difference of the rigid model). If the encoder is on the link, the rotor
+    is at q + c tau.
+    """
+    samples = bag.samples
+    tau = bag.links_torque(inertial)
+    first, second = derive(tau, 1), derive(tau, 2)
+    small = 1e-4 * np.ptp(samples.q, axis=0).max() / max(float(np.abs(tau).max()), 1e-300)
+    columns = []
+    for joint in range(samples.n):
+        moved = [np.array(x) for x in (samples.q, samples.dq, samples.ddq)]
+        for values, change in zip(moved, (tau, first, second), strict=True):
+            values[:, joint] -= small * change[:, joint]
+        bent = regressor.stack_rigid(*moved) @ inertial
+        columns.append(samples.coarse_filter((bent - tau) / small))
+    rotor = samples.coarse_filter(second)
+    together = np.stack(columns, axis=2)  # (M, joint of the torque, compliant joint)
+    return np.concatenate([together, rotor[:, :, None]], axis=2).transpose(1, 0, 2)
+
+
+def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
+    """Return the friction missing after a reversal, one column per distance of its build-up."""
+    direction = np.where(samples.dq_fine[:, joint] < 0.0, -1.0, 1.0)
+    turned = np.flatnonzero(np.diff(direction)) + 1
+    last = np.zeros(len(angle), dtype=np.intp)
+    last[turned] = turned
+    gone = np.abs(angle - angle[np.maximum.accumulate(last)])
+    missing = [direction * np.exp(-gone / distance) for distance in _PRESLIDING]
+    columns = np.column_stack(missing)
+    columns[: turned[0] if len(turned) else None] = 0.0  # an earlier reversal is unknown
+    return samples.fine_filter(columns)
+
+
+def _explained(
+    residual: Array, patterns: Mapping[str, Array], fold: npt.NDArray[np.intp]
+) -> dict[str, float]:
+    """Return the gain of each pattern by forward selection, the largest first."""
+    gains = dict.fromkeys(patterns, 0.0)
+    chosen: list[str] = []
+    known = 0.0
+    while len(chosen) < len(patterns):
+        left = [name for name in patterns if name not in chosen]
+        tried = {
+            name: _unseen_gain(residual, [patterns[n] for n in (*chosen, name)], fold)
+            for name in left
+        }
+        best = max(left, key=tried.__getitem__)
+        if tried[best] - known < _LEAST_GAIN:
+            break
+        gains[best], known = tried[best] - known, tried[best]
+        chosen.append(best)
+    return gains
+
+
+def _unseen_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
+    """Return the fraction of the mean square that patterns explain in the held-out fold."""
+    columns = np.hstack(groups)
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    products = [columns[fold == k].T @ columns[fold == k] for k in range(FOLDS)]
+    targets = [columns[fold == k].T @ residual[fold == k] for k in range(FOLDS)]
+    ridge = _RIDGE * np.eye(columns.shape[1])
+    left = 0.0
+    for k in range(FOLDS):
+        seen = [i for i in range(FOLDS) if i != k]
+        matrix = ridge + sum(products[i] for i in seen)
+        found = np.linalg.solve(matrix, sum(targets[i] for i in seen))
+        left += float(np.sum((residual[fold == k] - columns[fold == k] @ found) ** 2))
+    return 1.0 - left / max(float(residual @ residual), 1e-300)
