@@ -304,7 +304,7 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     assert int(values(found[-1])['messages lost'].removeprefix('at least ')) > 0
     # The console says so while it happens: at most once a second, and what to do.
     begun = time.monotonic()
-    warnings = recorder.tail(100).count('just lost messages')
+    warnings = recorder.tail(100).count('losing messages: ')
     assert warnings >= 1
     while time.monotonic() - begun < 2.5:
         for _ in range(300):
