@@ -56,14 +56,14 @@ _ADVICE = {
 
 @dataclass
 class Gap:
-    """Messages that were lost in a row, or in gaps of one cause that follow each other.
+    """Messages lost in a row, or in gaps with the same cause in quick succession.
 
     Attributes
     ----------
     cause
         `LINK`, `DISK` or `PROCESSOR`.
     begin_ns, end_ns
-        When the messages before and after came [ns since the epoch].
+        Reception times of the messages before and after [ns since the epoch].
     counts
         Lost messages by topic.
     is_overflow
@@ -77,7 +77,7 @@ class Gap:
     is_overflow: bool = False
 
     def text(self, depth: int) -> str:
-        """Return what was lost, when, why and what to do."""
+        """Return the losses, their time, their cause and advice."""
         counts = ', '.join(f'{count} of {name}' for name, count in self.counts.items())
         times = [_time_of_day(time_ns) for time_ns in (self.begin_ns, self.end_ns)]
         advice = receive_buffer_advice() if self.is_overflow else _ADVICE[self.cause]
@@ -88,16 +88,16 @@ class Gap:
 
 
 class LossWatch:
-    """Finds the cause of each gap and reports it once.
+    """Find the cause of each gap, and report each gap once.
 
-    A pass of the recorder's loop that took too long explains a gap: its time went to the disk or,
-    with another program on the processor, to neither. Without such a pass messages of another
-    host were lost on the way.
+    A long pass of the recorder's loop explains a gap: either the disk took most of its time, or
+    other programs used the processor. Without a long pass, the network lost the messages of
+    another host.
 
     Parameters
     ----------
     depth
-        Messages of a topic that may wait.
+        Queue length of a topic in messages.
     dropped
         Returns how many datagrams the kernel has dropped because a receive buffer was full; by
         default that of this host.
@@ -117,11 +117,11 @@ class LossWatch:
         self.last: Gap | None = None
 
     def note_pass(self, begin_ns: int, end_ns: int, disk_ns: int) -> None:
-        """Note a pass of the loop, and how much of it the disk took [ns since the epoch, ns]."""
+        """Note a pass of the loop [ns since the epoch], and the part that the disk took [ns]."""
         self._passes.append((begin_ns, end_ns, disk_ns))
 
     def note_gap(self, topic: str, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> None:
-        """Note lost messages between two that came.
+        """Note lost messages between two received ones.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class LossWatch:
         count
             Messages lost.
         begin_ns, end_ns
-            When the messages before and after came [ns since the epoch].
+            Reception times of the messages before and after [ns since the epoch].
         is_remote
             Whether another host publishes them.
         """
@@ -386,7 +386,7 @@ class BagFeed:
                 )
 
     def _note_pass(self) -> None:
-        """Note how long the pass took that ends here."""
+        """Note the duration of the pass that ends here."""
         now_ns, disk = time.time_ns(), self._writer.disk_time
         self._losses.note_pass(self._passed_ns, now_ns, int(1e9 * (disk - self._disk)))
         self._passed_ns, self._disk = now_ns, disk
@@ -453,10 +453,10 @@ class BagFeed:
         return {name: numbers for name, numbers in heard.items() if numbers[0]}
 
     def silent(self) -> list[str]:
-        """Return the streams that have a publisher and of which nothing came.
+        """Return the streams with a publisher from which no message has been received.
 
-        Either nothing was sent or all of it was lost: a message that comes shows what is missing
-        before it, no message shows nothing.
+        Either the publisher sent nothing, or all messages were lost: only a received message shows
+        how many are missing before it.
         """
         counts = self._writer.counts
         return [
@@ -473,7 +473,7 @@ class BagFeed:
 
     @property
     def waiting(self) -> int:
-        """How many messages wait for the disk."""
+        """Number of messages that wait for the disk."""
         return self._writer.waiting
 
     def written(self) -> tuple[int, int]:

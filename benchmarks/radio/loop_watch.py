@@ -1,4 +1,4 @@
-"""Watches the bridge's 1 kHz loop on its own host, by the time at which each state was sent.
+"""Measure the bridge's 1 kHz loop on its own host, from the time at which each state was sent.
 
 Usage: python benchmarks/radio/loop_watch.py
 
@@ -33,7 +33,7 @@ class Account:
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew at the newest state."""
+        """Start again at the newest state."""
         self.first_ns = self.last_ns
         self.states = self.longest_ns = self.gaps = 0
 

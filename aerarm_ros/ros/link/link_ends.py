@@ -165,7 +165,7 @@ class LinkEnd:
         self._send_datagram(self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns()))
 
     def _send_datagram(self, datagram: bytes) -> bool:
-        """Send a datagram; return whether the interface took it."""
+        """Send a datagram; return whether the interface accepted it."""
         assert self._address is not None
         try:
             self._socket.sendto(datagram, self._address)
@@ -379,12 +379,12 @@ class GroundEnd(LinkEnd):
 
 
 class RemoteControllers:
-    """Finds nodes of the ground that try to command the arm, which `joint_command` does not allow.
+    """Find controllers on the ground, whose `joint_command` does not reach the drone.
 
     Parameters
     ----------
     node
-        Looks from its place in the graph, and logs.
+        Node whose graph is searched and whose log is used.
     """
 
     def __init__(self, node: Node) -> None:
@@ -393,7 +393,7 @@ class RemoteControllers:
         self._known: list[str] = []
 
     def problem(self) -> str:
-        """Return who tries to command the arm and why it cannot, '' if nobody does."""
+        """Return the nodes that cannot command the arm, with the reason, or an empty text."""
         ends = self._node.get_publishers_info_by_topic(self._topic)
         names = sorted({endpoint_name(end) for end in ends} - {'', self._own})
         text = ''
