@@ -8,8 +8,8 @@ order of their imports:
 - trajectory: classes of motions
 - clearance: distances between links, and to the ground
 - feasibility: margins of a motion to all limits
-- planning: motion from the present posture through a trajectory and back
-- design: optimal trajectories for identification
+- excitation_setup: motion from the present posture through a trajectory and back
+- trajectory_designer: optimal trajectories for identification
 - player: commands that follow a motion, given measured states
 - preview: page that shows a motion
 """

@@ -236,7 +236,7 @@ class StopLimits:
     """
 
     _RESTS = 0.02
-    """Time between checked rest postures along the motion [s]."""
+    """Time between static postures that are checked along the motion [s]."""
 
     def __init__(self, limits: MotionLimits, effort_model: EffortModel | None) -> None:
         self.limits = limits

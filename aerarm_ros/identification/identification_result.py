@@ -200,9 +200,11 @@ LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
     'tilt': lambda result: float(np.degrees(result.gravity.tilt)) if result.gravity else 0.0,
     'warnings': lambda result: float(len(result.warnings)),
 }
-"""Functions of the quantities with limits, by name: largest torque errors of the validation bags
-[%], standard deviation of the predicted torque due to parameter uncertainty [Nm], condition number
-(5.2), consistency (0 or 1), tilt [deg], and a count.
+"""Functions of the quantities with limits, by name.
+
+Largest torque errors of the validation bags [%], standard deviation of the predicted torque due to
+parameter uncertainty [Nm], condition number (5.2), consistency (0 or 1), tilt [deg], and number of
+warnings.
 """
 
 

@@ -171,7 +171,7 @@ def test_nothing_is_told_before_all_is_known(estimator: ContactEstimator) -> Non
 def test_what_is_wrong_is_refused(estimator: ContactEstimator) -> None:
     estimator.offer_joints(START, HANGING, np.zeros(4))
     refused: list[tuple[Callable[[], None], str]] = [
-        (lambda: estimator.offer_odometry(odometry(0.0)), r'stamped -100 s .*synchronise'),
+        (lambda: estimator.offer_odometry(odometry(0.0)), r'stamp is -100 s .*synchronise'),
         (lambda: estimator.offer_rotors(['a'], np.ones(1), START), 'rotors'),
         (lambda: estimator.offer_rotors(DRONE.rotor_names, np.full(6, np.nan), START), 'NaN'),
         (

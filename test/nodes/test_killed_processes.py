@@ -92,7 +92,9 @@ def test_the_real_bridge_over_spidev_until_a_device_vanishes(
     client.wait_for(lambda: client.states[-1].velocity[0] > 0.3)
     boards.vanish('/dev/spidev0.1')
     client.wait_for_mode('fault')
-    client.wait_for(lambda: '/dev/spidev0.1 reports: Cannot send' in client.messages['arm'])
+    client.wait_for(
+        lambda: '/dev/spidev0.1 reports an error (Cannot send' in client.messages['arm']
+    )
     client.wait_for(lambda: max(np.abs(client.states[-1].velocity[:2])) < 0.05)
     assert spi_bridge.stop(signal.SIGTERM) == 0
     told = boards.report()[0]

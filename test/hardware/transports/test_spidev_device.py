@@ -73,7 +73,7 @@ def run(device, driver, seconds):
 def test_one_error_does_not_close_the_file(device, driver):
     driver.error = errno.EIO
     assert run(device, driver, 0.1) == 0
-    assert 'reports: the reason' in device.problem
+    assert 'reports an error (the reason)' in device.problem
     driver.error = 0
     assert run(device, driver, 0.1) == 100
     assert device.problem == ''

@@ -112,7 +112,7 @@ def test_invalid_transitions_are_refused_and_change_nothing(
     ):
         assert not lifecycle.trigger(transition)
         assert lifecycle.state == State.PRIMARY_STATE_UNCONFIGURED
-    assert 'in state unconfigured: possible are configure, shutdown' in process.tail()
+    assert 'in state unconfigured: choose one of configure, shutdown' in process.tail()
     assert lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
     assert not lifecycle.trigger(Transition.TRANSITION_CONFIGURE)
     assert lifecycle.state == State.PRIMARY_STATE_INACTIVE
