@@ -270,6 +270,7 @@ def measure_controller(rig: Rig) -> None:
         hosts.node(hosts.drone, 'fake_hardware', *given, environment=environment, folder=folder)
         hosts.node(hosts.ground, 'computed_torque', *given[:3], environment=environment,
                    folder=folder)  # fmt: skip
+        wait_for_text(folder / 'drone_fake_hardware.log', 'idle')
         enabled = hosts.node(hosts.drone, 'arm', 'enable', '--wait', 'running',
                              environment=environment, folder=folder)  # fmt: skip
         enabled.wait(PATIENCE)

@@ -12,8 +12,8 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder, Payloads
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr, Payloads
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.page.view_diagnostics import elements
@@ -200,11 +200,10 @@ class ViewFeed:
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
-        for reader in (
-            *(self._states, self._commands, self._motors, self._powers),
-            *self._windows,
-        ):
+        for reader in (self._states, self._commands, self._motors, self._powers):
             reader.destroy()
+        for windows in self._windows:
+            windows.destroy()
 
     def _take_rest(self, now: float) -> None:
         command, motors = self._commands.newest(), self._motors.newest()
