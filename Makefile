@@ -28,7 +28,7 @@ WHICH := import sys, venv; print(sys.base_prefix, sys.version)
 # The ROS wheels' Fast DDS finds other processes in 80 ms with this profile (docs/decisions.md).
 export FASTRTPS_DEFAULT_PROFILES_FILE ?= $(CURDIR)/config/fastdds.xml
 
-.PHONY: help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench two-hosts docs pictures clean
+.PHONY: check help setup develop demo experiment energy calibration flight world view test attacks same commissioning lint fuzz mutants compiled-test bench two-hosts docs pictures clean
 
 help:
 	@echo 'make demo        move the emulated arm, record, identify, validate, report'
@@ -101,6 +101,14 @@ lint: develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Tests of pure modules: no process, no ROS, none that takes seconds.
+QUICK := $(addprefix test/,description model motion simulation energy planner realtime pages parallel draft commissioning \
+	autopilot excitation control contact hardware/gate hardware/frames hardware/boards architecture/test_imports.py docs/test_prose.py)
+SLOW := $(addprefix --ignore=test/,control/base/test_free_base_estimator.py excitation/design/test_trajectory_designer.py)
+
+check: lint
+	$(BIN)/python -m pytest --quiet --numprocesses 2 $(SLOW) $(QUICK)
 
 test: lint
 	$(BIN)/python -m pytest --numprocesses 3 --dist worksteal

@@ -103,7 +103,7 @@ class IdentifiedTake:
     def take(self, subscription: Any) -> RawMessage | None:
         """Take the oldest waiting message of a subscription's rclpy handle, with its info.
 
-        The info has the keys of rclpy's, and `publisher`, 16 bytes.
+        The info has the keys of rclpy's message info, and `publisher`, an identifier of 16 bytes.
         """
         array, info = self._array, self._info
         result = self._take(
@@ -129,8 +129,9 @@ class IdentifiedTake:
 class ExecutorSource:
     """Subscriptions of a helper node, spun by its own executor.
 
-    The interface is that of WaitSetSource, with public API only, and about 15 us slower per
-    message. The helper node keeps the executor from running callbacks of the caller's node.
+    The interface is that of WaitSetSource. This class uses only public API, and needs about 15 us
+    more per message. The helper node keeps the executor from running callbacks of the caller's
+    node.
 
     Parameters
     ----------
@@ -308,9 +309,9 @@ _DEFAULT_SOURCE: Callable[..., Source] = (
 class RawReader:
     """Wait for serialized messages of one or more topics, and take them.
 
-    A controller waits for its state topic and takes the newest message. The bridge takes the
-    newest command without waiting. The recorder waits for all topics and takes every message. The
-    message info is rclpy's: `source_timestamp` and `received_timestamp` [ns],
+    A controller waits for its state topic and takes the newest message. The bridge takes the newest
+    command without waiting. The recorder waits for all topics and takes every message. The message
+    info is that of rclpy: `source_timestamp` [ns], `received_timestamp` [ns] and
     `publication_sequence_number`.
 
     Parameters
@@ -324,9 +325,9 @@ class RawReader:
         Source of the messages; by default a wait set, or an executor if rclpy lacks the functions
         for the wait set.
     identify
-        Whether to read the publisher of each message. Reading it is slower, but counts lost
-        messages of several publishers exactly. The info then has `publisher`, 16 bytes, if this
-        ROS supports it.
+        Whether to read the publisher of each message. Reading the publisher is slower, but counts
+        lost messages of several publishers exactly. The info then has `publisher`, an identifier of
+        16 bytes, if this ROS version supports it.
 
     Raises
     ------

@@ -15,11 +15,11 @@ _MOST_PUBLISHERS = 64
 class SequenceGaps:
     """Count the gaps in a stream of publication sequence numbers.
 
-    Each publisher numbers its own messages 1, 2, 3... and the stream does not contain the
-    publisher. A message is assigned to the publisher with the highest number below its own.
-    Without such a publisher the message starts a new or restarted publisher. A number inside an
-    earlier gap shows that the gap was a change of publisher, because one publisher's messages stay
-    in order. The gap is then not counted as a loss.
+    Each publisher numbers its own messages 1, 2, 3... and the stream does not name the publisher. A
+    message is assigned to the publisher with the highest number below its own. Without such a
+    publisher the message starts a new or restarted publisher. A number inside an earlier gap shows
+    that the gap was a change of publisher, because one publisher's messages stay in order. The gap
+    is then not counted as a loss.
     """
 
     def __init__(self) -> None:
@@ -73,9 +73,9 @@ class SequenceGaps:
 class PublisherGaps:
     """Count the gaps in each publisher's sequence numbers.
 
-    With known publishers the count is exact: every number that is missing after the first message
-    of its publisher, although a later one arrived, is a lost message. Without the publisher in the
-    middleware's message info, `SequenceGaps` estimates it.
+    With known publishers the count is exact: every number that is missing between two received
+    messages of one publisher is a lost message. Without the publisher in the middleware's message
+    info, `SequenceGaps` estimates it.
     """
 
     def __init__(self) -> None:

@@ -50,10 +50,10 @@ class Topic:
     def offered(self) -> QoSProfile:
         """Profile of the suite's publishers: that of its subscriptions, but always reliable.
 
-        A reliable publisher matches reliable and best-effort subscriptions, a best-effort
-        publisher only best-effort ones. With a keep-last history a reliable publisher never waits
-        for a slow subscriber, whose old messages are replaced. Best-effort subscriptions work as
-        before, at no extra cost.
+        A reliable publisher matches reliable and best-effort subscriptions, a best-effort publisher
+        only best-effort ones. With a keep-last history a reliable publisher never waits for a slow
+        subscriber, whose old messages are replaced. Best-effort subscriptions work as with a
+        best-effort publisher, at no extra cost.
         """
         return QoSProfile(
             history=self.qos.history,
@@ -107,7 +107,8 @@ TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
 # A timed path of the tool in the odometry's frame, with one transform per point.
 TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
 # Distances that the base can move along x, y, z of the world, and against them, before the tool is
-# out of reach [m]. The last entry is the time until then at the base's present velocity [s].
+# out of reach [m]. The last entry is the time [s] until the tool is out of reach at the base's
+# present velocity.
 ARM_REACH = Topic('arm_reach', Float64MultiArray, NEWEST)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
@@ -119,7 +120,7 @@ TRUE_ODOMETRY = Topic('true_odometry', Odometry, SENSOR)
 EXTERNAL_ODOMETRY = Topic('external_odometry', Odometry, SENSOR)
 # Thrust of each rotor [N] as effort, by rotor name, with the stamp of the answered odometry.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
-# Place at which the drone hovers, and timed path.
+# Position at which the drone hovers, and timed path of the drone.
 FLIGHT_TRAJECTORY = Topic('flight_trajectory', MultiDOFJointTrajectory, RELIABLE)
 FLIGHT_SET_POINT = Topic('flight_set_point', PoseStamped, RELIABLE)
 BASE_WRENCH = Topic('base_wrench', WrenchStamped, NEWEST)
@@ -135,8 +136,8 @@ COMMISSIONING_REQUEST = Topic('commissioning_request', String, RELIABLE)
 COMMISSIONING_REPORT = Topic('commissioning_report', String, RELIABLE)
 TOOL_PATH = Topic('tool_path', Path, LATCHED)
 DISTURBANCE = Topic('disturbance', JointState, NEWEST)
-# Wrenches of the arm on its drone: weight along the thrust, and joint motion; and the acceleration
-# by the rotors against the latter. The stamp is the time of the described load.
+# Wrenches of the arm on its drone: weight along the thrust, and joint motion. The acceleration is
+# that by which the rotors compensate the joint motion. The stamp is the time of the described load.
 WEIGHT_WRENCH = Topic('base_wrench_weight', WrenchStamped, NEWEST)
 MOTION_WRENCH = Topic('base_wrench_motion', WrenchStamped, NEWEST)
 FEEDFORWARD_ACCELERATION = Topic('feedforward_acceleration', AccelStamped, NEWEST)

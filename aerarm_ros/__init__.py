@@ -1,7 +1,7 @@
 """ROS 2 suite for a light four-joint arm that hangs under a drone.
 
-From Python, for any serial arm: `read_bag`, `from_arrays`, `identify`, `plan_excitation`,
-`load_identified`, `load_robot` and `Dynamics`; `docs/reference/python.md` shows them.
+For Python programs with any serial arm, the package offers `read_bag`, `from_arrays`, `identify`,
+`plan_excitation`, `load_identified`, `load_robot` and `Dynamics`; see `docs/reference/python.md`.
 """
 
 import lazy_loader

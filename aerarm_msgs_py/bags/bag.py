@@ -62,7 +62,7 @@ class RecordedTopic:
     type
         Message type, for example 'sensor_msgs/msg/JointState'.
     depth, reliable, latched
-        Quality of service that its publishers offer, which `ros2 bag play` uses.
+        Quality of service that the topic's publishers offer, which `ros2 bag play` uses.
     """
 
     name: str
@@ -95,7 +95,8 @@ _LONGEST_NAME = 100  # characters of a topic's name in a message
 class Bag:
     """A rosbag2 directory, or a single file of messages.
 
-    `metadata.yaml` is not required, because a killed recorder may have left no or an old one.
+    `metadata.yaml` is not required, because a killed recorder may have left no such file, or an
+    outdated one.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ class Bag:
     Attributes
     ----------
     budget
-        Remaining part of the limits.
+        Memory and time that remain of the limits.
 
     Raises
     ------
@@ -227,8 +228,8 @@ class Bag:
     def recorded_count(self, topic: str) -> int | None:
         """Return the number of a topic's messages according to the bag, None if unknown.
 
-        The source is metadata.yaml, for a single file the one in its directory. Without it, the
-        source is the summaries of the files, once they have been read.
+        The number comes from metadata.yaml, for a single file from that in its directory. Without
+        metadata.yaml, the number comes from the summaries of the files read so far.
         """
         if self._information.counts is not None:
             return self._information.counts.get(topic, 0)

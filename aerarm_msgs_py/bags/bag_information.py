@@ -92,7 +92,7 @@ def _check_plain(text: str) -> None:
 def _is_long_number(event: Any) -> bool:
     """Return whether a text may be a number that takes long to read, by its form or tag.
 
-    A number in base 60 takes a time proportional to the square of its length.
+    Reading a number in base 60 takes a time proportional to the square of its length.
     """
     long = len(event.value) > _LONGEST_NUMBER
     return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)

@@ -35,7 +35,8 @@ class JointStateSeries:
     log_time
         (M,) receipt time at the recorder [s].
     position, velocity, effort
-        (M, n) [rad], [rad/s], [Nm]; NaN where a message lacks the joint or the field.
+        (M, n) values of the joints [rad], [rad/s], [Nm]; NaN where a message lacks the joint or the
+        field.
     sequence
         (M,) publication sequence numbers, 0 if unknown.
     """
@@ -88,8 +89,8 @@ class TopicSummary:
     messages
         Number of messages in the bag.
     lost
-        Number of messages that were published between the first and the last one but are not in
-        the bag; None if the recorder stored no publication sequence numbers.
+        Number of messages that are missing between the first and the last one in the bag. None if
+        the recorder stored no publication sequence numbers.
     """
 
     type: str
@@ -112,7 +113,8 @@ class JointStateBuilder:
     most
         Number of messages to keep; later ones are omitted and counted.
     thinned
-        Keep at most twice as many messages, evenly spread over the bag, for plots.
+        Number of messages that suffice for plots; at most twice as many are kept, evenly spread
+        over the bag.
     budget
         Limits for the arrays, and for the time to fill them.
 
@@ -285,7 +287,8 @@ def read_contents(
         Name of a JointState topic.
     others
         Optional topics: JointState, String or DiagnosticArray; topics of other types are ignored.
-        Of very many JointStates only some are kept, evenly spread.
+        Of an optional topic with very many JointStates only some are kept, evenly spread over the
+        bag.
     most
         Number of messages of the required topic to keep, from the start, to limit the memory.
     limits
@@ -340,7 +343,7 @@ def read_contents(
 def lost_messages(sequence: NDArray[np.int64]) -> int | None:
     """Return the number of gaps in (M,) publication sequence numbers.
 
-    None if the recorder stored no sequence numbers.
+    The result is None if the recorder stored no sequence numbers.
     """
     if len(sequence) and sequence[0] > 0 and np.all(np.diff(sequence) == 1):
         return 0

@@ -128,8 +128,8 @@ class BagWriter:
     """A rosbag2 directory with one MCAP file and metadata.yaml, as in ROS 2 Jazzy.
 
     `write` only queues the message; a thread compresses and stores the messages of the last 0.2 s
-    in order of reception. A killed process loses little more than that. `ros2 bag info`, `ros2 bag
-    play` and every MCAP reader can open its bag.
+    in order of reception. A killed process loses little more than the last 0.2 s. `ros2 bag info`,
+    `ros2 bag play` and every MCAP reader can open the bag of a killed process.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Writer of MCAP files that are complete after every chunk.
 
 The writer of the mcap package ends a chunk by size only. A slow topic could stay in memory for
-minutes, and the file has no end until it is closed. This writer builds equal records with the
-package's classes, but ends a chunk on request. After every chunk it writes a short end, which the
-next chunk overwrites. So any MCAP reader opens the file of a killed recorder. Format:
-https://mcap.dev/spec.
+minutes, and the file lacks its closing records until it is closed. This writer builds the same
+records with the package's classes, but ends a chunk on request. After every chunk it writes short
+closing records, which the next chunk overwrites. So any MCAP reader opens the file of a killed
+recorder. Format: https://mcap.dev/spec.
 """
 
 import struct
@@ -110,7 +110,7 @@ class McapWriter:
         self._append(builder.end())
 
     def add_chunk(self, messages: Sequence[RecordedMessage]) -> None:
-        """Write messages as one chunk; they survive a kill once this call returns."""
+        """Write messages as one chunk; after this call they survive a kill of the process."""
         records, indices = self._records(messages)
         data = self._compress(records)
         start = min(message.log_time for message in messages)
@@ -187,7 +187,7 @@ class McapWriter:
         return b''.join(parts), list(indices.values())
 
     def _append(self, data: bytes) -> None:
-        """Append data to the file, followed by a new end."""
+        """Append data to the file, followed by new closing records."""
         builder = RecordBuilder()
         DataEnd(0).write(builder)
         Footer(0, 0, 0).write(builder)

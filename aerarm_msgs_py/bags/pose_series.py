@@ -41,11 +41,11 @@ class PoseSeries:
     stamp, log_time : (T,) ndarray
         Stamp of the message's header, and time of reception [s].
     position : (T, 3) ndarray
-        [m]; NaN for an Imu.
+        Position of each sample [m]; NaN for an Imu.
     quaternion : (T, 4) ndarray
-        x, y, z, w; NaN for a point.
+        Orientation (x, y, z, w) of each sample; NaN for a point.
     angular_velocity, linear_acceleration : (T, 3) ndarray
-        [rad/s], [m/s^2]; NaN except for an Imu.
+        Angular velocity [rad/s] and acceleration [m/s^2] of an Imu; NaN for other types.
     """
 
     name: str
@@ -81,16 +81,16 @@ def read_poses(
     path
         rosbag2 directory, .mcap or .db3 file.
     topics
-        Topics of these types; empty for all topics in the bag.
+        Names of topics of these types; empty for all such topics in the bag.
     frames
-        Child frames of TFMessages; all if empty.
+        Child frames that are read from TFMessages; all if empty.
     limits
         Limits of memory and time for reading.
 
     Returns
     -------
     dict of str to PoseSeries
-        By topic, for TFMessages by child frame; in the order of their stamps.
+        Series by topic, for TFMessages by child frame, each in the order of its stamps.
 
     Raises
     ------

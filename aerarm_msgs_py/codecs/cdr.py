@@ -69,7 +69,7 @@ class CdrPrefix:
         self._append(bytes(padding), known=False)
 
     def matches(self, payload: bytes) -> bool:
-        """Return whether a payload is little-endian CDR and has these bytes at this place."""
+        """Return whether a payload is little-endian CDR and has this prefix at its offset."""
         if not payload.startswith(LITTLE_ENDIAN):
             return False
         found = payload[self.start : self.end]

@@ -31,7 +31,7 @@ class JointSample(NamedTuple):
     stamp_ns
         `header.stamp` [ns].
     position, velocity, effort
-        (n,) [rad], [rad/s], [Nm]; None for an empty field.
+        (n,) values of the joints [rad], [rad/s], [Nm]; None for an empty field.
     """
 
     stamp_ns: int
@@ -206,7 +206,7 @@ class JointStateCdr:
         stamp_ns
             `header.stamp` [ns].
         position, velocity, effort
-            (n,) [rad], [rad/s], [Nm]; None for an empty field.
+            (n,) values of the joints [rad], [rad/s], [Nm]; None for an empty field.
 
         Returns
         -------

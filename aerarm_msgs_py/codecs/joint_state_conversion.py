@@ -20,7 +20,8 @@ def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
     Raises
     ------
     ValueError
-        If the payload is not a JointState, or a field has neither no numbers nor one per name.
+        If the payload is not a JointState, or a field that is not empty does not have one number
+        per name.
     """
     return _checked(*decode_as_sent(payload))
 

@@ -1,8 +1,8 @@
 """Files of ROS 1 and of SQLite, read with rosbags in a separate process.
 
-rosbags trusts the sizes that a file declares. The process therefore has limits of memory and
-processor time, which grow with the file; if it reaches a limit, reading ends with one error. The
-process writes blocks of messages to its standard output, which `ForeignFile` reads.
+rosbags trusts the sizes that a file declares. The separate process therefore has limits of memory
+and processor time, which grow with the file; if it reaches a limit, reading ends with one error.
+The process writes blocks of messages to its standard output, which `ForeignFile` reads.
 """
 
 import contextlib

@@ -80,7 +80,7 @@ class RepeatedMessages:
 
 
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
-    """Return a hash of each message; two differ except with a chance of 1 in 2^64."""
+    """Return a hash of each message; two messages share a hash with a chance of 1 in 2^64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
     sizes = payloads.sizes
     order = np.argsort(sizes, kind='stable')
@@ -278,7 +278,7 @@ class McapFile:
     def _is_wanted(self, indexes: ChunkIndexes, topics: Collection[str] | None) -> bool:
         """Return whether a chunk may contain messages of some topics, or channel definitions.
 
-        The index has no checksum. Without message counts that would reveal a loss, it is not
+        The index has no checksum. Without message counts that would reveal a loss, the index is not
         trusted.
         """
         if topics is None or self._summary.counts is None:

@@ -37,7 +37,7 @@ class RecordFields:
         return int.from_bytes(self.take(size), 'little')
 
     def text(self) -> str:
-        """Read a length of 4 bytes and so many bytes of UTF-8."""
+        """Read a text: its length as a number of 4 bytes, then its UTF-8 bytes."""
         return self.take(self.number(4)).decode()
 
     def take(self, size: int) -> bytes:
@@ -61,7 +61,7 @@ class McapChunk:
     compression
         'zstd', 'lz4' or '' for none.
     size
-        Declared size of its records [bytes].
+        Declared size of the uncompressed records [bytes].
     crc
         Checksum of the records; 0 for none.
     data

@@ -281,7 +281,7 @@ class McapRecord(NamedTuple):
     start
         Offset of the record [bytes].
     length
-        Size of its content [bytes].
+        Size of the record's content [bytes].
     whole
         False for a truncated last record.
     """
@@ -295,8 +295,8 @@ class McapRecord(NamedTuple):
 class McapWalk:
     """Iterator over the records of a file between its magic bytes, in order.
 
-    At an invalid record, the iteration continues at the next chunk of the summary, or ends without
-    a summary. Both are reported.
+    At an invalid record, the iteration continues at the next chunk that the file's summary lists,
+    or ends if there is no summary. Both cases are reported.
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ class McapWalk:
             position = next_chunk
 
     def _is_sound(self, opcode: int, length: int, in_summary: bool) -> bool:
-        """Return whether a record of that kind and length is valid at this place."""
+        """Return whether a record of that kind and length is valid at the present offset."""
         if opcode == Opcode.FOOTER:
             return length == FOOTER_SIZE
         if opcode == Opcode.DATA_END:

@@ -148,7 +148,7 @@ class ReadBudget:
     path
         Path of the bag, for messages.
     size
-        Size of its files [bytes].
+        Size of the bag's files [bytes].
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class ReadBudget:
         self.part_bytes = int(min(limits.part_bytes, max(_FREE, self._left / _PART_SHARE)))
 
     def spend(self, size: int) -> None:
-        """Charge bytes that the bag is about to occupy.
+        """Subtract bytes that the bag is about to occupy from the remaining limits.
 
         Raises
         ------

@@ -1,6 +1,6 @@
-"""Feedforward of the arm's motion through autopilots, by accelerations of set points.
+"""Feedforward of the arm's motion to an autopilot, as an acceleration in its set points.
 
-The package computes the acceleration of a set point in the autopilot's axes, or the stick
-positions for Betaflight. The inputs are the arm's load and the drone's attitude. A model of PX4's
-published control loops serves for tests.
+The package computes the acceleration of a set point in the autopilot's axes, or the stick positions
+for Betaflight. The inputs are the arm's load and the drone's attitude. Tests use a model of PX4's
+published control loops.
 """

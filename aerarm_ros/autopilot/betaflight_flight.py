@@ -41,14 +41,14 @@ class BetaflightSetup:
     Attributes
     ----------
     p, i : int
-        Gains of roll and pitch, in Betaflight's units. D is zero, because the emulated gyroscope
-        is too slow.
+        Gains of the angular-velocity loops of roll and pitch, in Betaflight's units. D is zero,
+        because the emulated gyroscope is too slow.
     angle_gain : int
-        angle_p_gain, tenths of 1/s.
+        Betaflight's `angle_p_gain` [0.1/s].
     angle_limit : float
-        At full stick [deg].
+        Roll or pitch angle at full stick [deg].
     yaw_rate : float
-        At full stick [deg/s].
+        Angular velocity about the vertical at full stick [deg/s].
     idle : float
         Output of an armed idle motor as a fraction of the full output.
     """
@@ -102,7 +102,7 @@ class BetaflightSetup:
         ]
 
     def throttle(self, share: float) -> int:
-        """Return the stick [us] at which all motors give a fraction of their largest thrust."""
+        """Return the throttle stick [us] for a fraction of each motor's largest thrust."""
         part = min(max((share - self.idle) / (1.0 - self.idle), 0.0), 1.0)
         return round(_LOW + part * (HIGH - _LOW))
 
@@ -113,11 +113,11 @@ class BetaflightSetup:
 
     @property
     def attitude_gain(self) -> float:
-        """Angular velocity per error of the attitude [1/s]."""
+        """Commanded angular velocity per attitude error [1/s]."""
         return 0.1 * self.angle_gain
 
     def rate_gain(self, drone: DroneConfig) -> float:
-        """Return the moment per error of the angular velocity [Nm s/rad], of roll and pitch."""
+        """Return the roll or pitch moment per error of the angular velocity [Nm s/rad]."""
         name, order = _mixer(drone)
         shares = np.array(_MIXERS[drone.n][1])[:, :2]
         places = np.array([drone.rotors[rotor].position for rotor in order])
@@ -129,12 +129,12 @@ class BetaflightSetup:
 
     @property
     def integral_rate(self) -> float:
-        """Integral gain over the gain of the angular velocity [1/s]."""
+        """Integral gain divided by the proportional gain of the angular-velocity loop [1/s]."""
         return self.i * _I_SCALE / (self.p * _P_SCALE)
 
 
 def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
-    """Return the mixer's name, and the rotor of each of its motors."""
+    """Return the name of Betaflight's mixer, and the drone's rotor for each motor of the mixer."""
     if drone.is_fully_actuated or drone.n not in _MIXERS:
         raise ValueError(
             f"loops 'betaflight': {drone.name} is not a quadrotor or hexarotor with its rotors "
@@ -170,16 +170,16 @@ class BetaflightFlight:
     """Position control through the sticks of Betaflight in angle mode, as a `FlightControl`.
 
     The sticks command roll, pitch, the angular velocity about the vertical, and throttle. The
-    position loop uses the mass of drone and arm. Two quantities of the arm are fed forward: the
-    acceleration of `SetPointAcceleration`, which tilts ahead by the setup's gains, and the mass,
-    by the throttle. The firmware is armed first, some seconds after its start.
+    position loop uses the mass of drone and arm. The arm's motion is fed forward by the
+    acceleration of `SetPointAcceleration`, and the arm's mass by the throttle. The class arms the
+    firmware before the flight, some seconds after the firmware's start.
 
     Parameters
     ----------
     body : MassProperties
         Default mass properties of drone and arm.
     gains : FlightGains, optional
-        Gains of the position loop, and limits.
+        Gains and limits of the position loop.
     setup : BetaflightSetup, optional
         Setup of the firmware.
 
@@ -225,7 +225,7 @@ class BetaflightFlight:
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Return the thrusts (n,) [N] toward the target, after a step of `dt` [s]."""
+        """Return the rotors' thrusts (n,) [N] for flight to the target; `dt` [s] is one step."""
         arm = self._at_rest if arm is None else arm
         gains = self._gains
         frequency = gains.position_frequencies
@@ -242,7 +242,7 @@ class BetaflightFlight:
         return self._fly(state, force, float(np.arctan2(np.sin(turn), np.cos(turn))), dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] of a level, sinking drone without a known position."""
+        """Return the thrusts (n,) [N] for a level, sinking drone whose position is unknown."""
         return self._fly(state, _SINK * self._at_rest.body.mass * GRAVITY * _UP, 0.0, dt)
 
     def _fly(self, state: FlightState, force: Array, turn: float, dt: float) -> Array:
@@ -271,7 +271,7 @@ class BetaflightFlight:
         self.problem = '' if self._is_armed else 'Betaflight is arming'
 
     def _sticks(self, state: FlightState, force: Array, turn: float) -> list[int]:
-        """Return roll, pitch, throttle and yaw for a force in the world, and a turn [rad]."""
+        """Return roll, pitch, throttle and yaw sticks for a world-frame force and heading error."""
         setup, heading = self._setup, yaw_of(state.rotation)
         lift = max(force[2], 0.2 * self._at_rest.body.mass * GRAVITY)
         sideways = limited(force[:2], lift * float(np.tan(self._gains.tilt_max)))
@@ -285,5 +285,5 @@ class BetaflightFlight:
 
 
 def _pulse(share: float) -> int:
-    """Return the pulse [us] of a stick, -1 to 1."""
+    """Return the pulse length [us] for a stick position from -1 to 1."""
     return round(MIDDLE + 500.0 * min(max(share, -1.0), 1.0))

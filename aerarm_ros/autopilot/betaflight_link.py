@@ -29,7 +29,7 @@ _PRESSURE = 101325.0  # [Pa]; no used function depends on it
 
 
 def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -> bytes:
-    """Return the packet of a state.
+    """Return the UDP packet with the drone's state for the firmware.
 
     The firmware reverses y and z of the angular velocity and all axes of the acceleration, and
     uses forward-left-up axes. The firmware reads the attitude in forward-right-down axes.
@@ -37,14 +37,14 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
     Parameters
     ----------
     time : float
-        [s]
+        Simulation time [s].
     rate, force : (3,) ndarray
         Angular velocity [rad/s] and specific force [m/s^2] in forward-left-up axes.
     rotation_wxyz : (4,) ndarray
         Attitude (w, x, y, z), body to world.
     """
     x, y, z = rate.tolist()
-    nowhere = [0.0] * 6  # place, for its GPS only
+    nowhere = [0.0] * 6  # position, for the firmware's GPS only
     w, qx, qy, qz = rotation_wxyz.tolist()
     attitude = w, qx, -qy, -qz
     return _STATE.pack(time, x, -y, -z, *(-force).tolist(), *attitude, *nowhere, _PRESSURE)
@@ -84,9 +84,9 @@ class Firmware(Protocol):
 class BetaflightLink:
     """Send states and sticks to Betaflight on this host, and receive motor pulses.
 
-    All states have one stamp. With different stamps the firmware derives the speed of its clock
-    from two stamps and their arrival. On a busy host that clock may run hundreds of times too
-    fast.
+    All state packets carry the same stamp. From different stamps and their arrival times, the
+    firmware would derive the speed of its clock. On a busy host that clock could run hundreds of
+    times too fast.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class BetaflightLink:
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Send state and sticks; return the motors' newest pulses, see `Firmware`."""
+        """Send state and sticks; return the motors' newest pulses (n,) [us], or None."""
         late = self._newest()  # the late answer to the previous state, on a busy host
         self._send(rc_packet(0.0, channels), self._rc_port)
         self._send(state_packet(0.0, rate, force, rotation_wxyz), self._state_port)

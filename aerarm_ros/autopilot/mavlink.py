@@ -88,14 +88,14 @@ class _Field:
 
 
 class MessageLayout:
-    """Places of a message's fields on the wire.
+    """Layout of one MAVLink message: the position of each field in its payload.
 
     Parameters
     ----------
     number : int
         Message id.
     base, extensions : str
-        Types and names of its fields, as in its XML definition.
+        Types and names of the message's fields, as in its XML definition.
     """
 
     def __init__(self, number: int, name: str, base: str, extensions: str) -> None:
@@ -158,7 +158,7 @@ class MessageLayout:
 
 
 def _declared(text: str) -> list[tuple[str, int, str]]:
-    """Return type, length (0 for a single value) and name of fields."""
+    """Return type, array length (0 for a single value) and name of each field."""
     found = re.findall(r'(\w+)(?:\[(\d+)\])? (\w+)', text)
     return [(kind, int(length or 0), name) for kind, length, name in found]
 
@@ -188,9 +188,9 @@ class Message:
     Attributes
     ----------
     system, component : int
-        Ids of its sender.
+        MAVLink ids of the message's sender.
     values : dict
-        Its fields.
+        Values of the message's fields, by name.
     """
 
     name: str
@@ -204,12 +204,12 @@ class Message:
 
 
 class FrameWriter:
-    """Pack messages of one sender as unsigned MAVLink 2 frames.
+    """Pack messages of one sender as MAVLink 2 frames without signature.
 
     Parameters
     ----------
     system, component : int
-        Ids of the sender.
+        MAVLink ids of the sender.
     """
 
     def __init__(self, system: int, component: int) -> None:
@@ -244,7 +244,7 @@ class FrameReader:
         self.damaged = 0
 
     def feed(self, data: bytes) -> list[Message]:
-        """Return the messages that these bytes complete."""
+        """Add received bytes; return the messages that they complete."""
         buffer = self._bytes
         buffer += data
         found: list[Message] = []

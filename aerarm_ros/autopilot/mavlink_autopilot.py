@@ -59,8 +59,8 @@ class ImuReading(NamedTuple):
 class MavlinkAutopilot:
     """Track an autopilot over a line, and request the streams that the arm needs.
 
-    The class sends set points and heartbeats. Only `arm`, `disarm` and `offboard` arm the
-    autopilot or change its mode. Times `now` are of a monotonic clock [s].
+    The class sends set points and heartbeats. Only `arm`, `disarm` and `offboard` arm the autopilot
+    or change its mode. All times `now` [s] are those of a monotonic clock.
 
     Parameters
     ----------
@@ -71,9 +71,10 @@ class MavlinkAutopilot:
     Attributes
     ----------
     attitude : (4,) ndarray
-        (x, y, z, w), forward-left-up in east-north-up; None before the first.
-    imu : ImuReading
+        Attitude quaternion (x, y, z, w) of the forward-left-up body in the east-north-up world;
         None before the first.
+    imu : ImuReading
+        Newest IMU reading; None before the first.
     outputs : (32,) ndarray
         Outputs of the motors in the autopilot's order; None before the first.
     text : str
@@ -164,7 +165,7 @@ class MavlinkAutopilot:
 
     @property
     def mode(self) -> str:
-        """Mode of the autopilot, by name for PX4."""
+        """Flight mode of the autopilot: PX4's name of the mode, else the custom mode's number."""
         main, sub = self._custom_mode >> 16 & 0xFF, self._custom_mode >> 24 & 0xFF
         if self._make != _PX4:
             return f'custom mode {self._custom_mode}'
@@ -172,7 +173,7 @@ class MavlinkAutopilot:
         return f'{name} {_PX4_AUTO[sub]}' if sub in _PX4_AUTO and name == 'auto' else name
 
     def state(self, now: float) -> FlightState | None:
-        """Return place and motion, None if attitude or place is missing or old."""
+        """Return position, attitude and motion, None if attitude or position is missing or old."""
         fresh = [now - self._times.get(number, -np.inf) < FRESH for number in (31, 32)]
         if not all(fresh) or self.attitude is None:
             return None
@@ -180,7 +181,7 @@ class MavlinkAutopilot:
         return FlightState(self._place, self._velocity, rotation, self._rate)
 
     def has_attitude(self, now: float) -> bool:
-        """Return whether a fresh attitude is known."""
+        """Return whether the last attitude message is recent enough to be used."""
         return now - self._times.get(31, -np.inf) < FRESH
 
     def silent(self, now: float) -> list[str]:

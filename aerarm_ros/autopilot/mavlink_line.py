@@ -17,7 +17,7 @@ _FORMS = 'udp:PORT (listen), udp:HOST:PORT (send first) or serial:DEVICE:BAUD'
 
 
 class Line(Protocol):
-    """Interface of a line for frames.
+    """Interface of a MAVLink connection over UDP or a serial line.
 
     Attributes
     ----------
@@ -46,14 +46,14 @@ class Line(Protocol):
 
 
 class UdpLine:
-    """UDP line, either to a given address, or to the first sender to a port.
+    """UDP line to a given address, or to the first host that sends to the bound port.
 
     Parameters
     ----------
     address : tuple
-        Address of the autopilot; none to wait for its first datagram.
+        Address of the autopilot; None to use the sender of the first datagram.
     bound : tuple
-        Address and port of this side.
+        Local address and port.
 
     Raises
     ------
@@ -172,7 +172,7 @@ class SerialLine:
 
 
 def open_line(text: str) -> UdpLine | SerialLine:
-    """Return the line that a text describes.
+    """Open the MAVLink line that a text such as `udp:14550` describes.
 
     Parameters
     ----------

@@ -29,17 +29,18 @@ def frd_rotation(rotation: Array) -> Array:
 
 
 def heading(yaw: float) -> float:
-    """Convert a heading [rad] from east-to-left to north-to-right."""
+    """Convert a heading [rad] from counterclockwise from east to clockwise from north, or back."""
     return float(np.arctan2(np.cos(yaw), np.sin(yaw)))
 
 
 def torque_unit(drone: DroneConfig) -> Array:
     """Return the moments (3,) about the body's axes [Nm] of PX4's normalized torque 1.
 
-    The scaling is that of ControlAllocationPseudoInverse (SYS_CTRL_ALLOC). Roll and pitch have the
-    smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`. Sx2 is the sum of the
-    squared lever arms of the rotors, and n_x the number of rotors with a lever arm. Yaw is scaled
-    by the largest entry of the mixer's column.
+    The scaling is that of ControlAllocationPseudoInverse (SYS_CTRL_ALLOC). Roll and pitch are both
+    scaled by the smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`. T_max is the
+    largest thrust of a rotor. Sx2 is the sum of the squared lever arms of the rotors about the x
+    axis, and n_x the number of rotors with such a lever arm. Yaw is scaled by the largest entry of
+    the mixer's yaw column.
 
     Raises
     ------
@@ -74,7 +75,7 @@ class Px4Gains:
     mpc_xy_vel_d_acc, mpc_z_vel_d_acc : float
         Acceleration per derivative of the velocity error [-].
     mc_att_p, mc_yaw_p : float
-        Angular velocity per attitude error: MC_ROLL_P and MC_PITCH_P, MC_YAW_P [1/s].
+        Angular velocity per attitude error [1/s]: MC_ROLL_P and MC_PITCH_P, or MC_YAW_P.
     mc_rate_k : float
         Common factor of the next three gains: MC_ROLLRATE_K and MC_PITCHRATE_K [-].
     mc_rate_p, mc_rate_i, mc_rate_d : float
@@ -83,11 +84,11 @@ class Px4Gains:
     mc_yawrate_p, mc_yawrate_i : float
         Normalized torque per angular velocity error about the vertical, and its integral.
     mc_yaw_tq_cutoff : float
-        MC_YAW_TQ_CUTOFF, of the low-pass filter of the yaw torque [Hz].
+        MC_YAW_TQ_CUTOFF, the cut-off frequency of the yaw torque's low-pass filter [Hz].
     tilt_max : float
-        MPC_TILTMAX_AIR [rad].
+        MPC_TILTMAX_AIR, the largest commanded tilt [rad].
     thrust_min : float
-        MPC_THR_MIN, a fraction of the largest thrust.
+        MPC_THR_MIN, the least commanded thrust as a fraction of the largest.
 
     Raises
     ------
@@ -124,9 +125,10 @@ class Px4Gains:
         mc_yawrate_p: float = 0.2,
         mc_yaw_tq_cutoff: float = 2.0,
     ) -> 'Px4Gains':
-        """Return gains whose horizontal velocity loop is scaled like the position loop.
+        """Return gains, with the velocity loop scaled by `mpc_xy_p` over PX4's default.
 
-        The integral gain of the yaw rate is scaled like its proportional gain.
+        The gains `mpc_xy_vel_p_acc` and `mpc_xy_vel_i_acc` are scaled by that ratio, and
+        `mc_yawrate_i` by the ratio of `mc_yawrate_p` to its default.
         """
         share = mpc_xy_p / cls.mpc_xy_p
         return cls(

@@ -47,15 +47,15 @@ class Stage(Enum):
 
 
 class Px4Firmware:
-    """PX4 in lockstep: the drone is held until PX4 has spooled up, then flies step by step.
+    """PX4 in lockstep: the simulation holds the drone until PX4 has started its rotors.
 
-    PX4's time is that of the sensors, and continues while the drone is held and the simulation
-    pauses. PX4's estimator and rotors need seconds to start.
+    PX4's clock is set by the stamps of the sensor messages. That clock continues while the
+    simulation pauses and holds the drone. PX4's estimator and rotors need seconds to start.
 
     Parameters
     ----------
     simulator, companion
-        Lines to PX4.
+        Connections to PX4, as its simulator and as a companion computer.
     setup : Px4Setup
         Setup of the firmware.
     seed : int
@@ -100,7 +100,7 @@ class Px4Firmware:
 
     @property
     def is_led(self) -> bool:
-        """Whether PX4 follows set points; without them its failsafe acts after COM_OF_LOSS_T."""
+        """Whether PX4 follows set points; without any, its failsafe acts after COM_OF_LOSS_T."""
         return self._mode >> 24 == _OFFBOARD
 
     @property
@@ -113,13 +113,14 @@ class Px4Firmware:
         self._companion.send(self._writer.pack(name, **values))
 
     def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
-        """Advance by `dt` [s]; return the thrust fractions (16,), None without an answer."""
+        """Advance PX4 by `dt` [s]; return its thrust fractions (16,), None without an answer."""
         return self._step(state, round(1e6 * dt), is_placed, is_held=False)
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance a held drone by one step; return the thrust fractions, as `step` does.
+        """Advance PX4 by one step while the drone is held; return its thrust fractions (16,).
 
-        `lift` is the sum of the thrust fractions that carries the drone.
+        `lift` is the sum of the rotors' thrust fractions that carries the drone. The result is None
+        without an answer.
         """
         shares = self._step(state, STEP_US, is_placed=True, is_held=True)
         place = ned(state.position)
@@ -153,9 +154,11 @@ class Px4Firmware:
         return answer.shares
 
     def _await_taken(self) -> None:
-        """Wait until PX4 has processed the sent messages, which it answers in order.
+        """Wait until PX4 has processed all messages sent so far.
 
-        PX4's receiver does not run in lockstep, so on a busy host it would be late.
+        PX4 answers messages in order, so the answer to a TIMESYNC proves that PX4 has processed all
+        earlier ones. PX4's receiver does not run in lockstep. Without this wait, PX4 on a busy host
+        would process the messages one or more steps late.
         """
         if not self._is_heard:
             return
@@ -218,7 +221,7 @@ class Px4Firmware:
 
 
 class Px4FirmwareFlight:
-    """Set points for PX4 on this host, used as a `FlightControl`.
+    """Flight control by set points for PX4's firmware on this host, as a `FlightControl`.
 
     Parameters
     ----------
@@ -227,11 +230,11 @@ class Px4FirmwareFlight:
     setup : Px4Setup
         Setup of the firmware.
     gains : FlightGains
-        Gains of this side's position loop, for a drone with tilted rotors.
+        Gains of this package's own position loop, used only for a drone with tilted rotors.
     tilts_ahead : bool
-        Whether set points tilt ahead, by the inverse of PX4's loops.
+        Whether set points tilt the drone ahead of the arm's force, by the inverse of PX4's loops.
     holds_heading : bool
-        Whether set points have a heading; otherwise PX4 does not control it.
+        Whether set points contain a heading; without one PX4 does not control the heading.
 
     Attributes
     ----------
@@ -272,11 +275,11 @@ class Px4FirmwareFlight:
         return self._held is not None and self._firmware.stage is not Stage.FLY
 
     def reset(self) -> None:
-        """Reset the integral."""
+        """Reset the integral of the position loop."""
         self._set_points.reset()
 
     def settle(self) -> None:
-        """Advance PX4's time while the drone is held at its last place."""
+        """Advance PX4's time while the drone is held at its last position."""
         if self._held is None:
             return
         if self._firmware.stage in (Stage.ARM, Stage.SPOOL):
@@ -286,7 +289,7 @@ class Px4FirmwareFlight:
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Return the thrusts (n,) [N] that PX4 commands, after a step of `dt` [s]."""
+        """Advance PX4 by `dt` [s]; return the rotors' commanded thrusts (n,) [N]."""
         if self._firmware.stage is not Stage.FLY:
             self._held = state
             self.settle()

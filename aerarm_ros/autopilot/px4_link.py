@@ -1,9 +1,9 @@
 """Connections to a PX4 program on this host (SITL).
 
-In the TCP connection this side is PX4's simulator: it sends sensors and receives thrust fractions.
-PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In the UDP
-connection this side is a companion computer: it sends set points and commands, and receives
-states.
+In the TCP connection this package acts as PX4's simulator: it sends sensor data and receives thrust
+fractions. PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In
+the UDP connection this package acts as a companion computer: it sends set points and commands, and
+receives states.
 """
 
 import select
@@ -32,7 +32,7 @@ class Controls(NamedTuple):
     Attributes
     ----------
     shares : (16,) ndarray
-        Fraction of each rotor's largest thrust, 0 while PX4 is disarmed.
+        Commanded fraction of each rotor's largest thrust, 0 while PX4 is disarmed.
     """
 
     shares: Array
@@ -40,7 +40,7 @@ class Controls(NamedTuple):
 
 
 class Simulator(Protocol):
-    """Interface of PX4's simulator."""
+    """Interface of the TCP connection that sends sensor data to PX4."""
 
     is_lost: bool
 
@@ -52,7 +52,7 @@ class Simulator(Protocol):
 
 
 class Companion(Protocol):
-    """Interface of the connection for set points and commands."""
+    """Interface of the UDP connection that sends set points and commands to PX4."""
 
     def send(self, frame: bytes) -> None:
         """Send a frame."""
@@ -65,7 +65,7 @@ class Companion(Protocol):
 
 
 class SimulatorLink:
-    """Listen for PX4, which connects to its simulator.
+    """TCP server to which PX4 connects as to its simulator.
 
     Parameters
     ----------
@@ -104,10 +104,10 @@ class SimulatorLink:
         return self._reader.damaged
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
-        """Send frames; return the controls that answer them within `patience` [s], or None.
+        """Send frames; return PX4's answer within `patience` [s], or None.
 
-        The last frame is the HIL_SENSOR of `time_us`. Earlier frames belong to the previous time,
-        because PX4 stamps every message with the time of its last HIL_SENSOR.
+        The last frame is the HIL_SENSOR of `time_us`. PX4 stamps every message with the time of its
+        last HIL_SENSOR, so the frames before it get the previous time.
         """
         line = self._connected(patience)
         if line is None:
@@ -159,7 +159,7 @@ class CompanionLink:
     Parameters
     ----------
     port, px4_port : int
-        UDP ports of this side and of PX4.
+        UDP ports of this program and of PX4.
 
     Raises
     ------
@@ -201,7 +201,7 @@ class CompanionLink:
 
 
 def companion_writer() -> FrameWriter:
-    """Return the writer of this side's frames."""
+    """Return a writer of MAVLink frames with the ids of an onboard computer."""
     return FrameWriter(_SYSTEM, _COMPONENT)
 
 

@@ -33,11 +33,11 @@ class Px4SetPoint(NamedTuple):
     Attributes
     ----------
     position : (3,) ndarray
-        [m]
+        Desired position [m].
     yaw : float
-        From north to the right [rad]; NaN for no heading control.
+        Heading, clockwise from north [rad]; NaN for no heading control.
     velocity, acceleration : (3,) ndarray
-        [m/s], [m/s^2]; NaN for none.
+        Desired velocity [m/s] and acceleration [m/s^2]; NaN if not given.
     """
 
     position: Array
@@ -52,7 +52,7 @@ class Px4State(NamedTuple):
     Attributes
     ----------
     position, velocity : (3,) ndarray
-        [m], [m/s]
+        Position [m] and velocity [m/s] of the vehicle.
     rotation : (3, 3) ndarray
         Body to world.
     rate : (3,) ndarray
@@ -66,7 +66,7 @@ class Px4State(NamedTuple):
 
 
 class Px4Loops:
-    """Position P, velocity PID, attitude P on the quaternion, angular velocity PID.
+    """PX4's cascade: position P, velocity PID, attitude P on the quaternion, angular velocity PID.
 
     The loops are those of PX4's modules mc_pos_control (PositionControl.cpp), mc_att_control
     (AttitudeControl.cpp, Brescianini, Hehn and D'Andrea 2013) and mc_rate_control. The
@@ -100,7 +100,7 @@ class Px4Loops:
         self._acceleration, self._spin = np.zeros(3), np.zeros(3)
 
     def update(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> tuple[float, Array]:
-        """Return normalized thrust and torque (3,), forward-right-down.
+        """Return PX4's normalized thrust and torque, (3,) each, forward-right-down.
 
         `dt` is the time since the last update [s].
         """
@@ -110,7 +110,7 @@ class Px4Loops:
         return float(np.linalg.norm(thrust)), self._torque(state, thrust, yaw, dt)
 
     def _thrust(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> Array:
-        """Return the thrust (3,) in the world, as a fraction of the largest."""
+        """Return the commanded thrust (3,) in the world, as a fraction of the largest thrust."""
         error = wanted.position - state.position
         velocity = self._position_p * error + np.nan_to_num(wanted.velocity)
         if self._velocity is not None and dt > 0.0:
@@ -200,14 +200,14 @@ class Px4Flight:
     body : MassProperties
         Mass properties of drone and arm at rest.
     knows_loops : bool
-        Whether set points tilt ahead, by the inverse of the loops.
+        Whether set points tilt the drone ahead of the arm's force, by the inverse of the loops.
     holds_heading : bool
-        Whether set points have a heading; otherwise PX4 does not control it.
+        Whether set points contain a heading; without one PX4 does not control the heading.
 
     Attributes
     ----------
     problem : str
-        See `FlightControl`.
+        Reason why the rotors must not be commanded, as in `FlightControl`.
     """
 
     problem = ''
@@ -241,7 +241,7 @@ class Px4Flight:
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Return the thrusts (n,) [N] toward the target, after a step of `dt` [s]."""
+        """Return the rotors' thrusts (n,) [N] for flight to the target; `dt` [s] is one step."""
         wanted = target.acceleration
         if arm is not None:
             wanted = wanted + self._acceleration.update(arm, state.rotation, dt)
@@ -250,7 +250,7 @@ class Px4Flight:
         return self._thrusts(state, set_point, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] of a level, sinking drone without a known position."""
+        """Return the thrusts (n,) [N] for a level, sinking drone whose position is unknown."""
         sinking = np.array([0.0, 0.0, (1.0 - _SINK) * GRAVITY])
         here = Px4SetPoint(
             ned(state.position), heading(yaw_of(state.rotation)), np.zeros(3), sinking

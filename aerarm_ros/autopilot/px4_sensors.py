@@ -26,9 +26,9 @@ _VARIANCES = (1e-4, 1e-4, 1e-4)  # position [m^2], attitude [rad^2], velocity [m
 class SensorFrames:
     """Pack sensor data for PX4, with noise for the sensors that the simulation lacks.
 
-    Accelerometer, gyroscope and odometry keep the noise of their input. Magnetometer, barometer
-    and satellite receiver get their own noise. While a drone is held, its sample is repeated.
-    `is_held` then adds noise to the IMU, because PX4 treats equal samples as a sensor fault.
+    Accelerometer, gyroscope and odometry keep the noise of their input. Magnetometer, barometer and
+    satellite receiver get their own noise. PX4 treats equal IMU samples as a sensor fault. The
+    samples of a held drone are equal, so `is_held` adds noise to the IMU.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class SensorFrames:
     seed : int
         Seed of the noise.
     gps_noise : tuple of float
-        Standard deviation of the receiver's position, and of its velocity [m], [m/s].
+        Standard deviations of the GPS receiver's position [m] and velocity [m/s].
     """
 
     def __init__(
@@ -58,7 +58,11 @@ class SensorFrames:
     def frames(
         self, time_us: int, state: FlightState, is_placed: bool = True, is_held: bool = False
     ) -> list[bytes]:
-        """Return the frames of a time [us]; a known place precedes the other sensors."""
+        """Return the MAVLink frames for `time_us` [us]: position first, then the other sensors.
+
+        The position is that of the previous sample, as odometry or, for GPS sensors, as a GPS
+        reading in every 25th call. Without `is_placed` the position is left out.
+        """
         before = self._before
         frames = []
         if before is not None and is_placed:
@@ -127,6 +131,6 @@ class SensorFrames:
 
 
 def _diagonal(first: float, second: float) -> list[float]:
-    """Return the upper right triangle (21,) of a 6 by 6 matrix with a diagonal."""
+    """Return the upper right triangle (21,) of a diagonal 6 by 6 matrix."""
     rows = np.diag([first] * 3 + [second] * 3)
     return [float(value) for value in rows[np.triu_indices(6)]]

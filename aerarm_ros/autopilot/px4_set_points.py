@@ -28,19 +28,20 @@ class Px4SetPoints:
     """Create the set point message for a target and a state of the drone.
 
     A drone with rotors in one plane gets SET_POSITION_TARGET_LOCAL_NED with the acceleration of
-    `SetPointAcceleration`; PX4 closes all loops. A drone with tilted rotors stays level, but PX4's
-    position loop would tilt it. So a drone with tilted rotors gets SET_ATTITUDE_TARGET with
-    `thrust_body`: the force of this side's position loop plus the arm's feedforward. PX4 then
-    closes only the loops of attitude and angular velocity.
+    `SetPointAcceleration`; PX4 closes all loops. PX4's position loop would tilt a drone with tilted
+    rotors, which should stay level. So a drone with tilted rotors gets SET_ATTITUDE_TARGET with
+    `thrust_body`. The field `thrust_body` is the force of this package's own position loop plus the
+    arm's feedforward. PX4 then closes only the loops of attitude and angular velocity.
 
     Parameters
     ----------
     gains : FlightGains, optional
-        Gains of this side's position loop.
+        Gains of this package's own position loop.
     tilt : Px4Gains, optional
-        PX4's gains, for set points that tilt ahead; without them set points do not.
+        PX4's gains, with which set points tilt the drone ahead of the arm's force; by default they
+        do not.
     holds_heading : bool
-        Whether set points have a heading; otherwise PX4 does not control it.
+        Whether set points contain a heading; without one PX4 does not control the heading.
 
     Raises
     ------
@@ -70,17 +71,17 @@ class Px4SetPoints:
 
     @property
     def needs_state(self) -> bool:
-        """Whether a message depends on the drone's place and attitude."""
+        """Whether a message depends on the drone's position and attitude."""
         return self._is_full
 
     def reset(self) -> None:
-        """Reset the integral."""
+        """Reset the integral of the position loop."""
         self._push = np.zeros(3)
 
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
     ) -> tuple[str, dict[str, Any]]:
-        """Return name and fields of the message, without its time.
+        """Return name and fields of the set point message, without its time stamp.
 
         `dt` [s] is the time since the last message. `origin` (3,) is the origin of the target's
         frame in PX4's local frame, north-east-down [m].

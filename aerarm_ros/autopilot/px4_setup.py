@@ -124,7 +124,7 @@ def force_unit(drone: DroneConfig) -> Array:
 
 
 def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-    """Return CA_* and the IMU's place, forward-right-down from the centre of mass."""
+    """Return CA_* and the IMU's position, forward-right-down from the centre of mass."""
     found: dict[str, float] = {'CA_AIRFRAME': 0, 'CA_ROTOR_COUNT': drone.n}
     for i, rotor in enumerate(drone.rotors):
         place = _FRD * (np.array(rotor.position) - body.centre)

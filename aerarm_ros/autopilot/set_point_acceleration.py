@@ -19,25 +19,25 @@ class SetPointAcceleration:
     """Acceleration feedforward for an autopilot that accepts an acceleration only.
 
     The acceleration against the force f of the joints' motion is `-f / m`; the autopilot's hover
-    thrust carries the weight. The autopilot tilts for this acceleration with the delay of its
-    attitude loop, and accepts no moment. But its loops rotate the drone for a commanded tilt. If
-    their gains are known, the set point tilts ahead, by the inverse of a cascade of attitude and
-    angular velocity::
+    thrust carries the weight. The autopilot tilts the drone for this acceleration with the delay of
+    its attitude loop, and accepts no moment. If the gains of its attitude and angular-velocity
+    loops are known, the set point adds the tilt `delta`, the inverse of these loops::
 
         delta = (w + (J dw/dt + M) / k) / p
 
-    with the angular velocity w of the fed-forward force, and the moment M of the rotors against
-    the arm's weight and motion. p is the angular velocity per attitude error, k the moment per
-    error of the angular velocity. The loops' integral compensates a constant M.
+    with the angular velocity w of the fed-forward force's direction, the inertia J, and the moment
+    M by which the rotors balance the arm's weight and motion. The gain p is the angular velocity
+    per attitude error, and k the moment per error of the angular velocity. The integral of the
+    autopilot's loops compensates a constant M.
 
     Parameters
     ----------
     attitude_gain : float
-        p [1/s]; 0 if unknown.
+        Gain p of the autopilot's attitude loop [1/s]; 0 if unknown.
     rate_gain : float
-        k [Nm s/rad]; 0 if unknown.
+        Gain k of the autopilot's angular-velocity loop [Nm s/rad]; 0 if unknown.
     integral_rate : float
-        Integral gain over k [1/s].
+        Integral gain of the angular-velocity loop, divided by k [1/s].
     yaw_gain : float
         Moment about the vertical per error of the heading [Nm/rad], only for `turn`.
 
@@ -61,7 +61,7 @@ class SetPointAcceleration:
         self._lasting: Array | None = None
 
     def update(self, arm: FeedForward, rotation: Array, dt: float) -> Array:
-        """Return the acceleration (3,) in the world [m/s^2], z up.
+        """Return the set point's acceleration (3,) in the world [m/s^2], z up.
 
         Parameters
         ----------
@@ -79,9 +79,10 @@ class SetPointAcceleration:
         return np.asarray(acceleration + GRAVITY * level @ cross(lean, _UP))
 
     def turn(self, arm: FeedForward, dt: float) -> Array:
-        """Return the rotation (3,) [rad] of a level attitude that causes only the moment.
+        """Return the attitude offset (3,) [rad] that makes the autopilot give the moment M.
 
-        In level axes, for a drone with tilted rotors, which does not tilt for a force.
+        The offset is in level axes. It is for a drone with tilted rotors, which does not tilt for a
+        force.
         """
         if self._attitude_gain == 0.0 or self._rate_gain == 0.0:
             return np.zeros(3)
@@ -95,7 +96,7 @@ class SetPointAcceleration:
         return turn
 
     def _lean(self, arm: FeedForward, dt: float) -> Array:
-        """Return the commanded tilt (3,) in addition to that of the force, in level axes."""
+        """Return the additional tilt `delta` (3,) [rad], in level axes."""
         body = arm.body
         weight = body.mass * GRAVITY
         rate = cross(_UP, -arm.force_rate) / weight
@@ -117,6 +118,6 @@ class SetPointAcceleration:
 
 
 def _bounded(turn: Array) -> Array:
-    """Return the part of a rotation about the horizontal axes, within the bound."""
+    """Return a rotation without its vertical component, limited to the largest tilt."""
     tilt = turn * [1.0, 1.0, 0.0]
     return np.asarray(tilt * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(tilt)), 1e-9)))

@@ -36,7 +36,8 @@ from aerarm_ros.calibration.observations import (
 )
 from aerarm_ros.motion.signals import Array
 
-_BESIDE = 0.05  # [rad], [m] by which a posture may exceed the range of the others
+# joint motion [rad], [m] by which a posture may lie outside the range of the fitted postures
+_BESIDE = 0.05
 
 
 @dataclass(frozen=True)
@@ -46,11 +47,12 @@ class CalibrationOptions:
     Attributes
     ----------
     level : {'auto', 'offsets', 'geometry'}
-        Joint offsets only, link geometry as well, or the level preferred by cross-validation.
+        'offsets': estimate joint offsets only; 'geometry': estimate link geometry as well;
+        'auto': the level that predicts held-out postures best.
     compliance : bool
-        Whether to try deflection of the joints under gravity, if the URDF has masses.
+        Whether to try models with joint deflection under gravity; requires a URDF with masses.
     eccentricity : bool
-        Whether to try the first harmonic of the gears.
+        Whether to try models with a gear error of one sine wave per joint turn.
     """
 
     level: str = 'auto'
@@ -67,7 +69,7 @@ class CalibrationOptions:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Postures that are not used for the estimate."""
+    """Postures that only test the estimated geometry and are not used for the fit."""
 
     name: str
     observations: Observations
@@ -80,13 +82,13 @@ class Calibration:
     Attributes
     ----------
     registration : Fit
-        Nominal geometry, with only base frame and markers fitted.
+        Fit of base frame and marker positions only, with the nominal geometry.
     best : Candidate
-        Chosen model.
+        Chosen set of geometric errors, with its fit.
     tried : tuple of Candidate
-        All models tried.
+        All sets of geometric errors that were tried.
     found : Identifiable
-        Identifiability of all considered errors.
+        Geometric errors that the postures identify, and those that they do not.
     held_out : tuple of HeldOut
         Postures for validation.
     messages : list of str
@@ -103,7 +105,7 @@ class Calibration:
 
     @property
     def fit(self) -> Fit:
-        """Chosen estimate."""
+        """Fit of the chosen set of geometric errors."""
         return self.best.fit
 
     @property
@@ -139,7 +141,7 @@ class Calibration:
         return found
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
-        """Return value and standard deviation by joint for the estimated errors of one kind."""
+        """Return the estimates of one kind of error by joint, each with its standard deviation."""
         fit = self.fit
         deviations = fit.deviations
         found = {}
@@ -163,7 +165,7 @@ def calibrate(
     observations : Observations
         Joint positions of the chain's robot, with sensor measurements.
     held_out : sequence of HeldOut
-        Postures for validation only, with sources in the same order.
+        Postures for validation only; the sources have the same order as in `observations`.
 
     Raises
     ------
@@ -201,7 +203,7 @@ def calibrate(
 
 
 def predicted_deviation(fit: Fit, q: Array) -> Array:
-    """Return standard deviations (M, K) of a fit's predictions in other postures [m], [rad]."""
+    """Return standard deviations (M, K) of a fit's predictions at postures q [m], [rad]."""
     count = len(q)
     index = np.zeros(count, dtype=int)
     sources = fit.observations.rows(index).sources

@@ -1,4 +1,4 @@
-"""Kinematic chain from the base to the link that carries the observed markers."""
+"""Chain of joints from the arm's base to the link that carries the observed markers."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from aerarm_ros.calibration.observations import CalibrationError
 from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.description.urdf_document import UrdfDocument, UrdfJoint
 
-_LIGHT = 1e-6  # [kg] for a link without mass in the URDF, so that it can be loaded
+# [kg] mass given to a link that has none in the URDF, so that the URDF can be loaded
+_LIGHT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Serial arm of a URDF, with the ignored joints.
+    """Serial arm read from a URDF, restricted to the joints that move the observed link.
 
     Attributes
     ----------
     robot : Robot
         Robot with only the joints that move the link; all others are locked.
     link : str
-        Link to which the observations are attached.
+        Link that carries the observed markers or poses.
     ignored : tuple of str
-        Recorded joints that do not move the link.
+        Joints with recorded positions that do not move the link.
     text : str
         Original text of the URDF.
     has_masses : bool
@@ -57,7 +58,7 @@ def chain_of(
         Link to which the observations are attached; if empty, the link after the last recorded
         joint.
     locked : sequence of str
-        Joints of the chain that did not move.
+        Joints between base and link that did not move during the recording.
     gravity_in_base : (3,) sequence
         Gravity in the base frame [m/s^2].
 
@@ -128,7 +129,7 @@ def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Seque
 
 
 def _with_masses(text: str, links: Sequence[str]) -> tuple[str, bool]:
-    """Return the URDF with a mass for each of the given links, and whether it had all masses."""
+    """Return the URDF with a mass for each given link, and whether all masses were present."""
     root = ET.fromstring(text)
     lacking = [
         element

@@ -1,4 +1,4 @@
-"""Checks of calibration measurements, each with one clear error."""
+"""Checks of calibration measurements; each failed check raises one error."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ from aerarm_ros.motion.signals import Array
 FEWEST = 6
 """Smallest number of postures for a calibration."""
 
-_JUMP = 5e-3  # [m] change of the distance between two markers on a rigid body
-_SPREADS = 6.0  # median absolute deviations of a distance below which there is no jump
+_JUMP = 5e-3  # [m] tolerated change of the distance between two markers on a rigid body
+# a smaller change of a distance, in median absolute deviations, is not a marker jump
+_SPREADS = 6.0
 _ALIKE = 1e-6  # [m] closer markers are duplicates
 _MILLIMETRES = (300.0, 3000.0)  # ratio of measured to predicted motion
-_MISFIT = 0.05  # fraction of the arm's motion that a nominal arm may leave unexplained
+_MISFIT = 0.05  # fraction of the measured marker motion that the nominal arm may leave unexplained
 _LEAST_MISFIT = 3e-3  # [m]
 _LARGEST_TURN = 12.0  # [rad] joint position above which the unit must be degrees
 _FAR, _FAR_SIGMAS = 0.02, 15.0  # [m] and standard deviations of a single marker's jump
@@ -106,7 +107,7 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
 
 
 def check_units(observations: Observations, geometry: ArmGeometry) -> None:
-    """Check that the measured motion is about as large as the arm's motion.
+    """Check that the measured marker motion is about as large as the motion of the arm model.
 
     Raises
     ------

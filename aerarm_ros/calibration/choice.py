@@ -1,4 +1,4 @@
-"""Identifiability of geometric errors, and choice of those that improve the prediction."""
+"""Choice of the geometric errors that measurements identify and that improve predictions."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from aerarm_ros.motion.signals import Array
 _DEPENDENT = 1e-5  # independent fraction of a column, below which the column is dependent
 # effect of a typical error on all data in standard deviations, below which it is hidden
 _WEAK = 0.3
-_POSTURES = 80  # number of random postures that reveal general identifiability
+_POSTURES = 80  # number of random postures that show which errors any posture could identify
 _FOLDS = 10
 _SIGNIFICANT = 2.0  # standard deviations
-_UNCERTAIN = 1.5  # typical sizes above which a standard deviation means unidentified
+# an error with a larger standard deviation, in typical sizes, counts as unidentified
+_UNCERTAIN = 1.5
 _STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
-_WORTH = 0.03  # fraction by which its squared errors must be smaller
+_WORTH = 0.03  # fraction by which the squared prediction errors of a larger model must be smaller
 
 LEVELS = {
     'frames': (),
@@ -33,16 +34,17 @@ LEVELS = {
 
 @dataclass(frozen=True, eq=False)
 class Identifiable:
-    """Identifiability of geometric errors from given postures and sources.
+    """Geometric errors sorted by whether given postures and sensors identify them.
 
     Attributes
     ----------
     columns : tuple of int
-        Errors that are separable from each other and from the sources' unknowns.
+        Indices of errors that the postures identify, separately from each other and from the
+        sources' unknowns (base frame and markers).
     absorbed : tuple of int
-        Errors that no posture can separate from these.
+        Indices of errors that no posture can separate from the errors in `columns`.
     hidden : tuple of int
-        Errors that other postures could reveal.
+        Indices of errors that other postures would identify.
     """
 
     columns: tuple[int, ...]
@@ -52,7 +54,7 @@ class Identifiable:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Choice of errors, with its prediction error on held-out postures.
+    """Set of geometric errors to estimate, with its prediction error on held-out postures.
 
     Attributes
     ----------
@@ -61,10 +63,10 @@ class Candidate:
     fit : Fit
         Fit to all postures.
     predicted : (M,) ndarray
-        Sum of squared residuals of each posture when held out, relative to the noise of the first
-        candidate.
+        Sum of squared residuals of each posture while that posture is held out, relative to the
+        squared noise of the first candidate.
     position, angle : float
-        RMS errors of held-out positions [m] (vector norm) and angles [rad].
+        RMS prediction errors of positions [m] (vector norm) and angles [rad] in held-out postures.
     """
 
     name: str
@@ -75,12 +77,12 @@ class Candidate:
 
 
 def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
-    """Return which errors of given kinds are identifiable, by rank.
+    """Return which errors of given kinds the postures identify, from the rank of the Jacobian.
 
     The sources' unknowns come first: an error with the same effect is attributed to them. The
-    errors follow by kind in the order of `KINDS`, so an offset is preferred to a rotation of the
-    same joint. An error that random postures within the joints' limits would identify, but the
-    given postures do not, is hidden.
+    errors follow in the order of `KINDS`, so an effect is attributed to a joint's offset rather
+    than to a rotation of the joint's frame. An error that random postures within the joints'
+    limits would identify, but the given postures do not, is hidden.
     """
     wanted = [k for kind in KINDS if kind in kinds for k in start.geometry.columns(kind)]
     wanted = [k for k in wanted if _has_effect(start.geometry, k)]
@@ -114,13 +116,13 @@ def check_unknowns(start: Fit) -> None:
 
 
 def check_offsets(start: Fit, found: Identifiable) -> list[str]:
-    """Check that the postures identify the possible offsets; return warnings.
+    """Check that the postures identify the joint offsets, as far as possible; return warnings.
 
     Raises
     ------
     CalibrationError
         If an offset is not identifiable, or half of the offsets keep their prior uncertainty; the
-        message names the offset, and the joints to move.
+        message names the offset and the joints to move.
     """
     geometry = start.geometry
     offsets = geometry.columns('offset')
@@ -161,11 +163,12 @@ def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
 def chosen(
     start: Fit, level: str, compliance: bool, eccentricity: bool
 ) -> tuple[Candidate, list[Candidate]]:
-    """Return the candidate that predicts best, and all candidates.
+    """Return the set of errors that predicts best, and all sets that were tried.
 
     In each model, errors within two standard deviations of nominal are set to nominal, as long as
-    the prediction of held-out postures does not worsen. A larger model must improve the prediction
-    by more than half a standard error of the difference, and by 3 % of the squares.
+    the prediction of held-out postures does not worsen. A larger model is chosen only if the sum
+    of squared prediction errors falls by more than half the standard error of this difference,
+    and by more than 3 %.
 
     Parameters
     ----------
@@ -174,7 +177,7 @@ def chosen(
     level : {'offsets', 'geometry', 'auto'}
         Largest set of errors, or automatic choice.
     compliance, eccentricity : bool
-        Whether to try these errors.
+        Whether to try models with joint compliance and gear eccentricity.
     """
     names = {'auto': ('offsets', 'geometry')}.get(level, (level,))
     scale = fitted(start, identifiable(start, LEVELS[names[0]]).columns)
@@ -198,7 +201,7 @@ def chosen(
 def _models(
     names: Sequence[str], compliance: bool, eccentricity: bool
 ) -> list[tuple[str, tuple[str, ...]]]:
-    """Return names and kinds of errors of the models to try, smallest first."""
+    """Return the name and the kinds of errors of each model to try, smallest model first."""
     extras: list[tuple[str, tuple[str, ...]]] = [('', ())]
     if compliance:
         extras.append((' + compliance', ('compliance',)))
@@ -215,7 +218,7 @@ def _models(
 def insignificant(fit: Fit) -> list[int]:
     """Return the free errors within two standard deviations of nominal, weakest first.
 
-    After each removal the remaining errors are updated as in a fit without it.
+    After each removal the remaining errors are updated as in a fit without the removed error.
     """
     count = len(fit.free)
     values = fit.errors[list(fit.free)].copy()
@@ -239,7 +242,7 @@ def insignificant(fit: Fit) -> list[int]:
 
 
 def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
-    """Return each source's residuals (M, K) in held-out postures."""
+    """Return each source's residuals (M, K), predicted for each posture by a fit without it."""
     observations, count = start.observations, len(start.observations)
     order = np.random.default_rng(0).permutation(count)
     found = [np.full_like(residual, np.nan) for residual in start.residuals()]
@@ -301,18 +304,18 @@ def _without_insignificant(
 
 
 def _is_implausible(fit: Fit, place: int, value: float) -> bool:
-    """Return whether the value means a negative spring stiffness."""
+    """Return whether an error's value would mean a joint with negative spring stiffness."""
     return fit.geometry.names[fit.free[place]].endswith('.compliance') and value < 0.0
 
 
 def _has_effect(geometry: ArmGeometry, column: int) -> bool:
-    """Return whether an error is modelled; gears of prismatic joints have no harmonic."""
+    """Return whether an error is modelled; eccentricity is not modelled for prismatic joints."""
     joint, kind = divmod(column, len(KINDS))
     return not (geometry.is_prismatic(joint) and KINDS[kind] in ECCENTRICITY)
 
 
 def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:
-    """Return the columns that are independent of earlier columns and of the unknowns."""
+    """Return the Jacobian columns that are independent of earlier columns and of the unknowns."""
     rows = free_columns(start, wanted)
     count = len(wanted)
     basis = _orthonormal(rows[:, count:])
@@ -330,7 +333,7 @@ def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list
 
 
 def _left_of(rows: Array) -> Array:
-    """Return the fraction of each column that is independent of earlier columns."""
+    """Return the fraction of each matrix column that is linearly independent of earlier columns."""
     basis = np.zeros((len(rows), 0))
     shares = []
     for own in rows.T:

@@ -24,23 +24,25 @@ from aerarm_ros.motion.signals import Array
 _HEADER = """\
 # Calibrated geometry. SI units; each estimate is [value, standard deviation].
 # offsets: added to the recorded joint positions. geometry: displacement x, y, z and rotation
-# vector rx, ry, rz of a joint's frame, in that frame as drawn. compliance: deflection per torque of
-# gravity.
-# All other values stay nominal: insignificant, or not distinguishable from the estimates.
+# vector rx, ry, rz of a joint's frame, along the axes of the frame in the original URDF.
+# compliance: deflection of a joint per gravity torque.
+# All other errors are zero: they are insignificant, or the measurements cannot separate them from
+# the errors listed above.
 """
 _CONFIG_HEADER = (
     "# The arm's configuration with calibrated offsets. Use it with calibrated.urdf of this\n"
-    '# folder, which has no offsets. The original file has the comments.\n'
+    '# folder, which has no offsets. The comments are only in the original configuration.\n'
 )
 
 
 def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:
-    """Return the URDF with calibrated joint origins and otherwise unchanged.
+    """Return the URDF with calibrated joint origins; everything else stays unchanged.
 
     Parameters
     ----------
     with_offsets : bool
-        Whether to include the joint offsets. False if a configuration contains them.
+        Whether to include the joint offsets. False if the configuration of the arm contains the
+        offsets.
     """
     fit = calibration.fit
     text = calibration.chain.text
@@ -84,7 +86,7 @@ def _displace(joint: ET.Element, value: Array, offset: float) -> None:
 
 
 def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
-    """Return the estimates of a calibration as YAML.
+    """Return the estimated geometric errors and frames of a calibration as YAML.
 
     Parameters
     ----------
@@ -110,7 +112,7 @@ def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
 
 
 def config_yaml(calibration: Calibration, source: Path) -> str:
-    """Return the arm's configuration with the estimated offsets added to its own.
+    """Return the arm's configuration with the estimated offsets added to the configured offsets.
 
     Raises
     ------
@@ -153,7 +155,7 @@ def summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def errors_summary(calibration: Calibration) -> dict[str, Any]:
-    """Return errors before and after calibration, of fitted and held-out postures [mm], [mrad]."""
+    """Return RMS errors [mm], [mrad] of fitted and held-out postures, nominal and calibrated."""
     groups = {'training': calibration.observations}
     groups |= {held.name: held.observations for held in calibration.held_out}
     found: dict[str, Any] = {}
@@ -173,7 +175,7 @@ def errors_summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def frames(fit: Fit) -> dict[str, Any]:
-    """Return the sources' frames: base in sensor frame, and attached frame in link frame."""
+    """Return, per sensor, the arm's base in the sensor frame and the markers in the link frame."""
     found: dict[str, Any] = {}
     for source, state in zip(fit.observations.sources, fit.states, strict=True):
         if isinstance(source, PlaneSource):
@@ -206,7 +208,7 @@ def _pose(rotation: Array, translation: Array) -> dict[str, Any]:
 
 
 def _as_drawn(calibration: Calibration) -> dict[str, list[str]]:
-    """Return, by reason, the considered errors that keep their nominal value."""
+    """Return the names of errors that stay zero, grouped by the reason."""
     names = calibration.fit.geometry.names
     found = calibration.found
     return {

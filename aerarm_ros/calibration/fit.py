@@ -13,30 +13,31 @@ from aerarm_ros.calibration.geometry import ArmGeometry, LinkPoses
 from aerarm_ros.calibration.observations import Observations
 from aerarm_ros.motion.signals import Array
 
-LENGTH, ANGLE = 1e-3, 5e-3  # [m], [rad] initial noise of a fit
-_LEAST_LENGTH, _LEAST_ANGLE = 1e-7, 1e-7  # lower bounds of the estimated noise
+LENGTH, ANGLE = 1e-3, 5e-3  # [m], [rad] assumed measurement noise in the first iteration of a fit
+# [m], [rad] lower bounds of the estimated measurement noise
+_LEAST_LENGTH, _LEAST_ANGLE = 1e-7, 1e-7
 _OUTLIER = 3.0  # standard deviations above which a residual has reduced weight
 _ROUNDS = 4
-_SETTLED = 0.03  # relative change of the noise at convergence
+_SETTLED = 0.03  # relative change of the estimated noise at which the iteration ends
 _PRIOR = 3.0  # prior standard deviation of errors, in typical manufacturing errors
 _MAD = 1.4826
-_STEP = 0.01  # [m], [rad] scale of the sources' unknowns
+_STEP = 0.01  # [m], [rad] scale of the sources' unknowns (base frame, markers)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Estimated geometric errors and sources' unknowns.
+    """Estimated geometric errors of an arm, base frames and marker positions.
 
     Attributes
     ----------
     observations : Observations
         Fitted observations.
     free : tuple of int
-        Indices of the estimated errors in `geometry.names`; all others are nominal.
+        Indices of the estimated errors in `geometry.names`; all other errors are zero.
     states : tuple of ndarray
-        State of each source.
+        Estimated unknowns of each source, for example base frame and marker positions.
     length, angle : float
-        Noise of positions [m] and angles [rad], estimated from the residuals.
+        Standard deviation of measured positions [m] and angles [rad], from the residuals.
     """
 
     geometry: ArmGeometry
@@ -63,14 +64,14 @@ class Fit:
         ]
 
     def jacobian(self, observations: Observations | None = None) -> list[Array]:
-        """Return derivatives (M, K, free + unknowns) of each source's residuals."""
+        """Return derivatives (M, K, free + unknowns) of each source's residuals by the unknowns."""
         observations = observations or self.observations
         poses = self.geometry.poses(observations.q, self.errors, with_jacobian=True)
         return _jacobians(self, observations, poses)
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the free errors and unknowns, in the order of `names`.
+        """Covariance matrix of the free errors and unknowns, in the order of `names`.
 
         Each standard deviation is the larger of two: that of independent residuals, and that of
         residuals correlated within a posture (cluster-robust, Liang and Zeger 1986, with the
@@ -96,7 +97,11 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
     def _weighted(self) -> tuple[Array, Array, Array]:
-        """Return weighted rows, residuals in standard deviations, and the posture of each row."""
+        """Return the weighted Jacobian rows, the weighted residuals and the posture of each row.
+
+        Residuals are in standard deviations, and postures are indices of `observations`. Missing
+        readings are left out.
+        """
         rows, residuals, clusters = [], [], []
         jacobians = self.jacobian()
         sources = self.observations.sources
@@ -113,7 +118,7 @@ class Fit:
 
 
 def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
-    """Return the nominal geometry with only the sources' unknowns fitted."""
+    """Fit only base frames and marker positions, with the nominal geometry of the arm."""
     errors = np.zeros(len(geometry.names))
     poses = geometry.poses(observations.q, errors)
     states = tuple(source.register(poses) for source in observations.sources)
@@ -121,10 +126,10 @@ def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
 
 
 def fitted(start: Fit, free: Sequence[int], observations: Observations | None = None) -> Fit:
-    """Fit given errors and all unknowns.
+    """Fit given geometric errors, and the base frames and marker positions of all sources.
 
-    The loss is ``soft_l1`` beyond three standard deviations. The standard deviations are estimated
-    from the residuals, so the fit is repeated until they converge.
+    The loss is ``soft_l1`` beyond three standard deviations. The measurement noise is estimated
+    from the residuals, so the fit is repeated until the noise converges.
 
     Parameters
     ----------
@@ -156,8 +161,8 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
 def free_columns(fit: Fit, columns: Sequence[int]) -> Array:
     """Return derivatives of all valid residuals with respect to given errors and all unknowns.
 
-    Rows are divided by the noise, columns are per typical size of each error: (N, errors +
-    unknowns).
+    Each row is divided by the measurement noise, and each column is multiplied by the typical
+    size of its error: (N, errors + unknowns).
     """
     probe = Fit(
         fit.geometry, fit.observations, tuple(columns), fit.errors, fit.states, LENGTH, ANGLE

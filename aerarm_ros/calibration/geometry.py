@@ -26,7 +26,8 @@ sin, cos
 LINK_GEOMETRY = ('x', 'y', 'z', 'rx', 'ry', 'rz')
 ECCENTRICITY = ('sin', 'cos')
 
-# Typical errors of manufacture and assembly: units of the columns, and a weak prior.
+# Typical errors of manufacture and assembly. They scale the Jacobian's columns and are the
+# standard deviations of a weak prior.
 TYPICAL = {
     'offset': 0.02,
     'compliance': 2e-3,
@@ -39,15 +40,15 @@ TYPICAL = {
 
 @dataclass(frozen=True, eq=False)
 class LinkPoses:
-    """Poses of a link's frame in the base frame, with derivatives by the errors.
+    """Poses of a link's frame in the base frame, with derivatives by the geometric errors.
 
     Attributes
     ----------
     position : (M, 3) ndarray
         Position of the frame [m].
     jacobian : (M, 6, P) ndarray or None
-        Linear velocity of the frame's origin and angular velocity, in base axes, per error, in the
-        order of `ArmGeometry.names`.
+        Derivatives of the frame's position (rows 0-2) and orientation (rows 3-5) with respect to
+        each error, in base axes; columns in the order of `ArmGeometry.names`.
     """
 
     rotation: Array
@@ -58,11 +59,12 @@ class LinkPoses:
 class ArmGeometry:
     """Kinematic chain to a link, with geometric errors.
 
-    The pose is that of ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)`` with the placements ``M`` of the
-    URDF, errors ``E`` (displacement and rotation), and the true positions
-    ``p = q + offset - compliance g(q) + sin sin(q) + cos cos(q)``, where ``g`` is the gravity
-    torque by the URDF's masses. Derivatives come from Pinocchio's kinematic regressor, which has a
-    column for every displacement of every joint.
+    The pose of the link is ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)``, with the joint placements
+    ``M`` of the URDF, the errors ``E`` (displacement and rotation of a joint's frame), and the
+    joint transformations ``J`` at the true joint positions ``p = q + offset - compliance g(q) +
+    sin sin(q) + cos cos(q)``, where ``g`` is the joint's gravity torque computed with the URDF's
+    masses. Derivatives come from Pinocchio's kinematic regressor, which has a column for every
+    displacement of every joint.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ class ArmGeometry:
     names : tuple of P str
         Error names, for example 'joint2.offset', joint by joint, kinds in the order of `KINDS`.
     typical : (P,) ndarray
-        Typical manufacturing error of each kind [rad], [m], [rad/Nm].
+        Typical manufacturing size of each error [rad], [m], [rad/Nm].
 
     Raises
     ------
@@ -125,7 +127,7 @@ class ArmGeometry:
         return 'rad'
 
     def true_positions(self, q: Array, errors: Array) -> Array:
-        """Return joint positions (M, n) with offset, compliance and eccentricity."""
+        """Return the true joint positions (M, n): recorded positions plus the joints' errors."""
         value = errors.reshape(self._count, len(KINDS))
         column = {kind: value[:, k] for k, kind in enumerate(KINDS)}
         true = np.array(q, dtype=float)
@@ -135,7 +137,7 @@ class ArmGeometry:
         return true
 
     def gravity_torque(self, q: Array) -> Array:
-        """Return the nominal gravity torques (M, n) [Nm]."""
+        """Return the joints' gravity torques (M, n) of the nominal arm [Nm]."""
         model = self.robot.model
         data = model.createData()
         return np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
@@ -167,7 +169,7 @@ class ArmGeometry:
         return LinkPoses(rotation, position, self._jacobian(q, regressor, inner))
 
     def placed(self, errors: Array) -> tuple[Any, list[Array]]:
-        """Return a pinocchio.Model with displaced joints, and (6, 6) derivatives of placements."""
+        """Return a pinocchio.Model with displaced joints, and (6, 6) placement derivatives."""
         model = self.robot.model.copy()
         inner = []
         for i, value in enumerate(errors.reshape(self._count, len(KINDS))):
@@ -199,7 +201,7 @@ class ArmGeometry:
 
 
 def error_transform(value: Array) -> Any:
-    """Return the displacement and rotation of a joint's errors (10,) as pinocchio.SE3."""
+    """Return displacement and rotation, from a joint's ten errors (10,), as pinocchio.SE3."""
     return pin.SE3(pin.exp3(np.array(value[4:7])), np.array(value[1:4]))
 
 

@@ -1,4 +1,4 @@
-"""Poses of the arm's base and the IMU on a drone, from a recording in which both move."""
+"""Poses of the arm's base and of the IMU on a drone, from a recording of the moving drone."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.motion.signals import Array
 
 GRAVITY = 9.81  # [m/s^2]
-_SAMPLES = 600  # number of frames for the mount fit
+_SAMPLES = 600  # number of motion-capture frames used for the mount fit
 _STEPS = (0.02, 0.005, 0.001)  # [s] step sizes of the search for the time offset
 _SEARCH = 0.03  # [s] search range around the time offset estimated from speeds
 _RATE = 200.0  # [Hz] common sampling rate of IMU and pose
@@ -68,7 +68,7 @@ class MountResult:
     fit : Fit
         Fit to the markers in the body frame.
     late : float
-        Delay of the joint states' stamps relative to the sensor's [s].
+        Time by which the stamps of the joint states lag behind those of the motion capture [s].
     """
 
     pose: FramePose
@@ -83,7 +83,7 @@ class ImuResult:
     Attributes
     ----------
     late : float
-        Delay of the IMU's stamps relative to the pose's [s].
+        Time by which the stamps of the IMU lag behind those of the drone poses [s].
     bias : (3,) ndarray
         Bias of the accelerometer, in the IMU's axes [m/s^2].
     """
@@ -99,7 +99,7 @@ def calibrate_mount(
     """Estimate the pose of the arm's base on the drone.
 
     Markers on the arm, expressed in the drone's body frame, move like markers on an arm with a
-    fixed base. The base frame in the sensor's frame is therefore the mount.
+    fixed base. The fitted pose of the arm's base in this frame is therefore the pose of the mount.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def calibrate_mount(
     drone : Track
         Pose of the drone's body, in the frame of the marker positions.
     markers : sequence of Track
-        Markers on the geometry's link.
+        Markers on the link `geometry.link`.
 
     Raises
     ------
@@ -154,9 +154,10 @@ def calibrate_mount(
 def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuResult:
     """Estimate the pose of the IMU on the drone.
 
-    One window smooths both sides of ``R_WI f + g = p'' + R'' r``. The derivatives are those of the
-    window, so no noisy signal is differentiated, and the equation is linear in the lever r. Angular
-    rates determine the rotation.
+    The same window smooths both sides of ``R_WI f + g = p'' + R'' r``, with specific force f,
+    gravity g, body position p and rotation R, and the position r of the IMU on the body.
+    Derivatives are taken of the window function instead of the noisy signals, and the equation is
+    linear in r. The measured angular rates determine the rotation of the IMU.
 
     Parameters
     ----------
@@ -203,7 +204,7 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
 
 
 class _ImuData:
-    """IMU and pose data on a common grid with common smoothing."""
+    """IMU samples and drone poses on one time grid, smoothed by the same window."""
 
     def __init__(self, drone: Track, time: Array, rate: Array, force: Array, grid: Array) -> None:
         assert drone.rotation is not None
@@ -219,18 +220,19 @@ class _ImuData:
         turned = np.swapaxes(self.rotation[:-1], 1, 2) @ self.rotation[1:]
         body = Rotation.from_matrix(turned).as_rotvec() * _RATE
         body = np.vstack([body, body[-1:]])
-        # Mean over the interval between two samples, at half a sample after the first.
+        # The difference of two samples is the mean rate between them, half a sample after the
+        # first.
         self.body_rate = self.smooth(0.5 * (body + np.roll(body, 1, axis=0)))
         self.own_rate = self.smooth(self.rate)
         self.acceleration = self.second(position)
         self.lever = self.second(self.rotation.reshape(len(grid), 9)).reshape(-1, 3, 3)
 
     def smooth(self, values: Array) -> Array:
-        """Return smoothed values without the ends."""
+        """Return values smoothed by the window, without the samples at both ends."""
         return np.asarray(gaussian_filter1d(values, self._sigma, axis=0)[self.inside])
 
     def second(self, values: Array) -> Array:
-        """Return the second derivative of smoothed values without the ends."""
+        """Return the second derivative of smoothed values, without the samples at both ends."""
         found = gaussian_filter1d(values, self._sigma, axis=0, order=2) * _RATE**2
         return np.asarray(found[self.inside])
 
@@ -274,7 +276,7 @@ def _solved_imu(data: _ImuData, late: float) -> ImuResult:
 def _weighted_step(
     data: _ImuData, rotation: Array, rate_bias: Array, force: Array, columns: Array, values: Array
 ) -> tuple[Array, Array]:
-    """Return a Gauss-Newton step of rotation (3) and values (9), and its covariance.
+    """Return a Gauss-Newton step (12,) of the IMU's rotation and unknowns, and its covariance.
 
     Smoothed samples are correlated within the window, so only the independent ones count.
     """
@@ -299,7 +301,7 @@ def _weighted_step(
 
 
 def _rotation_by_rates(data: _ImuData) -> tuple[Array, Array, float]:
-    """Return IMU rotation on the body, rate bias and misfit, by Kabsch's method."""
+    """Return rotation of the IMU on the body, gyroscope bias and residual, by Kabsch's method."""
     body = data.body_rate - data.body_rate.mean(axis=0)
     own = data.own_rate - data.own_rate.mean(axis=0)
     strength = np.linalg.svd(body, compute_uv=False) / np.sqrt(len(body))
@@ -324,7 +326,7 @@ def _body_rates(drone: Track) -> tuple[Array, Array]:
 
 
 def _rate_offset(time: Array, rate: Array, other_time: Array, other: Array) -> tuple[float, float]:
-    """Return the stamp delay of the other signal, from the integrals of absolute rates."""
+    """Return the time by which the stamps of `other` lag behind those of `rate` [s]."""
     speeds = [np.linalg.norm(values, axis=1) for values in (rate, other)]
     # `time_offset` differentiates its input, so pass total angles.
     walks = [
@@ -352,7 +354,7 @@ def _in_body(track: Track, drone: Track) -> Track:
 
 
 def _frames(tracks: Sequence[Track], time: Array) -> tuple[Array, Array]:
-    """Return times (M,) within the joint states, and positions (M, K, 3), NaN where not visible."""
+    """Return frame times (M,) and marker positions (M, K, 3); NaN where a marker is not visible."""
     common = np.unique(np.concatenate([track.time for track in tracks]))
     common = common[(common > time[0] + 0.5) & (common < time[-1] - 0.5)]
     common = common[:: max(1, len(common) // _SAMPLES)]
@@ -379,8 +381,8 @@ def _cross(vectors: Array) -> Array:
 
 
 _HEADER = """\
-# The drone with calibrated poses of the arm's base (mount) and of the IMU, which replace the
-# nominal ones. The original file has the comments.
+# Drone configuration with the calibrated pose of the arm's base (mount) or of the IMU, or both,
+# in place of the nominal pose. The comments are only in the original configuration.
 """
 
 

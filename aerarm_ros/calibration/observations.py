@@ -1,4 +1,4 @@
-"""Sensor measurements of an arm at rest, and their prediction by a geometry.
+"""Sensor measurements of an arm at rest, and their prediction by the arm's geometry.
 
 Each source of observations has its own unknowns: the base frame in the sensor's frame, and the
 points or frames attached to the arm. A source predicts its measurements from the poses of the link
@@ -24,12 +24,12 @@ Mask = npt.NDArray[np.bool_]
 
 
 class CalibrationError(ValueError):
-    """Unusable data or option; the message states the location, and what to check."""
+    """Unusable data or option; the message names the faulty entry and what to check."""
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
-_STARTS = 400  # number of initial rotations of a registration
-_SPREAD = 0.35  # [rad] typical distance of the nearest initial rotation
+_STARTS = 400  # number of initial base rotations that a registration tries
+_SPREAD = 0.35  # [rad] typical angle between the true base rotation and the nearest initial one
 _REFINED = 6
 
 
@@ -60,22 +60,23 @@ class Source(ABC):
 
     @abstractmethod
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return predicted minus measured values (M, K) [m], [rad]; NaN where not measured."""
+        """Return predicted minus measured values (M, K) [m], [rad]; NaN for missing readings."""
 
     @abstractmethod
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return derivatives of the residuals (M, K, P) and (M, K, U).
+        """Return the derivatives (M, K, P) and (M, K, U) of the residuals.
 
-        The derivatives are with respect to the geometric errors and the source's unknowns.
+        The first array contains derivatives with respect to the P geometric errors, the second
+        with respect to the U unknowns of the source.
         """
 
     @abstractmethod
     def register(self, poses: LinkPoses) -> Array:
-        """Return an initial state (S,) from measurements and nominal poses."""
+        """Return initial unknowns (S,) of the source, from measurements and nominal poses."""
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
-        """Return the state after a step (U,) of the unknowns."""
+        """Return the changed state of the source after a step (U,) of its unknowns."""
 
     @abstractmethod
     def rows(self, index: npt.NDArray[Any]) -> Self:
@@ -87,7 +88,7 @@ class Source(ABC):
         """Mask (M,) of postures with measurements."""
 
     def sigma(self, length: float, angle: float) -> Array:
-        """Return the noise (K,) of the channels from the noise of lengths [m] and angles [rad]."""
+        """Return each residual's noise (K,), from the noise of lengths [m] and angles [rad]."""
         return np.array([length if unit == 'm' else angle for _, unit in self.channels])
 
 
@@ -114,7 +115,7 @@ class MarkerSource(Source):
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Three position coordinates per marker."""
+        """Names and units of the residuals: three position coordinates per marker."""
         return tuple((f'{marker} {axis}', 'm') for marker in self.names for axis in 'xyz')
 
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
@@ -145,13 +146,13 @@ class MarkerSource(Source):
         return by_errors.reshape(shape), by_unknowns.reshape(shape)
 
     def register(self, poses: LinkPoses) -> Array:
-        """Return base rotation (9), translation (3) and marker positions (3 per marker)."""
+        """Return initial base rotation (9), translation (3) and marker positions (3 per marker)."""
         if self.base_known:
             return self._linear(poses, np.eye(3))[1]
         return _best_start(lambda rotation: self._linear(poses, rotation))
 
     def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
-        """Return the least residual and state for a base rotation; the rest is linear."""
+        """Return the smallest residual for a given base rotation, and the state that reaches it."""
         seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
         rows, values = [], []
         markers = len(self.names)
@@ -187,15 +188,16 @@ class MarkerSource(Source):
 
 @dataclass(frozen=True, eq=False)
 class PoseSource(Source):
-    """Poses of a rigid body on the link, or of an optical marker and a camera.
+    """Measured poses of a rigid body on the link, or of a fixed body seen by a camera on the link.
 
     Attributes
     ----------
     position : (M, 3) ndarray
         Position of the body in the sensor's frame [m].
     eye_in_hand : bool
-        Whether the camera is on the link and observes a fixed body. The unknown base frame is then
-        relative to the fixed body's frame, and the attached frame is that of the camera.
+        Whether the camera is on the link and observes a fixed body. The unknown base frame is
+        then expressed in the fixed body's frame, and the unknown attached frame is the camera's
+        frame.
     """
 
     rotation: Array
@@ -210,13 +212,13 @@ class PoseSource(Source):
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Position and rotation vector of the pose."""
+        """Names and units of the residuals: position and rotation vector of the pose."""
         return tuple(
             (f'{self.name} {axis}', 'rad' if axis.startswith('r') else 'm') for axis in _AXES
         )
 
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
-        """Return differences of position [m] and rotation vectors [rad], (M, 6)."""
+        """Return predicted minus measured poses (M, 6): position [m] and rotation vector [rad]."""
         rotation, position = self._predicted(poses, state)
         turn = Rotation.from_matrix(np.swapaxes(self._filled(), 1, 2) @ rotation).as_rotvec()
         # In the sensor's axes, like the positions.
@@ -226,7 +228,7 @@ class PoseSource(Source):
         return residuals
 
     def jacobians(self, poses: LinkPoses, state: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the residuals, first-order in the rotation residual."""
+        """Return the derivatives of the residuals, to first order in the rotation residual."""
         assert poses.jacobian is not None
         base, _, attached = _split_poses(state)
         lever = poses.rotation @ attached[1]
@@ -273,7 +275,7 @@ class PoseSource(Source):
         return np.where(self.seen[:, None, None], self.rotation, np.eye(3))
 
     def register(self, poses: LinkPoses) -> Array:
-        """Return base rotation (9), translation (3), attached rotation (9) and position (3)."""
+        """Return initial rotations (9) and translations (3) of base frame and attached frame."""
         if self.base_known:
             return self._linear(poses, np.eye(3))[1]
         return _best_start(lambda rotation: self._linear(poses, rotation))
@@ -320,9 +322,10 @@ class PoseSource(Source):
 
 @dataclass(frozen=True, eq=False)
 class PlaneSource(Source):
-    """Contacts of one point of the link with a plane.
+    """Contacts between one point of the link and a plane.
 
-    The plane's equation in the base frame is ``n . x = d``; the residual is the point's distance.
+    The plane's equation in the base frame is ``n . x = d``, and the residual is the distance of
+    the point from the plane.
 
     Attributes
     ----------
@@ -340,7 +343,7 @@ class PlaneSource(Source):
 
     @property
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Distance of the point from the plane."""
+        """Name and unit of the residual: distance of the point from the plane."""
         return ((f'{self.name} distance', 'm'),)
 
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
@@ -361,7 +364,7 @@ class PlaneSource(Source):
         return by_errors[:, None], by_unknowns[:, None]
 
     def register(self, poses: LinkPoses) -> Array:
-        """Return the plane's normal (3), its distance (1) and the contact point (3)."""
+        """Return initial plane normal (3), plane distance (1) and contact point (3)."""
         normals = Rotation.random(_STARTS, rng=np.random.default_rng(0)).as_matrix()[:, :, 2]
         best = min((self._linear(poses, normal) for normal in normals), key=lambda one: one[0])
         return best[1]
@@ -371,7 +374,7 @@ class PlaneSource(Source):
         along = normal @ poses.rotation[seen]
         matrix = np.hstack([along, -np.ones((len(along), 1))])
         value = -poses.position[seen] @ normal
-        # Of all solutions, choose the point nearest to the link's origin.
+        # The contacts leave several solutions; choose the point nearest to the link's origin.
         solution = np.linalg.lstsq(matrix, value, rcond=1e-3)[0]
         cost = float(np.sum((matrix @ solution - value) ** 2))
         return cost, np.concatenate([normal, solution[3:], solution[:3]])
@@ -450,7 +453,7 @@ def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
 
 
 def _moved_base(state: Array, step: Array) -> Array:
-    """Return a copy with the base frame displaced, and rotated about its origin."""
+    """Return a copy of the state with the base frame displaced and rotated about its origin."""
     moved = state.copy()
     if len(step):
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
@@ -460,7 +463,7 @@ def _moved_base(state: Array, step: Array) -> Array:
 
 
 def _best_start(linear: object) -> Array:
-    """Return the state of the base rotation with the least residual, after random refinement."""
+    """Return the state with the smallest residual among random base rotations, then refine it."""
     assert callable(linear)
     generator = np.random.default_rng(0)
     starts = Rotation.random(_STARTS, rng=generator)
@@ -476,7 +479,7 @@ def _best_start(linear: object) -> Array:
 
 
 def _turned(angular: Array, lever: Array) -> Array:
-    """Return velocities (M, 3, P) of points at levers (M, 3) for angular velocities (M, 3, P)."""
+    """Return the cross products (M, 3, P) of angular velocities (M, 3, P) and levers (M, 3)."""
     return np.cross(angular, lever[:, :, None], axis=1)
 
 

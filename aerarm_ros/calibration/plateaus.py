@@ -19,8 +19,9 @@ from aerarm_ros.motion.signals import Array
 
 _STILL = 2e-3  # [rad], [m] tolerated motion of a joint at rest within the window
 _WINDOW = 0.25  # [s]
-_SHORTEST = 0.4  # [s] shortest rest that counts
-_SETTLING = 0.15  # [s] excluded at the start of a rest, and half of it at the end
+_SHORTEST = 0.4  # [s] shortest rest period that is used
+# [s] time excluded at the start of a rest period; half of it is excluded at the end
+_SETTLING = 0.15
 _RATE = 200.0  # [Hz] sampling rate for comparing speeds
 _LARGEST_OFFSET = 6.0  # [s] search range
 _SMOOTH = 0.05  # [s] smoothing of speeds
@@ -49,14 +50,15 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class RestingArm:
-    """Rest periods of an arm during a recording.
+    """Periods of a recording in which the arm is at rest.
 
     Attributes
     ----------
     start, end : (M,) ndarray
-        Start and end of each rest, without settling [s], by the clock of the joint states.
+        Start and end of each rest period [s] on the clock of the joint states, without the time
+        in which the arm settles.
     q : (M, n) ndarray
-        Mean joint positions [rad].
+        Mean joint positions in each rest period [rad].
     """
 
     start: Array
@@ -65,7 +67,7 @@ class RestingArm:
 
 
 def resting_arm(time: Array, q: Array) -> RestingArm:
-    """Return the rests, in which no joint moves by more than 2 mrad in 0.25 s for at least 0.4 s.
+    """Return the rest periods, in which no joint moves by more than 2 mrad per 0.25 s for 0.4 s.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def resting_arm(time: Array, q: Array) -> RestingArm:
     """
     ahead = np.minimum(np.searchsorted(time, time + _WINDOW), len(time) - 1)
     moved = np.abs(q[ahead] - q).max(axis=1)
-    # Also check the middle of the window, because a sine could return by its end.
+    # Also check the middle of the window, because an oscillating joint may be back at its end.
     half = np.minimum(np.searchsorted(time, time + 0.5 * _WINDOW), len(time) - 1)
     moved = np.maximum(moved, np.abs(q[half] - q).max(axis=1))
     still = moved < _STILL
@@ -97,10 +99,10 @@ def resting_arm(time: Array, q: Array) -> RestingArm:
 
 
 def time_offset(time: Array, q: Array, track: Track) -> tuple[float, float]:
-    """Return the delay of a track's stamps relative to the joint states', and the agreement.
+    """Return the time by which a track's stamps lag behind the stamps of the joint states.
 
-    The offset aligns the speed of the track with that of the joints. It is the maximum of their
-    cross-correlation, interpolated by a parabola.
+    The delay aligns the speed of the track with the speed of the joints. The maximum of the
+    cross-correlation of both speeds, interpolated by a parabola, gives the delay.
 
     Returns
     -------
@@ -134,7 +136,7 @@ def rest_observations(
     eye_in_hand: Sequence[str] = (),
     base_known: bool = False,
 ) -> Observations:
-    """Return mean sensor positions and rotations for each rest of the arm.
+    """Return the mean marker positions and body poses of each rest period.
 
     Parameters
     ----------
@@ -143,12 +145,12 @@ def rest_observations(
     eye_in_hand : sequence of str
         Pose tracks measured by a camera on the arm.
     base_known : bool
-        Whether positions are in the arm's base frame.
+        Whether measured positions are given in the arm's base frame.
 
     Raises
     ------
     CalibrationError
-        If the arm does not rest, or there are no measurements during the rests.
+        If the arm is never at rest, or no rest period contains measurements.
     """
     if not len(rests.q):
         raise CalibrationError(
@@ -191,7 +193,7 @@ def _means(
         inside = (track.time >= begin + late) & (track.time <= end + late) & seen
         if not inside.any():
             continue
-        # A single outlier among many frames must not change the mean.
+        # A single outlier among many camera frames must not change the mean.
         place[k] = _robust_mean(track.position[inside])
         if turn is not None and track.rotation is not None:
             turn[k] = Rotation.from_matrix(track.rotation[inside]).mean().as_matrix()
@@ -206,7 +208,7 @@ def _robust_mean(values: Array) -> Array:
 
 
 def _speed(grid: Array, time: Array, values: Array) -> Array:
-    """Return a smoothed speed on a grid, without its mean; 0 outside the recorded time."""
+    """Return the smoothed speed minus its mean at grid times; 0 outside the recorded time."""
     order = np.argsort(time, kind='stable')
     on_grid = np.column_stack([np.interp(grid, time[order], column[order]) for column in values.T])
     width = max(1, round(_SMOOTH * _RATE))

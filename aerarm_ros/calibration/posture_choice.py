@@ -15,7 +15,8 @@ from aerarm_ros.motion.signals import Array
 
 _CANDIDATES = 400
 _MARGIN = 0.05  # [rad], [m] distance from the joint limits
-_REGULAR = 1e-6  # relative regularization of the information before the first posture
+# regularization of the information matrix before the first posture, relative to its trace
+_REGULAR = 1e-6
 _EXCHANGES = 3  # passes over the chosen postures
 # Positions of the assumed markers, not collinear [m].
 _PLACES = ((0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (0.0, 0.0, 0.08))
@@ -28,12 +29,12 @@ class PostureChoice:
     Attributes
     ----------
     q : (M, n) ndarray
-        Postures [rad], in the order of visits.
+        Joint positions of the M postures [rad], in the order in which the arm visits them.
     information : float
-        Logarithm of the information matrix's determinant per error, relative to that of as many
-        random postures; positive is better.
+        Logarithm of the information matrix's determinant divided by the number of errors, minus
+        the same value for as many random postures; positive means better than random.
     parameters : int
-        Number of errors that the postures identify.
+        Number of geometric errors that the postures identify.
     """
 
     q: Array
@@ -51,9 +52,10 @@ def choose_postures(
 ) -> PostureChoice:
     """Return the postures that identify the geometric errors best.
 
-    From random postures within the joint limits that are allowed and visible, a greedy choice
-    maximizes the determinant of the information matrix of all identifiable errors, base frame and
-    markers. Then each posture is exchanged for a better one, if possible (Fedorov 1972).
+    Candidates are random postures within the joint limits that are allowed and visible. A greedy
+    choice among these candidates maximizes the determinant of the information matrix of all
+    identifiable errors, base frame and markers. Then each posture is exchanged for a better one,
+    if possible (Fedorov 1972).
 
     Parameters
     ----------
@@ -62,9 +64,9 @@ def choose_postures(
     is_allowed : callable
         Returns whether a posture (n,) is allowed, given self-collisions and the ground.
     is_visible : callable, optional
-        Returns whether sensors see the markers in a posture.
+        Returns whether the sensors see the markers in a posture (n,).
     start : (n,) ndarray, optional
-        Present posture; each posture is followed by the nearest remaining one.
+        Present posture [rad], from which the order of visits begins.
     seed : int
         Seed of the random postures.
 
@@ -113,7 +115,7 @@ def _candidates(
 
 
 def _assumed(geometry: ArmGeometry, q: Array) -> Fit:
-    """Return the nominal arm with three markers on the link."""
+    """Return a fit of the nominal arm with three assumed markers on the link, at postures q."""
     names = ('a', 'b', 'c')
     source = MarkerSource('mocap', names, np.zeros((len(q), len(names), 3)))
     state = np.concatenate([np.eye(3).ravel(), np.zeros(3), np.ravel(_PLACES)])

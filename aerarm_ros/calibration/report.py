@@ -52,7 +52,7 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
     Parameters
     ----------
     mapping : sequence of str
-        Interpretation of the input's columns or topics.
+        Meaning of each input column or topic, as text.
     """
     body = [paragraph(headline(calibration), 'lead')]
     if calibration.messages:
@@ -73,7 +73,7 @@ def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> s
 
 
 def headline(calibration: Calibration) -> str:
-    """Return the result in one sentence."""
+    """Return the errors before and after calibration in one sentence."""
     observations, name = calibration.observations, 'in the fitted postures'
     if calibration.held_out:
         held = calibration.held_out[0]
@@ -90,7 +90,7 @@ def headline(calibration: Calibration) -> str:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """Return errors, candidates and estimates as text for a terminal."""
+    """Return position errors, tried models and estimates as text for a terminal."""
     lines = [headline(calibration), '']
     names = ['model', 'errors', 'cross-validation', 'training']
     names += [held.name for held in calibration.held_out]
@@ -118,7 +118,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def _extrapolation(calibration: Calibration, observations: Observations) -> str:
-    """Return errors within and beyond the fitted joint ranges, '' if no posture is beyond."""
+    """Return validation errors within and beyond the fitted joint ranges; '' if none is beyond."""
     within = calibration.within(observations)
     if within.all() or not within.any():
         return ''

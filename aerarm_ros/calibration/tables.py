@@ -35,7 +35,7 @@ _CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
 @dataclass(eq=False)
 class Measured:
-    """Measurements of one marker or pose by row; NaN where missing.
+    """Measurements of one marker or pose, one per table row; NaN where missing.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Measured:
     rotation : (M, 3, 3) ndarray or None
         Rotation matrix; None for a marker.
     columns : str
-        Names of its table columns.
+        Names of the table columns of this marker or pose.
     """
 
     position: Array
@@ -54,7 +54,7 @@ class Measured:
 
 @dataclass(eq=False)
 class PostureTable:
-    """Joint positions and measurements by row.
+    """Joint positions and measurements of a table, one posture per row.
 
     Attributes
     ----------
@@ -63,13 +63,13 @@ class PostureTable:
     measured : dict of str to Measured
         Measurements by name of marker or body.
     contacts : dict of str to (M,) ndarray
-        Contacts by name of the plane; 1 where the tool touches it.
+        Contacts by name of the plane; 1 in rows in which the tool touches the plane, else 0.
     time : (M,) ndarray or None
         Time [s].
     mapping : list of str
-        Interpretation of each column as text.
+        Meaning of each column, as text.
     unused : list of str
-        Columns without meaning for a calibration.
+        Names of columns that the calibration does not use.
     """
 
     joints: dict[str, Array] = field(default_factory=dict)
@@ -94,25 +94,25 @@ def read_postures(
 ) -> PostureTable:
     """Read joint positions, markers, poses and contacts from a table.
 
-    Accepted columns of a CSV file are a joint's name (`elbow`) or the identifier's names
-    (`q_elbow`, `elbow.position [deg]`). Markers have columns `x1, y1, z1` or `tip.x [mm], tip.y,
-    tip.z`. Poses have additional columns `qx, qy, qz, qw` or `roll, pitch, yaw` (also `phix1 ...`).
-    Contacts have a column such as `contact_table` with 0 or 1. Empty cells mean missing
-    measurements. An .npz file contains the arrays `q` (M, n) with `joint_names`, `markers` (M, K,
-    3) with `marker_names`, and `time`.
+    A column with joint positions has the joint's name (`elbow`) or a name that the identifier
+    accepts (`q_elbow`, `elbow.position [deg]`). Markers have columns `x1, y1, z1` or `tip.x [mm],
+    tip.y, tip.z`. Poses have additional columns `qx, qy, qz, qw` or `roll, pitch, yaw` (also
+    `phix1 ...`). Contacts have a column such as `contact_table` with 0 or 1. Empty cells mean
+    missing measurements. An .npz file contains the arrays `q` (M, n) with `joint_names`,
+    `markers` (M, K, 3) with `marker_names`, and `time`.
 
     Parameters
     ----------
     known_joints : collection of str
         Driven joints of the URDF.
     length_unit : str
-        Unit of positions whose column states none: 'm' (also if empty), 'cm', 'mm'.
+        Unit of marker positions if the column states none: 'm' (also if empty), 'cm' or 'mm'.
     degrees : bool
-        Whether angles are in degrees if their column states no unit.
+        Whether an angle is in degrees if its column states no unit.
     rename : mapping, optional
-        URDF joint name by name in the table.
+        Maps joint names in the table to joint names in the URDF.
     prismatic : collection of str
-        Joints whose positions are lengths [m], independent of `degrees`.
+        Prismatic joints, whose positions are lengths [m]; `degrees` does not apply to them.
 
     Raises
     ------
@@ -210,7 +210,7 @@ class _Reader:
         return False
 
     def _numbered_joints(self, columns: Mapping[str, Array]) -> None:
-        """Use `q1 ... qn` as the URDF's joints in order if no column has a joint name."""
+        """Assign `q1 ... qn` to the URDF's joints in order, if no column has a joint name."""
         if self._table.joints:
             return
         numbered = []
@@ -323,7 +323,7 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
 
 
 def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
-    """Return the columns, and store the names of non-numeric ones in `wrong`."""
+    """Return the columns of a CSV file; names of non-numeric columns are added to `wrong`."""
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         header = file.readline().lstrip('#').strip()
         found = [d for d in (';', '\t', ',') if d in header]

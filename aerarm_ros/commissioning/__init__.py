@@ -1,5 +1,6 @@
 """Commissioning of an arm: identifies motors, joints, directions, gears and drive quality.
 
-The inputs are the bridge's reports and a person's answers. The outputs are prompts, requests to the
-bridge, findings, and a record next to the configuration. `Commissioning` is the entry point.
+The inputs are reports of the bridge and answers of a person. The outputs are prompts for the
+person, requests to the bridge, findings, and a record file next to the configuration.
+`Commissioning` is the entry point.
 """

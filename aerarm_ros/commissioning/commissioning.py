@@ -32,10 +32,10 @@ from aerarm_ros.hardware.boards.commissioning_probe import (
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.kinematics import Kinematics
 
-_TURN = 0.5 * np.pi  # [rad] by which a person turns a joint, against a set square
+_TURN = 0.5 * np.pi  # [rad] angle by which a person turns a joint, measured with a set square
 _TURN_MIN = 0.5
-_ROOM = 0.05  # [rad] minimum distance to the limit
-_TOOL_MOVES = 0.02  # [m/rad] tool motion above which a direction is described by it
+_ROOM = 0.05  # [rad] minimum distance between the turned joint and its position limit
+_TOOL_MOVES = 0.02  # [m/rad] larger tool motions describe the direction of a joint to the person
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Prompt:
     Attributes
     ----------
     text
-        Instruction; the answer is yes when done, or no to skip the step.
+        Instruction; the person answers yes when it is done, or no to skip the step.
     hand
         Joint name and target angle [rad] for a turn by hand; None for no turn.
     """
@@ -60,17 +60,17 @@ class CommissioningStep(ABC):
     Attributes
     ----------
     kind
-        Requested action of the bridge, as in `ProbeRequest`.
+        Requested action of the bridge: 'watch', 'drive' or 'off'; see `ProbeRequest`.
     number
-        Counter that increases when the bridge must restart the action.
+        Counter, increased to make the bridge start the action again.
     prompt
         Instruction to confirm, None if there is none.
     findings, measured
-        Problems found, and measured values.
+        Problems found in this step, and values measured in it.
     is_done
         Whether the step is finished.
     is_fatal
-        Whether the joint's remaining steps must be skipped.
+        Whether a problem makes the remaining steps of this joint useless.
     """
 
     kind = WATCH
@@ -86,10 +86,10 @@ class CommissioningStep(ABC):
 
     @abstractmethod
     def update(self, report: ProbeReport) -> None:
-        """Process the bridge's report on the step's last request."""
+        """Process the bridge's answer to the last request of this step."""
 
     def answer(self, yes: bool) -> None:
-        """Process the answer to the prompt."""
+        """Process the person's answer to the prompt."""
         self.prompt = None
         if not yes:
             self.findings.append(f'{self._name}: skipped by the user')
@@ -103,7 +103,7 @@ class BoardStep(CommissioningStep):
     """Step that checks whether the joint's board answers."""
 
     def update(self, report: ProbeReport) -> None:
-        """Finish with the first report."""
+        """Finish the step with the first report of the bridge."""
         if report.phase != 'watching':
             problem = report.reason or f'the bridge is {report.mode}'
         else:
@@ -116,7 +116,7 @@ class BoardStep(CommissioningStep):
 
 
 class TurnStep(CommissioningStep):
-    """Step in which a person turns the joint by a known angle and back, with motors off.
+    """Step in which a person turns the joint by a known angle and back while all motors are off.
 
     The turn identifies the encoder's channel, its direction, the gear ratio, and the angles of its
     index pulses.
@@ -148,14 +148,14 @@ class TurnStep(CommissioningStep):
         self._ask()
 
     def answer(self, yes: bool) -> None:
-        """Process the answer; the next report finishes the requested action."""
+        """Process the person's answer; the next report of the bridge completes the turn."""
         super().answer(yes)
         self._is_confirmed = yes
         if yes and self._stage == 0:
-            self.number += 1  # restart counting at the present angle
+            self.number += 1  # make the bridge restart its count at the present angle
 
     def update(self, report: ProbeReport) -> None:
-        """Evaluate the confirmed motion."""
+        """Evaluate the joint's turn, once the person has confirmed it."""
         if not self._is_confirmed or self.is_done:
             return
         if report.phase != 'watching':
@@ -200,19 +200,19 @@ class DriveStep(CommissioningStep):
         super().__init__(config, robot, joint)
         self.prompt = Prompt(
             f'The motor of {self._name} aligns now, then turns the joint by {REACH:g} rad to '
-            'both sides. Support the arm and keep your hands off the joint. THE ARM MOVES. Drive '
-            'the motor?'
+            'both sides. Let a second person hold the weight of the arm. Keep all hands away from '
+            f'{self._name}: THE ARM MOVES. Drive the motor?'
         )
 
     def answer(self, yes: bool) -> None:
-        """Process the answer; yes starts the motor."""
+        """Process the person's answer; yes starts the motor."""
         super().answer(yes)
         if yes:
             self.kind = DRIVE
             self.number += 1
 
     def update(self, report: ProbeReport) -> None:
-        """Evaluate the drive once it is finished."""
+        """Evaluate the motor's motion once it has ended."""
         if self.kind != DRIVE or report.phase not in ('done', 'failed'):
             return
         findings, measured = drive_findings(self._config, self._joint, report)
@@ -236,7 +236,7 @@ def _turn(config: ArmConfig, joint: int) -> float:
 
 
 def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
-    """Return a joint's direction as text, for a person next to the arm at home."""
+    """Return a description of the positive direction of a joint, with the arm at home."""
     try:
         tool = Kinematics(robot)
     except ValueError:  # the arm has no frame of that name
@@ -270,9 +270,9 @@ class Commissioning:
     record
         Earlier results; the entries of joints that are not commissioned are kept.
     joints
-        Numbers of the joints to commission, in order.
+        Numbers of the joints to commission, in the order of their commissioning.
     client
-        Unique name of the client, for the bridge.
+        Unique name by which the bridge distinguishes this client.
 
     Raises
     ------
@@ -282,9 +282,9 @@ class Commissioning:
     Attributes
     ----------
     record
-        Record with the results so far.
+        Record with the results of all joints finished so far.
     news
-        Lines for the person, in order: started joints, findings, results.
+        Lines to print for the person, in order: started joints, findings and results.
     """
 
     def __init__(
@@ -309,7 +309,7 @@ class Commissioning:
 
     @property
     def is_done(self) -> bool:
-        """Whether all joints are finished, or the procedure was ended."""
+        """Whether all joints are finished, or the procedure was ended early."""
         return self._is_ended or not self._steps
 
     @property
@@ -335,7 +335,7 @@ class Commissioning:
             self._go_on()
 
     def update(self, now: datetime, report: ProbeReport) -> None:
-        """Process the bridge's report with its date; reports on earlier requests are ignored."""
+        """Process a report of the bridge; reports on earlier requests are ignored."""
         step = self._step
         if step is None or report.id != self.request.id:
             return
@@ -343,7 +343,7 @@ class Commissioning:
         self._go_on(now)
 
     def end(self) -> None:
-        """End the procedure: the present joint gets no entry, and the bridge is asked to stop."""
+        """End the procedure, ask the bridge to stop, and record nothing for this joint."""
         self._is_ended = True
 
     @property

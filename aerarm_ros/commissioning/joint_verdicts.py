@@ -8,11 +8,11 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.boards.commissioning_probe import REACH, SPEED, ProbeReport
 
 RATIO_TOLERANCE = 0.05
-_NOT_TURNED = 0.2  # least fraction of the turn that an encoder must count
-_ALSO_TURNED = 0.25  # fraction of the turn by which another joint may move along
+_NOT_TURNED = 0.2  # smallest fraction of a joint's turn that its encoder must count
+_ALSO_TURNED = 0.25  # another joint may move by this fraction of the turn
 _PULSES_OFF = 2
-_RETURN_TOLERANCE = 0.05  # [rad] at the joint, placement error of a hand between two placements
-_NOT_DRIVEN = 0.5  # least fraction of the travel that a drive must reach
+_RETURN_TOLERANCE = 0.05  # [rad] difference between two placements of the joint by hand
+_NOT_DRIVEN = 0.5  # smallest fraction of the requested travel that the driven joint must reach
 _DELIVERED = (0.8, 1.2)
 # Friction of a real gear relative to the configured one: 30 % spread, and running-in of printed
 # gears. The allowance applies to joints with almost no friction.
@@ -27,7 +27,7 @@ Measured = dict[str, float]
 def turn_findings(
     config: ArmConfig, joint: int, turn: float, report: ProbeReport
 ) -> tuple[Findings, Measured]:
-    """Evaluate a joint that a person turned with motors off.
+    """Evaluate the reports on a joint that a person turned while the motors were off.
 
     Parameters
     ----------
@@ -36,14 +36,14 @@ def turn_findings(
     joint
         Number of the joint.
     turn
-        Angle of the turn [rad], positive in the joint's direction.
+        Angle by which the person turned the joint [rad], positive in the joint's direction.
     report
-        Bridge report that covers the whole turn.
+        Report of the bridge that covers the whole turn.
 
     Returns
     -------
     findings
-        Problems with what to check; empty for a joint as configured.
+        Problems, each with what to check; empty for a joint that matches its configuration.
     measured
         `reduction`: motor turns per joint turn.
     """
@@ -94,7 +94,7 @@ def turn_findings(
 
 
 def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
-    """Evaluate a joint that was turned back to its start; arguments as in `turn_findings`."""
+    """Return the problems of a joint that was turned back; arguments as in `turn_findings`."""
     this = config.joints[joint]
     off = this.gear.ratio * report.travel[joint]
     if abs(off) <= _RETURN_TOLERANCE:
@@ -106,15 +106,15 @@ def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findi
 
 
 def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[Findings, Measured]:
-    """Evaluate a joint that its motor drove back and forth; arguments as in `turn_findings`.
+    """Evaluate a joint whose motor turned it back and forth; arguments as in `turn_findings`.
 
     Returns
     -------
     findings
-        Problems with what to check.
+        Problems, each with what to check.
     measured
         `delivered`: ratio of measured to requested current. `friction` and `load`: half the
-        difference and half the sum of the torques in both directions [Nm].
+        difference and half the sum of the joint torques in positive and negative direction [Nm].
     """
     this = config.joints[joint]
     if report.phase != 'done' or len(report.strokes) != 2:
@@ -184,7 +184,7 @@ def _friction_findings(name: str, friction: float, expected: float) -> Findings:
 def pulse_offset(
     config: ArmConfig, joint: int, home_angle: float, report: ProbeReport
 ) -> float | None:
-    """Return the motor angle of the index pulses modulo a turn [rad], None without a pulse.
+    """Return the motor angle at the index pulses, modulo a turn [rad]; None without a pulse.
 
     Parameters
     ----------

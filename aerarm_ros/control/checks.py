@@ -23,7 +23,7 @@ def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
     Raises
     ------
     ValueError
-        If their number is not n, or one is negative or not finite.
+        If the number of values is not n, or a value is negative or not finite.
     """
     array = finite(name, values, n)
     if np.any(array < 0.0):
@@ -37,7 +37,7 @@ def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
     Raises
     ------
     ValueError
-        If their number is not n, or one is not finite.
+        If the number of values is not n, or a value is not finite.
     """
     array = np.asarray(values, dtype=float)
     if array.shape not in ((), (n,)):
@@ -53,7 +53,7 @@ def positive(name: str, value: float) -> float:
     Raises
     ------
     ValueError
-        If it is not positive and finite.
+        If `value` is not positive and finite.
     """
     if not (np.isfinite(value) and value > 0.0):
         raise ValueError(f'{name} = {value} must be positive and finite')
@@ -66,7 +66,7 @@ def non_negative_number(name: str, value: float) -> float:
     Raises
     ------
     ValueError
-        If it is negative or not finite.
+        If `value` is negative or not finite.
     """
     return float(non_negative(name, value, 1)[0])
 
@@ -81,11 +81,11 @@ class JointLimits:
     Attributes
     ----------
     position_min, position_max : (n,) ndarray
-        [rad]
+        Limits of the positions [rad].
     velocity_max, acceleration_max : (n,) ndarray
-        [rad/s], [rad/s^2]
+        Limits of the velocities [rad/s] and accelerations [rad/s^2].
     effort_max : (n,) ndarray
-        [Nm]
+        Limits of the torques [Nm].
     """
 
     names: tuple[str, ...]

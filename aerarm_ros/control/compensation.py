@@ -22,7 +22,7 @@ class ErrorIntegral:
     gain : (n,) array_like
         Ki, in the output's unit per [rad s].
     limit : (n,) array_like
-        Largest output, in its own unit.
+        Largest output, in the output's unit.
 
     Raises
     ------
@@ -88,15 +88,15 @@ class FrictionCompensation:
     Parameters
     ----------
     viscous : (n,) array_like
-        f_v [Nms/rad]
+        Viscous friction f_v [Nms/rad].
     coulomb : (n,) array_like
-        f_s [Nm]
+        Coulomb friction f_s [Nm].
     width : float
         Velocity [rad/s] at which three quarters of the Coulomb friction are compensated.
     fraction : float
         Compensated fraction of the friction, 0 to 1.
     load_share : float or (n,) array_like
-        f_l, dry friction per transmitted torque [-].
+        Load-dependent friction f_l: dry friction per transmitted torque [-].
 
     Raises
     ------
@@ -161,7 +161,7 @@ class MomentumObserver:
 
     so that `dr/dt = K (tau_ext - r)` without joint accelerations or an inverse of B. Contact,
     payload and model errors appear in r with the time constant 1/K. `h` contains gravity and the
-    motion of the base. On a base that responds, B is the effective joint inertia there. p is then
+    motion of the base. On a base that responds, B is the effective joint inertia. In that case p is
     the sum of `B d(dq)` over the cycles, which needs no rate of B. Disturbances of the base appear
     in r as far as they act on the joints. De Luca, Albu-Schaeffer, Haddadin, Hirzinger: Collision
     detection and safe reaction with the DLR-III (2006).
@@ -169,7 +169,7 @@ class MomentumObserver:
     Parameters
     ----------
     gain : (n,) array_like
-        K [1/s]
+        Gain K of the observer [1/s].
     friction : FrictionCompensation, optional
         Model of the friction tau_f, by measured velocity; without it r contains friction.
 

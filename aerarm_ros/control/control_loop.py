@@ -151,9 +151,9 @@ class ControlLoop(Generic[Reference]):
     def observe(self) -> None:
         """Update the observer and the base's estimator with the newest state.
 
-        Without this call the next `update` does so. A call after the command is sent removes this
-        computation from the command's delay. The compensation is one cycle late in both cases,
-        which is short compared with its time constant.
+        Without this call the next `update` also updates observer and estimator. A call after the
+        command is sent removes this computation from the command's delay. The compensation is one
+        cycle late in both cases, which is short compared with its time constant.
         """
         if self._unobserved is None:
             return

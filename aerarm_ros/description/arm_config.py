@@ -1,4 +1,4 @@
-"""Configuration of a whole arm's drive train, read from YAML."""
+"""Drive train configuration of a whole arm, read from YAML."""
 
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class BoardConfig:
         SPI mode 0-3 (clock polarity and phase).
     encoders : str
         'incremental' if the encoders count from power-on, 'absolute' if they know their angle at
-        power-on; '' for the frame profile's type.
+        power-on; '' for the type given by the frame profile.
 
     Raises
     ------
@@ -136,10 +136,11 @@ class ArmConfig:
     rest_position : tuple of n floats
         Home configuration [rad].
     coupled_joints : tuple of (joint, driver)
-        Joints driven by velocity and acceleration of another joint, for identification.
+        Pairs of joint names: the motion of the driver causes torque at the joint (used by the
+        identification).
     rated_payload : tuple of 4 floats
         Largest payload for which the bridge's limits are valid: mass [kg], and x, y, z of its
-        centre in the frame of the last link's joint [m].
+        centre of mass in the frame of the last link's joint [m].
     power_stage : PowerStageConfig
         Power consumption of the boards, and their use of braking energy.
     emulated_only : bool
@@ -188,7 +189,7 @@ class ArmConfig:
         return tuple(joint.name for joint in self.joints)
 
     def column(self, field: str) -> npt.NDArray[np.float64]:
-        """Return one numeric attribute of every joint.
+        """Return the values of one numeric attribute of `JointConfig` for all joints.
 
         Parameters
         ----------
@@ -210,13 +211,13 @@ class ArmConfig:
         return np.array([value(joint) for joint in self.joints], dtype=float)
 
     def absolute_encoders(self, default: str) -> tuple[bool, ...]:
-        """Return whether each joint's encoder is absolute; `default` is the profile's type."""
+        """Return whether each encoder is absolute; `default` is the type of the frame profile."""
         return tuple(
             (self.boards[joint.board].encoders or default) == 'absolute' for joint in self.joints
         )
 
     def with_encoders(self, kind: str) -> 'ArmConfig':
-        """Return a copy with another encoder type, one of `ENCODERS`."""
+        """Return a copy in which all boards have the encoder type `kind`, one of `ENCODERS`."""
         return replace(self, boards=tuple(replace(board, encoders=kind) for board in self.boards))
 
     def with_prefix(self, prefix: str) -> 'ArmConfig':
@@ -294,7 +295,7 @@ def load_arm_config(path: Path | str | None = None) -> ArmConfig:
     Raises
     ------
     ConfigError
-        If the file cannot be read or is invalid; one line, with file and key.
+        If the file cannot be read or is invalid; the one-line message names file and key.
     """
     return load(path, 'aerarm.yaml', _arm)
 

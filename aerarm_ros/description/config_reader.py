@@ -24,7 +24,7 @@ class ConfigError(ValueError):
 def check_range(owner: str, key: str, value: float, low: float, high: float, unit: str) -> None:
     """Check that `low <= value <= high`.
 
-    The ranges are wide: they detect NaN and wrong units, not poor choices.
+    Ranges are wide enough for any real arm: the check detects NaN and wrong units.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def check_choice(owner: str, key: str, value: object, choices: tuple[object, ...
 
 
 def check_name(owner: str, key: str, value: object) -> None:
-    """Check that a value is a non-empty text.
+    """Check that a value is a text that is not empty.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def check_name(owner: str, key: str, value: object) -> None:
 LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 """Loader of plain data; PyYAML's C loader, if available, is ten times faster."""
 
-_LARGEST = 2**20  # bytes; ten times the suite's largest file
+_LARGEST = 2**20  # bytes; ten times the largest file of this package
 _DEEPEST = 20
 _LONGEST_NUMBER = 64  # characters
 _NUMBER = re.compile(r'[-+]?[0-9][0-9a-fA-FxXob_:.+-]*')
@@ -81,7 +81,7 @@ class UniqueKeyLoader(LOADER):  # type: ignore[misc]
     """YAML loader for plain data that rejects repeated keys, which PyYAML would accept."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a mapping after checking for repeated keys."""
+        """Build a mapping from a YAML node after checking for repeated keys."""
         seen = set()
         for key_node, _ in node.value:
             key = getattr(key_node, 'value', None)
@@ -94,7 +94,7 @@ class UniqueKeyLoader(LOADER):  # type: ignore[misc]
 
 
 def read_plain(path: Path, loader: Any = UniqueKeyLoader) -> Any:
-    """Read a YAML file as plain data, see `plain_data`.
+    """Read a YAML file as plain data; `plain_data` lists the conditions.
 
     Raises
     ------
@@ -123,8 +123,8 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
     ------
     ConfigError
         If the text is not YAML, repeats a key, or contains anchors or aliases (which can expand a
-        small text without limit). Also if size, nesting or number lengths exceed those of any
-        configuration.
+        small text without limit). Also if the text, its nesting or one of its numbers is longer
+        than in any configuration.
     """
     if len(text) > _LARGEST:
         raise ConfigError(f'the file is larger than {_LARGEST} bytes, more than any configuration')
@@ -144,7 +144,7 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
 
 
 def _check_events(text: str) -> None:
-    """Check the events of a text without building data or recursion."""
+    """Check the YAML events of a text, without building data and without recursion."""
     depth = 0
     for event in yaml.parse(text, Loader=LOADER):
         reason = ''
@@ -161,7 +161,7 @@ def _check_events(text: str) -> None:
 
 
 def _is_long_number(event: Any) -> bool:
-    """Return whether a text is a long number by its form, or may be one by its tag."""
+    """Return whether a YAML scalar is, or by its tag may become, a number with many digits."""
     long = len(event.value) > _LONGEST_NUMBER
     return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
 
@@ -171,7 +171,7 @@ _PREFIX = re.compile(r'([A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*/?)?')
 
 
 def check_prefix(prefix: str) -> None:
-    """Check that names with a prefix are valid ROS frame names.
+    """Check that a prefix of link and joint names yields valid ROS frame names.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def config_path(path: Path | str | None, packaged: str) -> Path:
-    """Return a configuration's path; None means the packaged file in config/."""
+    """Return the path of a configuration; for None, that of the packaged file in config/."""
     return resource('config', packaged) if path is None else find_file(path)
 
 
@@ -229,7 +229,7 @@ def load(
     Raises
     ------
     ConfigError
-        If the file cannot be read or is invalid; one line, with file and key.
+        If the file cannot be read or is invalid; the one-line message names file and key.
     """
     source = config_path(path, packaged)
     document = read_yaml(source)
@@ -240,7 +240,7 @@ def load(
 
 
 def section(document: dict[str, Any], key: str, kind: type) -> Any:
-    """Return `document[key]`, which must be a non-empty list or mapping (`kind`)."""
+    """Return the non-empty list or mapping `document[key]` of type `kind`, or raise ConfigError."""
     value = document[key]
     if not isinstance(value, kind) or not value:
         name = 'mapping' if kind is dict else 'list'
@@ -284,7 +284,7 @@ def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
     entry : mapping
         One key per field; fields with a default are optional.
     **given
-        Fields from other sources, for example the key of the entry.
+        Values of fields that are not in `entry`, for example the key of the entry.
 
     Raises
     ------
@@ -329,7 +329,7 @@ def _convert(where: str, value: Any, hint: Any) -> Any:
 
 
 def _number(where: str, value: Any) -> float:
-    """Return a float; also accept texts such as '1/31' and '1e-5' (a text in YAML 1.1)."""
+    """Return a float; accept texts such as '1/31' and '1e-5', which YAML 1.1 reads as a text."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if isinstance(value, str):

@@ -22,9 +22,9 @@ class GearConfig:
     kind : str
         Type, for example 'cycloidal'.
     ratio : float
-        k_g = joint speed / motor speed, thesis (4.6); below one for a reduction.
+        k_g = joint speed / motor speed, thesis (4.6), below one for a reduction gear [-].
     efficiency : float
-        Efficiency eta_g of thesis (4.7).
+        Fraction of the motor's torque that the gear transmits, eta_g of thesis (4.7) [-].
 
     Raises
     ------
@@ -49,19 +49,20 @@ RATED_AMBIENT = 25.0
 COPPER = 0.00393
 """Temperature coefficient of copper's resistance at 20 degC (IEC 60028) [1/K]."""
 # Continuous current as a fraction of the short-time current, for a motor without data. Small
-# outrunners without propeller airflow bear 0.3 to 0.5 of their data sheets' current for 180 s.
+# outrunners without the airflow of a propeller bear 0.3 to 0.5 of the current that their data
+# sheets allow for 180 s.
 _GUESSED_SHARE = 0.33
 
 
 @dataclass(frozen=True, slots=True)
 class ThermalConfig:
-    """Continuous current and thermal time constants of a mounted motor.
+    """Thermal data of a motor on its mount.
 
     Attributes
     ----------
     continuous_current : float
-        Quadrature current [A] that finally heats the winding to `temperature_max`, at an ambient
-        temperature of 25 degC.
+        Constant quadrature current [A] at which the winding settles at `temperature_max`, with
+        ambient air at 25 degC.
     temperature_max : float
         Largest winding temperature [degC], below the limits of insulation, magnets and mount.
     winding_time : float
@@ -69,7 +70,8 @@ class ThermalConfig:
     housing_time : float
         Time constant between the housing (with its mount) and the air [s].
     housing_share : float
-        Fraction of the thermal resistance between housing and air.
+        Thermal resistance from housing to air, as a fraction of the thermal resistance from
+        winding to air [-].
 
     Raises
     ------
@@ -99,15 +101,16 @@ class ThermalConfig:
 
     @classmethod
     def guessed(cls, current_max: float) -> ThermalConfig:
-        """Return conservative thermal data for a motor with a known short-time current [A] only."""
+        """Return conservative thermal data of a motor, guessed from its short-time current [A]."""
         return cls(float(f'{_GUESSED_SHARE * current_max:.2g}'))
 
 
 def torque_constant(kv: float) -> float:
     """Return the torque constant [Nm/A] of a motor from its velocity constant, thesis (4.3).
 
-    The formula assumes a field-oriented current (amplitude of the phase current, i_d = 0) and a
-    `kv` for the line-to-line voltage; the factor `3/2 / sqrt(3)` follows from these conventions.
+    The formula assumes field-oriented control with i_d = 0, a quadrature current equal to the
+    amplitude of the phase current, and a `kv` for the line-to-line voltage. The factor `3/2 /
+    sqrt(3)` follows from these conventions.
 
     Parameters
     ----------
@@ -178,24 +181,24 @@ class MotorConfig:
 
     @property
     def thermal_or_guess(self) -> ThermalConfig:
-        """Thermal data, guessed from `current_max` if the configuration has none."""
+        """Thermal data of the motor, guessed from `current_max` if not configured."""
         return self.thermal or ThermalConfig.guessed(self.current_max)
 
     @property
     def torque_constant(self) -> float:
-        """Torque constant K_i [Nm/A], measured or by thesis (4.3)."""
+        """Torque constant K_i [Nm/A], measured on a motor bench or computed by thesis (4.3)."""
         if self.torque_constant_measured is not None:
             return self.torque_constant_measured
         return torque_constant(self.kv)
 
     @property
     def resistance_text(self) -> str:
-        """Resistance with its uncertainty, if known, as text."""
+        """Phase resistance as text, with its standard deviation if known."""
         known = 'an estimate' if self.resistance_std is None else f'± {self.resistance_std:.2g}'
         return f'{self.resistance:.4g} ({known})'
 
 
-# Two turns; a larger value is probably in degrees.
+# Two turns in radians; a larger value is probably in degrees.
 _POSITION_BOUND = 12.6
 
 # (field, minimum, maximum, unit)
@@ -216,7 +219,7 @@ _RANGES = (
 
 @dataclass(frozen=True, slots=True)
 class JointConfig:
-    """Driven joint; values are on the joint side unless stated otherwise.
+    """Driven joint with its motor, gear and limits; all values refer to the joint side.
 
     Attributes
     ----------
@@ -239,9 +242,9 @@ class JointConfig:
     effort_rate_max : float
         Limit of the torque rate [Nm/s].
     viscous, coulomb : float
-        Friction f_v [Nms/rad] and f_s [Nm] of thesis (2.6).
+        Viscous friction f_v [Nms/rad] and Coulomb friction f_s [Nm] of thesis (2.6).
     board_kp, board_kd : float
-        Motor-side gains of thesis (4.4) [A/rad], [A s/rad].
+        Gains of the board's control law, thesis (4.4), motor side [A/rad], [A s/rad].
 
     Raises
     ------

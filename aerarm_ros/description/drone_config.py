@@ -24,7 +24,7 @@ _ANGLE_BOUND = 6.3  # [rad]; a larger angle is probably in degrees
 
 
 def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, unit: str) -> None:
-    """Check that a value is three finite numbers within +- `bound`.
+    """Check that a value consists of three finite numbers within +-`bound`.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def check_position(owner: str, key: str, values: tuple[float, ...]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class PoseConfig:
-    """Pose of a part's frame in the body frame.
+    """Pose of a part's frame (mount or IMU) in the body frame of the drone.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class RotorConfig:
 
     @property
     def wrench_per_thrust(self) -> npt.NDArray[np.float64]:
-        """Wrench (6,) per thrust: force [-] and moment [m] on the body at its frame's origin."""
+        """Force [-] and moment [m] about the body frame's origin, per thrust of the rotor (6,)."""
         axis = np.array(self.axis) / math.hypot(*self.axis)
         moment = np.cross(self.position, axis) + self.moment_per_thrust * axis
         return np.concatenate([axis, moment])
@@ -158,7 +158,8 @@ THRUST_RESERVE = 1.2
 reserve is used to rotate and stop the drone.
 """
 
-_FULL_ACTUATION = 0.05  # smallest sideways force relative to the thrust along the body's z axis
+# smallest sideways force that counts, relative to the thrust along the body's z axis
+_FULL_ACTUATION = 0.05
 _ROUNDING = 1e-9
 _EDGE = 1e-6  # [m]
 
@@ -236,12 +237,12 @@ class DroneConfig:
 
     @property
     def allocation(self) -> Array:
-        """Allocation matrix (6, n): force [-] and moment [m] at the body frame's origin, per N."""
+        """Allocation matrix (6, n): force [-] and moment [m] on the body per rotor thrust."""
         return np.column_stack([rotor.wrench_per_thrust for rotor in self.rotors])
 
     @property
     def is_fully_actuated(self) -> bool:
-        """Whether force and moment are independent, including sideways force."""
+        """Whether the rotors can produce any force, also sideways, independently of the moment."""
         matrix = self.allocation
         matrix[3:] /= self._arm_length
         smallest = np.linalg.svd(matrix, compute_uv=False)
@@ -257,7 +258,7 @@ class DroneConfig:
         return np.array([getattr(rotor, field) for rotor in self.rotors], dtype=float)
 
     def with_errors(self, mass: float = 1.0, inertia: float = 1.0) -> 'DroneConfig':
-        """Return the drone with mass and inertia scaled by factors, to simulate a wrong file."""
+        """Return the drone with scaled mass and inertia, to simulate a wrong drone file."""
         tensor = tuple(inertia * value for value in self.inertia)
         return replace(self, mass=mass * self.mass, inertia=tensor)
 
@@ -290,7 +291,7 @@ class DroneConfig:
 
     @property
     def _arm_length(self) -> float:
-        """RMS distance of the rotors from the origin [m]."""
+        """RMS distance of the rotors from the body frame's origin [m]."""
         places = np.array([rotor.position for rotor in self.rotors])
         return float(np.sqrt(np.mean(np.sum(places**2, axis=1)))) or 1.0
 
@@ -303,7 +304,7 @@ class DroneConfig:
         return float(np.linalg.norm(np.vstack([corner, hubs]), axis=1).max())
 
     def _liftable_share(self, mass: float, centre: Array) -> float:
-        """Return the largest vertical force over the weight, without moment about its centre."""
+        """Return the largest vertical force without moment, divided by the weight [-]."""
         from scipy.optimize import linprog  # slow import, needed only for checks of files
 
         weight = np.array([0.0, 0.0, mass * GRAVITY])
@@ -339,7 +340,7 @@ class DroneConfig:
             )
 
     def _check_reach(self) -> None:
-        # Upper bound: all of the mass at the most distant part.
+        # The upper bound assumes all of the mass at the distance of the most distant part.
         largest = self.mass * self._reach**2
         moment = float(np.linalg.eigvalsh(self.inertia_matrix)[-1])
         if moment > largest:
@@ -390,7 +391,7 @@ def load_drone_config(path: Path | str | None = None) -> DroneConfig:
     Raises
     ------
     ConfigError
-        If the file cannot be read or is invalid; one line, with file and key.
+        If the file cannot be read or is invalid; the one-line message names file and key.
     """
     return load(path, 'drone.yaml', _drone)
 
@@ -411,5 +412,5 @@ def _pose(where: str, entry: Any) -> PoseConfig:
     try:
         return build(PoseConfig, where, entry)
     except ConfigError as error:
-        # The pose does not know the name of its part.
+        # The error message of the pose lacks the name of the part, so it is added.
         raise ConfigError(str(error).replace('pose:', f'{where}:', 1)) from None

@@ -10,22 +10,23 @@ from aerarm_ros.description.drone_config import DroneConfig, PoseConfig
 
 BODY_LINK, IMU_LINK = 'drone', 'drone_imu'
 
-_SPAN = 0.14  # [m] drawn radius of a rotor
+_SPAN = 0.14  # [m] radius with which a rotor is drawn
 _COLOURS = {'drone_body': '0.25 0.27 0.30 1', 'drone_rotor': '0.55 0.60 0.66 0.5'}
 
 
 def with_drone(urdf_text: str, drone: DroneConfig, prefix: str = '') -> str:
-    """Return the URDF of an arm under its drone: link `drone` carries the arm's base link.
+    """Return the URDF of drone and arm, in which the link `drone` carries the arm's base link.
 
-    The drawing shows the body as a box, with arms and discs for the rotors; link `drone_imu` is the
-    IMU's frame. Mass and inertia are those of the drone file.
+    The visual shapes show the body as a box, the rotor arms, and the rotors as discs. The frame
+    of the link `drone_imu` is the IMU's frame. Mass and inertia are those of the drone file.
 
     Parameters
     ----------
     urdf_text : str
         URDF text of the arm.
     prefix : str
-        Prefix of the drone's links and joints, equal to that of the arm's.
+        Prefix of the names of the drone's links and joints, equal to the prefix of the arm's
+        names.
 
     Raises
     ------

@@ -10,9 +10,9 @@ _MARKER = Path('config') / 'aerarm.yaml'
 def share_directory() -> Path:
     """Return the folder that contains `config/`, `urdf/`, `launch/` and `rviz/`.
 
-    In a source checkout or an editable install they are next to the package; in an installed
-    package they are in `<prefix>/share/aerarm_ros`, for any depth of site-packages below the
-    prefix.
+    In a source checkout or an editable install, these folders are next to the package. In an
+    installed package they are in `<prefix>/share/aerarm_ros`, where the prefix is any folder
+    above site-packages.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def share_directory() -> Path:
 
 
 def find_file(path: Path | str) -> Path:
-    """Return the path of a file, or of the packaged file with this name if the path does not exist.
+    """Return the path of an existing file; otherwise, of the packaged file with this name.
 
     From any folder, `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` refer to packaged
     files. A user's file with this path, relative to the working directory, takes precedence.
@@ -67,10 +67,10 @@ def resource(*parts: str) -> Path:
 
 
 def write_whole(path: Path, text: str, durable: bool = True) -> None:
-    """Write a text file, replacing an existing one only once the new file is complete.
+    """Write a text file; an existing file is only replaced once the new file is complete.
 
-    Special files such as /dev/stdout are written directly. If not `durable`, readers always see a
-    complete file, but the file is not synchronized to the disk.
+    Special files such as /dev/stdout are written directly. If `durable` is False, readers always
+    see a complete file, but the file is not synchronized to the disk.
 
     Raises
     ------

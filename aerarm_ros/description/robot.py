@@ -24,7 +24,7 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """Serial arm of n one-degree-of-freedom joints on a fixed base.
+    """Serial arm on a fixed base, with n joints of one degree of freedom each.
 
     Links behind fixed (or locked) joints belong to the link that carries them. Use `load_robot` to
     create a robot.
@@ -32,8 +32,8 @@ class Robot:
     Attributes
     ----------
     model : pinocchio.Model
-        Model with `gravity` set and without armature. The model is shared by all users of this
-        robot; copy it before changing it.
+        Pinocchio model with `gravity` set, and without rotor inertia (`armature`). The model is
+        shared by all users of this robot; copy it before changing it.
     joints : tuple of UrdfJoint
         Moving joints, from base to tool.
     urdf_text : str
@@ -106,7 +106,7 @@ class Robot:
 
     @cached_property
     def posture_range(self) -> tuple[Array, Array]:
-        """Limits (n,) and (n,) for random postures [rad]; one turn for unlimited joints."""
+        """Lower and upper bounds (n,) of random postures [rad]; one turn for unlimited joints."""
         low, high = self.position_min, self.position_max
         return (
             _frozen(np.where(np.isfinite(low), low, -np.pi)),
@@ -135,7 +135,7 @@ class Robot:
 
     @cached_property
     def load_friction(self) -> Array:
-        """Load-dependent friction (n,) per gear torque [-] from `<dynamics load_friction>`."""
+        """Dry friction (n,) per transmitted gear torque [-] from `<dynamics load_friction>`."""
         return _frozen([joint.load_friction for joint in self.joints])
 
     @cached_property
@@ -150,7 +150,7 @@ class Robot:
         return _frozen([body.toDynamicParameters() for body in bodies])
 
     def with_inertial_parameters(self, pi: npt.ArrayLike) -> Robot:
-        """Return a copy whose moving links have other inertial parameters.
+        """Return a copy of the robot whose moving links have the inertial parameters `pi`.
 
         The attribute `urdf_text` keeps the original text.
 
@@ -178,7 +178,7 @@ class Robot:
         return replace(self, model=model)
 
     def with_gravity(self, gravity_in_base: npt.ArrayLike) -> Robot:
-        """Return a copy with other gravity, (3,) in the base frame [m/s^2]."""
+        """Return a copy of the robot with another gravity vector (3,) in the base frame [m/s^2]."""
         model = self.model.copy()
         model.gravity.linear = _gravity(gravity_in_base)
         return replace(self, model=model)
@@ -195,7 +195,7 @@ def load_robot(
     """Read a serial arm from a URDF without loading its meshes.
 
     Continuous joints are represented by their angle [rad], like revolute ones, without position
-    limits. Prismatic joints are supported (with [m] in place of [rad], and [N] for [Nm]).
+    limits. Prismatic joints are supported, with [m] in place of [rad] and [N] in place of [Nm].
 
     Parameters
     ----------
@@ -206,7 +206,8 @@ def load_robot(
     joint_names : sequence of str, optional
         Moving joints, from base to tool; all others are locked at zero.
     locked : sequence of str
-        Joints locked at zero (or at their limit nearest to zero), for example gripper fingers.
+        Joints locked at zero, or at their limit nearest to zero if zero is outside their range;
+        for example gripper fingers.
     prefix : str
         Prefix added to the name of every link and joint, including `joint_names` and `locked`.
 
@@ -239,7 +240,7 @@ def load_robot(
 
 
 def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
-    """Return the text of a URDF and its path; None means the packaged URDF, a text has no path.
+    """Return text and path of a URDF; None means the packaged URDF, and a text has no path.
 
     Raises
     ------
@@ -266,7 +267,7 @@ def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
 def _moving_joints(
     document: UrdfDocument, joint_names: Sequence[str] | None, locked: Sequence[str]
 ) -> list[UrdfJoint]:
-    """Return the moving joints in the requested order."""
+    """Return the moving joints of the URDF, in the order of `joint_names` if given."""
     driven = {name: joint for name, joint in document.joints.items() if joint.is_driven}
     for name in (*locked, *(joint_names or ())):
         if name not in driven:
@@ -339,7 +340,7 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
 
 
 def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
-    """Check that given names follow the chain's order, because positions are matched by index."""
+    """Check that given joint names are in chain order, because positions are matched by index."""
     names = list(model.names[1:])
     asked = [name for name in joint_names or names if name in names]
     if asked != names:

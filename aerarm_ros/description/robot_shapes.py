@@ -1,4 +1,4 @@
-"""Shapes of a robot, with size limits for mesh files."""
+"""Visual and collision shapes of a robot, with size limits for mesh files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MIB = 2**20
 _LARGEST = 8 * _MIB
 _LARGEST_TOGETHER = 32 * _MIB
 _MOST = 1000
-# Formats without compression or references, so their size bounds their content ...
+# Mesh formats without compression or references, so the file size bounds the content, ...
 _FORMATS = ('.dae', '.obj', '.ply', '.stl')
 # ... except for nodes of a Collada file that instantiate another node.
 _INSTANCE, _INSTANCE_OF_NODE = b'<instance_', b'<instance_node'
@@ -55,7 +55,7 @@ def load_shapes(
 
 
 def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
-    """Check every mesh file before any is loaded, once per reference."""
+    """Check every referenced mesh file before the first one is loaded."""
     names = [mesh.get('filename', '') for mesh in ET.fromstring(urdf).iter('mesh')]
     if len(names) > _MOST:
         raise DescriptionError(

@@ -1,7 +1,7 @@
 """Parser and checks of a URDF's joints and links, applied before the dynamics library.
 
-The library's own parser reports a fault in several lines on stderr and continues without the faulty
-inertia, so this module checks for faults first.
+The parser of the dynamics library reports a faulty inertia on stderr and continues without it, so
+this module checks the URDF first.
 """
 
 import math
@@ -25,7 +25,7 @@ _DRIVEN_TYPES = ('revolute', 'continuous', 'prismatic')
 _DEEPEST = 50
 _MOST = 1000  # largest number of links and of joints
 _LARGEST_NUMBER = 1e9
-# Number of values of each vector attribute, by element.
+# Number of values of each vector attribute, by XML element.
 _VECTORS: dict[str, dict[str, int]] = {
     'origin': {'xyz': 3, 'rpy': 3},
     'axis': {'xyz': 3},
@@ -69,7 +69,7 @@ class UrdfJoint:
 
     @property
     def is_driven(self) -> bool:
-        """Whether the joint moves with one degree of freedom."""
+        """Whether the joint is revolute, continuous or prismatic."""
         return self.kind in _DRIVEN_TYPES
 
 
@@ -109,7 +109,7 @@ class UrdfDocument:
         self._check_tree()
 
     def revolute_text(self) -> str:
-        """Return the URDF with every continuous joint declared revolute.
+        """Return the URDF with the type of every continuous joint changed to revolute.
 
         The angle of a continuous joint is then one number instead of a cosine and a sine, so
         positions and velocities have the same length. The limits of these joints are placeholders.
@@ -147,7 +147,7 @@ class UrdfDocument:
         return {joint.name: joint for joint in joints}
 
     def _check_tree(self) -> None:
-        """Check that every link except the base is the child of exactly one joint."""
+        """Check that every link except the base link is the child of exactly one joint."""
         parent_joint: dict[str, str] = {}
         for joint in self.joints.values():
             if joint.child in parent_joint:
@@ -254,7 +254,7 @@ def _check_vector(element: ET.Element, key: str, count: int, owner: str) -> None
         values = [float(part) for part in text.split()]
     except ValueError:
         values = []
-    # Limited so that squares stay finite.
+    # Magnitudes are limited so that their squares stay finite.
     if len(values) != count or not all(abs(value) < _LARGEST_NUMBER for value in values):
         raise DescriptionError(
             f'{owner}, <{element.tag}>: {key} = {text[:100]!r} is not {count} finite '
@@ -270,7 +270,7 @@ def _attribute(element: ET.Element, key: str, owner: str) -> str:
 
 
 def _number(element: ET.Element | None, key: str, owner: str) -> float:
-    """Return a finite attribute, zero if the element or attribute is missing."""
+    """Return the value of a numeric attribute; zero if the element or the attribute is missing."""
     text = '0' if element is None else element.get(key, '0')
     try:
         value = float(text)

@@ -1,4 +1,4 @@
-"""Draft of a new arm's configuration from its URDF.
+"""Draft of the configuration of a new arm, made from its URDF.
 
 The draft contains the drive train and the excitation settings as YAML. Every value that a URDF does
 not provide is marked, with a sentence on how to determine it.

@@ -30,32 +30,32 @@ from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.dynamics import Dynamics, largest_gravity_load
 from aerarm_ros.motion.signals import Array
 
-_RATIO = 1.0 / 50.0  # of printed and harmonic gears: 1/27 to 1/101
-_CURRENT_MAX = 10.0  # [A]; frames represent up to 32
+_RATIO = 1.0 / 50.0  # gear ratio: printed and harmonic gears have ratios of 1/27 to 1/101
+_CURRENT_MAX = 10.0  # [A] largest motor current; SPI frames represent up to 32 A
 _POLE_PAIRS = 12
 _RESISTANCE = 0.2  # [ohm]
 # Relative to the effort limit: reflected rotor inertia [s^2], dry friction, and viscous friction at
 # full speed. The drives of config/aerarm.yaml have 0.001, 0.011 to 0.016 and 0.002.
 _ROTOR_SHARE, _COULOMB_SHARE, _VISCOUS_SHARE = 0.002, 0.015, 0.005
-_EFFORT_RISE = 1.0 / 60.0  # [s] from zero to full effort
-_ACCELERATION_TIME = 0.1  # [s] shortest time to full speed
-# Defaults if a URDF has no limit, or an implausible one.
+_EFFORT_RISE = 1.0 / 60.0  # [s] time from zero to the full effort limit
+_ACCELERATION_TIME = 0.1  # [s] shortest time from rest to the velocity limit
+# Default limits, used if the URDF has no limit or an implausible one.
 _RANGE, _VELOCITY, _LOAD_FACTOR = 3.14, 2.0, 3.0
 _WIDEST, _FASTEST, _STRONGEST = 12.6, 20.0, 1000.0
 
 GEAR = 'guessed'
-# Joint values that a URDF may provide; all other fields of `JointConfig` are guesses.
+# Fields of `JointConfig` that a URDF may provide; all other fields are guesses.
 OF_URDF = ('position_min', 'position_max', 'velocity_max', 'effort_max', 'viscous', 'coulomb')
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedDrives:
-    """Drive parameters from an identification.
+    """Friction and rotor inertia of the drives, read from an identification.
 
     Attributes
     ----------
     viscous, coulomb, rotor_inertia : (n,) ndarray
-        Joint-side friction and rotor inertia [Nms/rad], [Nm], [kg m^2].
+        Viscous friction [Nms/rad], Coulomb friction [Nm] and rotor inertia [kg m^2] at the joints.
     """
 
     viscous: Array
@@ -64,7 +64,7 @@ class IdentifiedDrives:
 
     @classmethod
     def read(cls, path: Path, joint_names: Sequence[str]) -> IdentifiedDrives:
-        """Read the drives of given joints from the identifier's estimate.yaml.
+        """Read friction and rotor inertia of given joints from the identifier's estimate.yaml.
 
         Raises
         ------
@@ -98,12 +98,13 @@ class IdentifiedDrives:
 
 @dataclass(frozen=True)
 class DriveDraft:
-    """Draft of one joint, with the names of guessed values.
+    """Drafted configuration of one joint, with the names of guessed values.
 
     Attributes
     ----------
     joint : JointConfig
-        Joint with placeholder gains and acceleration limit, replaced once the whole arm is known.
+        Configuration of the joint. Gains and acceleration limit are placeholders until the whole
+        arm is known.
     guesses : frozenset of str
         Names of guessed fields.
     rotor_is_known : bool
@@ -116,7 +117,7 @@ class DriveDraft:
 
     @classmethod
     def of(cls, robot: Robot, number: int, load: float) -> DriveDraft:
-        """Return the drive of a joint from the URDF, with guesses for missing values.
+        """Return the drafted drive of a joint from its URDF limits and guesses.
 
         Parameters
         ----------
@@ -155,11 +156,12 @@ class DriveDraft:
 
 
 def with_identified(drive: DriveDraft, number: int, identified: IdentifiedDrives) -> DriveDraft:
-    """Return a drive with identified friction and rotor inertia."""
+    """Return a copy of a drafted drive with identified friction and rotor inertia."""
     joint = drive.joint
     rotor = float(identified.rotor_inertia[number])
     motor = replace(joint.motor, name=f'of_{joint.name}')
-    # With torque sensors behind the gears the identified value is zero, but the rotor exists.
+    # With torque sensors behind the gears, the identified rotor inertia is zero, although the
+    # rotor exists.
     if rotor > 0.0:
         motor = replace(motor, rotor_inertia=float(f'{rotor * joint.gear.ratio**2:.4g}'))
     known = replace(
@@ -172,7 +174,7 @@ def with_identified(drive: DriveDraft, number: int, identified: IdentifiedDrives
 
 
 def require_turning(robot: Robot) -> None:
-    """Raise DescriptionError unless all joints are revolute."""
+    """Raise DescriptionError unless all joints of the arm are revolute."""
     for joint in robot.joints:
         if joint.kind == 'prismatic':
             raise DescriptionError(
@@ -206,7 +208,7 @@ def _joint(name: str, number: int, known: dict[str, float]) -> JointConfig:
 
 
 def _motor(effort: float) -> MotorConfig:
-    """Return a motor that provides a joint torque [Nm] through the guessed gear."""
+    """Return a motor that provides the joint torque `effort` [Nm] through the guessed gear."""
     constant = effort * _RATIO / _CURRENT_MAX
     return MotorConfig(
         name=f'for_{effort:g}_Nm',
@@ -220,7 +222,7 @@ def _motor(effort: float) -> MotorConfig:
 
 
 def _usable(value: float, most: float) -> float | None:
-    """Return a number from a URDF, None if it is a placeholder."""
+    """Return a limit from a URDF; None if it is not positive or larger than `most`."""
     return float(value) if 0.0 < value <= most else None
 
 
@@ -233,16 +235,16 @@ _POSTURES = 200
 # damped; a factor of 0.4 leaves a margin for links lighter than nominal.
 _BANDWIDTH = 0.4 * 2.0 * math.pi * 100.0  # [1/s]
 _BANDWIDTH_MAX = 0.5 / 0.4 * _BANDWIDTH
-_FASTEST_RATE = 25.0  # [1/s] largest rate of position correction
-_AMPLE = 1.1  # relative to the least damping, because frames round it
+_FASTEST_RATE = 25.0  # [1/s] largest rate at which a board corrects a position error
+_AMPLE = 1.1  # factor above the least damping, because frames round the gain
 
 
 def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple[Array, Array]:
-    """Return stiffness K [Nm/rad] and damping D [Nms/rad] of n joints, (n,) each.
+    """Return stiffness K [Nm/rad] and damping D [Nms/rad] of the board loops, (n,) each.
 
-    With the inertia matrix M(q), D is the largest damping for which all eigenvalues of M^-1 D stay
-    below the bandwidth in every tested posture. K = r D, with r at most a quarter of the smallest
-    eigenvalue, so M ddq + D dq + K q = 0 does not overshoot.
+    D is the largest damping for which all eigenvalues of M^-1 D stay below the bandwidth of the
+    boards' velocity loop in every tested posture; M(q) is the inertia matrix. K = r D, with r at
+    most a quarter of the smallest eigenvalue, so M ddq + D dq + K q = 0 does not overshoot.
 
     Parameters
     ----------
@@ -283,17 +285,18 @@ def _rates(mobility: Array, damping: Array) -> tuple[float, float]:
 
 
 _TRIED_POSTURES = 400
-# of each joint's range, about its middle, because an excitation needs room on both sides
+# fraction of each joint's range, about its middle, from which postures are drawn, because an
+# excitation needs room on both sides
 _SHARE = 0.6
-_CLEAR_ENOUGH = 0.5  # of the largest clearance found
-_NARROW = 0.01  # [m] reduced clearance
+_CLEAR_ENOUGH = 0.5  # fraction of the largest clearance found, below which a posture is rejected
+_NARROW = 0.01  # [m] clearance required if the requested clearances cannot be kept
 
 
 class RestPosture:
-    """Search for the posture about which an excitation moves.
+    """Search for the home configuration, about which an excitation moves the arm.
 
-    Random postures are drawn about the middle of the joint ranges. Those with at least half of the
-    largest clearance are kept, and the one with the smallest holding torques is chosen.
+    Random postures are drawn about the middle of the joint ranges. Among the postures with at
+    least half of the largest clearance, the posture with the smallest holding torques is chosen.
 
     Parameters
     ----------
@@ -313,10 +316,11 @@ class RestPosture:
     posture
         (n,) posture [rad], rounded to a tenth, within the limits.
     surroundings
-        Requested surroundings, relaxed if necessary: clearances of 0.01 m, then no ground, or no
-        clearance check without readable shapes.
+        Requested surroundings, relaxed if no posture satisfies them: first clearances of 0.01 m,
+        then no ground. Without readable shapes clearances are not checked.
     problem
-        Why clearances were reduced or not checked, or that no posture is clear; otherwise ''.
+        Reason why clearances were reduced or not checked, or a text that no posture is
+        collision-free; otherwise ''.
     """
 
     def __init__(
@@ -361,7 +365,8 @@ class RestPosture:
             q for q, margin in zip(postures, margins, strict=True) if margin >= self._enough(best)
         ]
         found = min(clear, key=self._load)
-        # A joint without influence on either is left in the middle, e.g. a vertical base axis.
+        # A joint that influences neither clearance nor holding torque stays in the middle of its
+        # range, for example a vertical base joint.
         for joint in range(len(found)):
             other = found.copy()
             other[joint] = self._rounded(middle)[joint]
@@ -379,7 +384,7 @@ class RestPosture:
         return _CLEAR_ENOUGH * best if best > 0.0 else best
 
     def _load(self, q: Array) -> float:
-        """Return the largest ratio of gravity torque to effort limit over the joints."""
+        """Return the largest ratio of gravity torque to effort limit of all joints at posture q."""
         return float(np.max(np.abs(self._dynamics.gravity(q)) / self._effort_max))
 
     def _rounded(self, q: Array) -> Array:
@@ -388,7 +393,7 @@ class RestPosture:
 
 
 def _narrower(surroundings: ExcitationConfig) -> tuple[ExcitationConfig, ...]:
-    """Return surroundings with decreasing requirements."""
+    """Return the requested surroundings, followed by surroundings with weaker requirements."""
     near_ground = replace(surroundings, ground_clearance=_NARROW)
     near = replace(near_ground, self_clearance=_NARROW)
     return surroundings, near_ground, near, replace(near, ground_height=None)
@@ -408,7 +413,7 @@ def _checker(
 
 PROFILE = 'uomodri_v3'
 _CLOCK, _MODE = 8_000_000, 0
-_CHIP_SELECTS = 2  # chip selects per bus
+_CHIP_SELECTS = 2  # number of chip selects per SPI bus
 
 
 class ArmDraft:
@@ -417,27 +422,27 @@ class ArmDraft:
     Parameters
     ----------
     robot : Robot
-        Robot model with its actual gravity.
+        Robot model; its gravity vector must match how the arm is mounted.
     name : str, optional
         Name of the arm; by default that of the URDF.
     package_directories : sequence of Path
         Folders for `package://` meshes, in addition to the folders above the URDF.
     identified : IdentifiedDrives, optional
-        Friction and rotor inertia, replacing guesses.
+        Identified friction and rotor inertia, used in place of guesses.
 
     Attributes
     ----------
     config : ArmConfig
-        Configuration that satisfies the bridge's checks: the frames represent the gains, and the
-        drives hold the arm.
+        Configuration that passes the bridge's checks: SPI frames can represent the gains, and the
+        drives can hold the arm.
     guesses : tuple of frozenset of str
-        Fields of each joint that neither URDF nor estimate provides.
+        Names of guessed fields of each joint, which neither URDF nor estimate provides.
     known_rotors : tuple of bool
         Whether each joint's rotor inertia is from an estimate.
     excitation : ExcitationConfig
-        Excitation settings about the home configuration.
+        Excitation settings, with motions about the home configuration.
     problem : str
-        Why clearances were reduced or not checked; otherwise ''.
+        Reason why clearances were reduced or not checked; otherwise ''.
 
     Raises
     ------
@@ -472,7 +477,7 @@ class ArmDraft:
             emulated_only=True,
         )
         config = _with_dynamics(config, robot)
-        # The ground of a hanging arm is elsewhere.
+        # A hanging arm has no ground below its base.
         hangs = robot.gravity_in_base[2] > 0.0 or not robot.gravity_in_base.any()
         surroundings = ExcitationConfig(ground_height=None if hangs else 0.0)
         rest = RestPosture(
@@ -494,7 +499,7 @@ def _board(number: int) -> BoardConfig:
 
 
 def _with_dynamics(config: ArmConfig, robot: Robot) -> ArmConfig:
-    """Return the configuration with gains and acceleration limits for the arm's inertia."""
+    """Return the configuration with gains and acceleration limits that suit the arm's inertia."""
     loads = JointLoads(config, robot)
     drive = DriveTrain(config)
     gains = draft_gains(robot, drive.reflected_inertia, loads.damping_min)

@@ -12,7 +12,7 @@ from aerarm_ros.description.drive_config import GearConfig, JointConfig, MotorCo
 from aerarm_ros.draft.arm_draft import ArmDraft
 
 MARK = '# guess'
-_COLUMN = 38  # column of the marks
+_COLUMN = 38  # text column in which the marks of guessed values begin
 _WIDTH = 100
 _PLAIN = re.compile(r'[A-Za-z_][A-Za-z_0-9]*')
 _ROTOR = 'rotor_inertia'

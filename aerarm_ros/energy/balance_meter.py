@@ -11,10 +11,10 @@ LONGEST_GAP = 0.1  # [s] largest time between consecutive states
 class BalanceMeter:
     """Energy balance of an arm, accumulated from its states.
 
-    A published torque is the mean since the previous state. In each `period` the mean of these
-    torques acts on a motion with the mean of the velocities at both ends, and their difference as
-    acceleration. The work into the motion thus equals the change of kinetic energy, and the noise
-    single velocities does not add up.
+    A published torque is the mean since the previous state. For each `period` the meter uses the
+    mean of these torques, the mean of the velocities at both ends of the period, and the
+    acceleration from the difference of both velocities. The work into the motion thus equals the
+    change of kinetic energy, and the noise single velocities does not add up.
 
     Parameters
     ----------
@@ -25,9 +25,9 @@ class BalanceMeter:
     Attributes
     ----------
     total : EnergyBalance
-        Balance so far.
+        Energy balance since the start.
     gaps : int
-        Number of gaps between states, or of missing torques; their time is excluded.
+        Number of excluded intervals, in which states or torques were missing.
     """
 
     def __init__(self, model: EnergyModel, period: float = 0.01) -> None:
@@ -37,8 +37,9 @@ class BalanceMeter:
         self.gaps = 0
         self._begin: tuple[float, ArmState] | None = None
         self._last = 0.0
-        self._impulse = np.zeros(model.n)  # [Nms] integral of torque since `_begin`
-        self._square = np.zeros(model.n)  # [Nm^2 s] integral of squared torque
+        # [Nms] time integral of the drive torques since `_begin`
+        self._impulse = np.zeros(model.n)
+        self._square = np.zeros(model.n)  # [Nm^2 s] time integral of the squared drive torques
 
     def restart(self) -> None:
         """Discard the last state, so that the next one starts a new interval."""

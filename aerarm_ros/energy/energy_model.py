@@ -1,4 +1,4 @@
-"""Energy of a motion, predicted by the model of an arm."""
+"""Electrical energy of an arm's motion, predicted by a model of links and drives."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class DrivePower:
 
     With a quadrature current only, a motor consumes ``3/2 R i^2 + K_i i omega_m``, the sum of
     copper loss and shaft power. A gear with an efficiency below one transmits only a fraction of
-    the shaft power. The motor brakes while the sum is negative; the supply then absorbs a fraction
-    of the power and the power stage dissipates the rest.
+    the shaft power. While the sum is negative, the motor brakes and returns power: the supply
+    absorbs the fraction `recovery` of it, and the power stage dissipates the rest.
 
     Arguments are (..., n) arrays: drive torques at the joints [Nm], as in `joint_states`, and joint
     velocities [rad/s].
@@ -44,17 +44,17 @@ class DrivePower:
         self.recovery = config.power_stage.recovery
 
     def copper(self, tau: Array) -> Array:
-        """Return the copper loss of the motors [W]."""
+        """Return the copper loss of each motor [W] at joint torques `tau` [Nm]."""
         loss: Array = self.copper_per_torque2 * tau**2
         return loss
 
     def electrical(self, tau: Array, dq: Array) -> Array:
-        """Return the electrical power into the motors [W], negative while braking."""
+        """Return the electrical power into each motor [W], negative while the motor brakes."""
         power: Array = self.copper(tau) + self.shaft * tau * dq
         return power
 
     def from_supply(self, electrical: npt.ArrayLike) -> Array:
-        """Return the power drawn from the supply [W], negative for recuperation."""
+        """Return the power drawn from the supply [W], from the motors' electrical power [W]."""
         power = np.asarray(electrical, dtype=float)
         return np.where(power < 0.0, self.recovery * power, power)
 
@@ -72,9 +72,9 @@ class EnergyBalance:
     copper : heat of the windings.
     friction : heat of joints and gears, by the friction model.
     gravity : work against the weight of links and payload, negative for downward motion.
-    inertia : work into the motion, including Coriolis and centrifugal torques; its sum over the
-        joints is zero from rest to rest.
-    unexplained : work of the drives that the model does not explain; zero for a planned motion.
+    inertia : work into kinetic energy, including Coriolis and centrifugal torques; for a motion
+        from rest to rest its sum over the joints is zero.
+    unexplained : measured work of the drives minus the modelled work; zero for a planned motion.
     burnt : braking energy that the power stage dissipates.
     standby : standby energy of the boards, divided among the joints.
     recovered : braking energy that the supply absorbed; not included in any other part.
@@ -98,13 +98,13 @@ class EnergyBalance:
         return cls(0.0, *(np.zeros(n) for _ in fields(cls)[1:]))
 
     def __add__(self, other: EnergyBalance) -> EnergyBalance:
-        """Return the sum of two balances."""
+        """Return the energy balance of two time intervals together."""
         values = (getattr(self, f.name) + getattr(other, f.name) for f in fields(self))
         return EnergyBalance(*values)
 
     @cached_property
     def parts(self) -> Array:
-        """Parts (7, n) of the supplied energy [J], rows as in `PARTS`."""
+        """Causes of the supplied energy (7, n) [J], with rows in the order of `PARTS`."""
         return np.array([getattr(self, name) for name in self.PARTS])
 
     @property
@@ -134,14 +134,15 @@ _STEP = 2e-3  # [s]
 
 
 class EnergyModel:
-    """Torque, power and energy of an arm's drives: model, friction, drive train, power stage.
+    """Model of the torque, power and energy of an arm's drives.
 
     Parameters
     ----------
     config : ArmConfig
         Configuration with drive train, resistances and power stage.
     robot : Robot
-        Links, and friction f_v, f_s; joints without friction in the URDF use the configuration's.
+        Robot model with inertial parameters and friction f_v, f_s; a joint without friction in
+        the URDF uses the friction of `config`.
     rotor_inertia : (n,) array_like, optional
         Rotor inertia at the joints [kg m^2]; by default from the configuration.
     load_friction : float or (n,) array_like, optional
@@ -154,7 +155,7 @@ class EnergyModel:
     drives, dynamics, friction
         Underlying `DrivePower`, `Dynamics` and `FrictionCompensation`.
     load_friction
-        Load-dependent friction used by the model.
+        Load-dependent friction (n,) [-] that the model uses.
 
     Raises
     ------
@@ -186,21 +187,22 @@ class EnergyModel:
         self.dynamics.carry(payload)
 
     def friction_of_width(self, width: float) -> FrictionCompensation:
-        """Return the friction model with another smoothing velocity [rad/s]."""
+        """Return the friction model with the smoothing velocity `width` [rad/s]."""
         share = self.load_friction
         return FrictionCompensation(self._viscous, self._coulomb, width, load_share=share)
 
     def friction_torque(self, dq: Array, ddq: Array, rigid: Array) -> Array:
         """Return the friction torque (..., n) [Nm] of a motion.
 
-        Gears transmit the links' torque; the torque of the rotors does not pass through them.
+        Load-dependent friction is computed from the torque on the links, because the torque that
+        accelerates the rotors does not pass through the gears.
 
         Parameters
         ----------
         dq, ddq : (..., n) ndarray
             Joint velocities [rad/s] and accelerations [rad/s^2].
         rigid : (..., n) ndarray
-            Inverse dynamics, including rotors [Nm].
+            Torques of the frictionless inverse dynamics, including rotors [Nm].
         """
         return self.friction.torque(dq, rigid - self.dynamics.rotor_inertia * ddq)
 
@@ -229,7 +231,7 @@ class EnergyModel:
         weight: Array,
         friction: Array,
     ) -> EnergyBalance:
-        """Return the balance of M intervals from torque components.
+        """Return the energy balance of M time intervals from components of the torque.
 
         Parameters
         ----------
@@ -238,7 +240,7 @@ class EnergyModel:
         dq, tau : (M, n) ndarray
             Velocities [rad/s] and drive torques [Nm] at the interval centres.
         inertia, weight, friction : (M, n) ndarray
-            Modelled parts of the torque [Nm].
+            Modelled inertial, gravity and friction torques at the joints [Nm].
         """
         electrical = self.drives.electrical(tau, dq)
         braking = np.maximum(-electrical, 0.0)
@@ -263,7 +265,7 @@ class EnergyModel:
         )
 
     def torques(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-        """Return inverse dynamics and gravity torques, (M, n) [Nm] each."""
+        """Return inverse dynamics torques and gravity torques of a motion, (M, n) [Nm] each."""
 
         def rows() -> Iterator[tuple[Array, Array]]:
             for motion in zip(q, dq, ddq, strict=True):
@@ -274,7 +276,7 @@ class EnergyModel:
 
 
 class HoldingLoss:
-    """Copper loss of the torques that hold the arm's weight, thesis (4.1) at rest."""
+    """Copper loss of motors that hold the arm's weight at rest, thesis (4.1)."""
 
     def __init__(self, model: EnergyModel) -> None:
         self._dynamics = model.dynamics
@@ -282,11 +284,11 @@ class HoldingLoss:
         self._rest = np.zeros(model.n)
 
     def watts(self, q: Array) -> float:
-        """Return the loss at q (n,) [rad] in [W]."""
+        """Return the copper loss [W] of all motors at the posture q (n,) [rad]."""
         return float(self._drives.copper(self._dynamics.gravity(q)).sum())
 
     def gradient(self, q: Array) -> Array:
-        """Return the gradient of the loss with respect to q, (n,) [W/rad]."""
+        """Return the gradient of the copper loss with respect to q, (n,) [W/rad]."""
         rest = self._rest
         weight, slopes, _, _ = self._dynamics.inverse_with_slopes(q, rest, rest)
         gradient: Array = 2.0 * (self._drives.copper_per_torque2 * weight) @ slopes

@@ -24,7 +24,7 @@ from aerarm_ros.motion.signals import Array, JointMotion
 
 @dataclass(frozen=True)
 class BenchMeasurement:
-    """Section of the motion that is evaluated.
+    """Section of a bench motion that is evaluated: one joint moves, all others rest.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class BenchMeasurement:
 def split(
     measurements: Sequence[BenchMeasurement], path_time: Array
 ) -> Iterator[tuple[BenchMeasurement, slice]]:
-    """Yield each measurement with its rows among samples at increasing `path_time` (M,) [s]."""
+    """Yield each measurement with its row numbers, for samples at `path_time` (M,) [s]."""
     for measurement in measurements:
         first, last = np.searchsorted(path_time, (measurement.start, measurement.end))
         yield measurement, slice(int(first), int(last))
@@ -61,14 +61,15 @@ class BenchPlan:
     Parameters
     ----------
     speeds : positive joint speeds of the velocity steps [rad/s].
-    span : travel of a joint, centred at the posture [rad].
+    span : travel of a joint during velocity steps and acceleration runs, centred at the posture
+        [rad].
     velocity_share, acceleration_share : fraction of the limits used by acceleration runs; the ramps
         of velocity steps use the same acceleration.
     runs : number of acceleration runs per joint, each in both directions; 0 for none.
     swings : number of sine oscillations per joint about the posture, to measure backlash; 0 for
         none.
-    amplitude : amplitude of the oscillations [rad]; their speed is the largest within the
-        fractions.
+    amplitude : amplitude of the oscillations [rad]; the oscillations are as fast as the usable
+        fractions of the limits allow.
 
     Raises
     ------
@@ -99,23 +100,24 @@ class BenchPlan:
             )
 
 
-# of the limits of velocity and acceleration, for motions between measurements
+# fraction of the velocity and acceleration limits used by motions between measurements
 _TRANSFER_SHARE = 0.2
 _SHORTEST_TRANSFER = 0.5  # [s]
-_SETTLE = 0.1  # [s] at constant speed before the measurement, for the velocity loop to settle
-_SHORTEST_STEADY = 0.15  # [s] shortest measured time at constant speed
-_REST = 0.2  # [s] between two strokes
+# [s] time at constant speed before a measurement, in which the velocity loop settles
+_SETTLE = 0.1
+_SHORTEST_STEADY = 0.15  # [s] shortest measurement at constant speed
+_REST = 0.2  # [s] rest between two strokes
 
 
 class BenchMotion:
-    """Motion of a motor bench, with its measured sections.
+    """Motion of all joints on a motor bench, with the sections that are evaluated.
 
-    Each joint in turn performs its strokes while all others hold the posture. Both directions of a
-    speed pass the same postures, so that gravity cancels between them.
+    Each joint in turn performs its strokes while all others hold the posture. The joint passes
+    the same positions in both directions, so gravity cancels in the difference of the torques.
 
     Parameters
     ----------
-    plan : quantities to measure.
+    plan : speeds, acceleration runs and oscillations to perform.
     limits : limits of the joints.
     start : (n,) posture at the beginning and the end [rad].
     posture : (n,) posture of the measurements [rad].
@@ -124,7 +126,7 @@ class BenchMotion:
     Raises
     ------
     ExcitationError
-        If a joint's limits leave no travel, or a speed has no section of constant velocity.
+        If a joint's limits leave no travel, or a speed is too high to be constant for long enough.
     """
 
     def __init__(
@@ -149,7 +151,7 @@ class BenchMotion:
         self.sequence = MotionSequence(self._stages)
 
     def require_feasible(self, checker: FeasibilityChecker) -> None:
-        """Raise InfeasibleError if the motion violates a limit."""
+        """Raise InfeasibleError if the bench motion violates a limit."""
         checker.check(self.sequence, stop_early=True).require('the motion of the motor bench')
 
     def _check(self, joint: int) -> None:
@@ -229,7 +231,7 @@ class BenchMotion:
         self._add(f'{name} swings', swings)
 
     def _move(self, end: Array) -> None:
-        """Move to a posture without measuring."""
+        """Append a motion to the posture `end` that is not evaluated."""
         duration = rest_to_rest_duration(
             end - self._at,
             _TRANSFER_SHARE * self._limits.velocity,
@@ -254,7 +256,7 @@ def bench_checker(setup: ExcitationSetup, mounted: bool) -> FeasibilityChecker:
     Parameters
     ----------
     setup : setup of the arm.
-    mounted : False for bare motors, which have no load and cannot collide.
+    mounted : False for motors outside the arm, which carry no load and cannot collide.
     """
     limits = setup.limits
     if not mounted:

@@ -1,4 +1,4 @@
-"""Clearance between the arm's links and to the ground along a motion."""
+"""Distances between the arm's links, and between links and ground, along a motion."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ GROUND = 'ground'
 def build_collision_geometry(
     robot: Robot, ground_height: float | None, package_directories: Sequence[Path] = ()
 ) -> pin.GeometryModel:
-    """Return the collision shapes of an arm and its surroundings, without pairs.
+    """Return the collision shapes of an arm and its surroundings, without collision pairs.
 
     Meshes are replaced by their convex hulls.
 
     Parameters
     ----------
-    robot : arm with collision shapes in its URDF; shapes fixed to the base (a drone's body, its
-        landing gear) are obstacles.
+    robot : robot with collision shapes in its URDF; shapes fixed to the base, such as the body of
+        a drone, are obstacles.
     ground_height : height of the ground plane above the base frame's origin, against gravity [m];
         None without ground below the arm.
     package_directories : folders for `package://` meshes, in addition to the folders above the
@@ -84,25 +84,25 @@ def _ground(robot: Robot, height: float) -> pin.GeometryObject:
 
 
 def touches_ground(geometry: pin.GeometryModel, pair: pin.CollisionPair) -> bool:
-    """Return whether one shape of a pair is the ground."""
+    """Return whether one shape of a collision pair is the ground."""
     shapes = geometry.geometryObjects
     return GROUND in (shapes[pair.first].name, shapes[pair.second].name)
 
 
 def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
-    """Return the link of a shape; 'ground' for the ground."""
+    """Return the name of the link that a shape belongs to; 'ground' for the ground."""
     found = geometry.geometryObjects[shape]
     fixed_to_nothing = found.parentJoint == 0 and found.parentFrame == 0
     return str(found.name if fixed_to_nothing else model.frames[found.parentFrame].name)
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Return the largest change of each pair's distance per joint motion, (pairs, n) [m/rad].
+    """Return each pair's largest change of distance per joint motion, (pairs, n) [m/rad].
 
-    The distance of two bodies is 1-Lipschitz in their relative motion. A rotation of joint j by one
-    radian moves each point of a body by at most its distance from the joint's axis. That distance
-    is at most the sum of the offsets along the chain plus the body's radius. For a prismatic joint
-    the bound is 1.
+    The distance of two bodies changes by at most the relative motion of their points. A rotation
+    of joint j by one radian moves a point of a body by at most the point's distance from the
+    joint's axis. This distance is at most the sum of the link lengths between joint and body plus
+    the body's radius. For a prismatic joint the bound is 1.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
 
 
 def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -> Array:
-    """Return the radius of `shape` about each joint that moves it and is not in `shared`."""
+    """Return the radius of `shape` about each joint that moves it and is not in `shared` [m]."""
     reach = np.zeros(model.nv)
     if shape.parentJoint == 0:
         return reach
@@ -154,12 +154,12 @@ _BUILT_CLOSE = 1.25
 
 @dataclass(frozen=True)
 class CollisionPairs:
-    """Selected collision pairs of a geometry model.
+    """Pairs of shapes whose distance is checked, with the required distances.
 
     Parameters
     ----------
     required : (pairs,) required distance of each pair [m].
-    notes : texts on pairs without check or with less than the requested clearance.
+    notes : texts on pairs that are not checked, or have less than the requested clearance.
     """
 
     required: Array
@@ -172,19 +172,20 @@ def select_pairs(
     clearance: tuple[float, float],
     unchecked: Sequence[str] = (),
 ) -> CollisionPairs:
-    """Add the pairs whose distance a motion must keep to `geometry`.
+    """Add to `geometry` the pairs of shapes whose distance a motion must keep.
 
-    Two kinds of pairs are excluded. Moving links connected by one joint touch by design. The
-    distance of some shapes is constant, for example that of the ground and the column that turns on
-    the base. Some links are so close by design that they can hardly keep the clearance; they must
-    keep half of their median distance over random postures. The ground, obstacles, and link 1
-    relative to the base always keep the full clearance.
+    Two kinds of pairs are excluded: moving links connected by one joint, which touch by design,
+    and shapes whose distance is constant, for example the ground and a column that turns on the
+    base. Links that are too close by design to keep the clearance must keep half of their median
+    distance over random postures. The ground, obstacles, and link 1 relative to the base always
+    keep the full clearance.
 
     Parameters
     ----------
     robot : robot model of the arm.
     geometry : shapes of the arm and its surroundings; their pairs are replaced.
-    clearance : required distances [m], (arm to itself and to obstacles, arm to ground).
+    clearance : two required distances [m]: between links or between link and obstacle, and
+        between link and ground.
     unchecked : pairs of links excluded by the user, each as 'one to other'.
 
     Raises
@@ -230,7 +231,7 @@ class _Selection:
         return CollisionPairs(np.array(required), tuple(self._notes))
 
     def _candidates(self) -> list[pin.CollisionPair]:
-        """Return all pairs except those of two moving links connected by one joint."""
+        """Return all pairs of shapes, except two moving links connected by one joint."""
         shapes, parents = self._geometry.geometryObjects, self._robot.model.parents
         pairs = []
         for b, second in enumerate(shapes):
@@ -305,7 +306,7 @@ class _Selection:
         return set(self._names(pair)) == {self._base, self._robot.link_names[0]}
 
     def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
-        """Return whether both shapes belong to the arm: moving links, or base and links from 2."""
+        """Return whether both shapes are links of the arm; link 1 with the base does not count."""
         shapes = [self._geometry.geometryObjects[i] for i in (pair.first, pair.second)]
         low, high = sorted(shape.parentJoint for shape in shapes)
         return low > 0 or (self._base in self._names(pair) and high > 1)
@@ -340,11 +341,12 @@ _distance = attrgetter('min_distance')
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest distance for one kind of pair.
+    """Smallest distance along a motion for one kind of pair ('self' or 'ground').
 
-    `distance` [m] is reached in a sampled posture, `guaranteed` [m] is kept by the whole motion,
-    including times between samples. Both belong to the pair with the smallest margin to its
-    `required` distance [m]. `sample` is the row of that posture.
+    `distance` [m] is the smallest distance in a sampled posture. `guaranteed` [m] is a lower
+    bound of the distance during the whole motion, including times between samples. Both belong to
+    the pair with the smallest margin to its `required` distance [m]. `sample` is the row number
+    of the posture with the smallest distance.
     """
 
     subject: str
@@ -355,7 +357,7 @@ class Clearance:
 
 
 class ClearanceChecker:
-    """Certifies that a motion keeps its required distances, including times between samples.
+    """Check that a motion keeps all required distances, including times between samples.
 
     Parameters
     ----------
@@ -397,7 +399,8 @@ class ClearanceChecker:
         self.notes = selected.notes
         """Texts on pairs without check or with less than the requested clearance."""
         self._geometry_data = pin.GeometryData(self._geometry)
-        # References into the data, stored once, because indexing costs more than all distances.
+        # References into the geometry data are stored once, because indexing takes longer than
+        # computing all distances.
         self._results = [self._geometry_data.distanceResults[i] for i in range(len(self._required))]
         self._bounds = motion_bounds(self._model, self._geometry)
         ground = np.array(
@@ -412,7 +415,7 @@ class ClearanceChecker:
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Names of the links of each checked pair; 'ground' for the ground."""
+        """Names of the two links of each checked pair; 'ground' for the ground."""
         model, geometry = self._model, self._geometry
         return tuple(
             (link_of(model, geometry, pair.first), link_of(model, geometry, pair.second))
@@ -431,7 +434,7 @@ class ClearanceChecker:
 
     @property
     def steepest(self) -> Array:
-        """Largest change of any pair's distance per joint (n,) [m/rad]."""
+        """Largest change of any pair's distance per motion of each joint (n,) [m/rad]."""
         return np.asarray(self._bounds.max(axis=0))
 
     def distances(self, q: Array) -> Array:
@@ -440,11 +443,11 @@ class ClearanceChecker:
         return np.fromiter(map(_distance, self._results), float, len(self._results))
 
     def margin(self, q: Array) -> float:
-        """Return the margin of the worst pair to its required distance at q (n,) [m]."""
+        """Return the smallest difference of distance and required distance at q (n,) [m]."""
         return float((self.distances(q) - self._required).min())
 
     def margin_gradient(self, q: Array) -> Array:
-        """Return the derivative (n,) of `margin` [m/rad].
+        """Return the derivative of `margin` with respect to the joint positions, (n,) [m/rad].
 
         The derivative equals the relative velocity of the two nearest points along their connecting
         line.
@@ -457,7 +460,7 @@ class ClearanceChecker:
         return np.asarray(result.normal @ (second - first))
 
     def _point_jacobian(self, shape: int, point: Array) -> Array:
-        """Return the Jacobian (3, n) of a point [m] fixed to a shape, in the base frame."""
+        """Return the Jacobian (3, n) of a point fixed to a shape, in the base frame."""
         joint = self._geometry.geometryObjects[shape].parentJoint
         if joint == 0:
             return np.zeros((3, self._model.nv))
@@ -468,19 +471,19 @@ class ClearanceChecker:
         return np.asarray(jacobian[:3] - pin.skew(lever) @ jacobian[3:])
 
     def sweep(self, positions: Array, stop_below: bool = False) -> dict[str, Clearance]:
-        """Return the smallest clearance of a motion, per kind of pair ('self', 'ground').
+        """Return the smallest distances of a motion, for each kind of pair ('self', 'ground').
 
         The motion is divided into intervals (branch and bound). Distances are computed in the
-        middle of an interval; elsewhere in the interval they are lower by at most sum_j L_j |q_j -
-        q_j,mid| (see `motion_bounds`). An interval whose bound is below the smallest margin found
-        is halved, down to neighbouring samples.
+        middle of an interval; elsewhere in the interval distances are smaller by at most sum_j
+        L_j |q_j - q_j,mid|, with the bounds L of `motion_bounds`. An interval that may contain a
+        smaller margin than the smallest one found is halved, down to neighbouring samples.
 
         Parameters
         ----------
         positions : (M, n) postures [rad], dense enough that between neighbours each joint moves
             monotonically or negligibly (the control cycle).
-        stop_below : stop at the first posture that is too close; the guaranteed distance is then
-            invalid.
+        stop_below : whether to stop at the first posture that is too close; the guaranteed
+            distances are then invalid.
         """
         worst = {kind: _Worst() for kind in self._kinds}
         intervals = deque(self._initial_intervals(len(positions)))
@@ -524,7 +527,7 @@ class ClearanceChecker:
 
 @dataclass
 class _Worst:
-    """Smallest margin to the required distance found so far [m], for one kind of pair."""
+    """Smallest difference of distance and required distance found so far [m], per kind of pair."""
 
     margin: float = np.inf
     guaranteed: float = np.inf

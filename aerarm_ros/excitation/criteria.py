@@ -1,4 +1,4 @@
-"""Design criteria of an excitation, based on the information about the parameters."""
+"""Design criteria of an excitation, based on the information matrix of the parameters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class SmoothRegressor:
-    """Regressor with links, viscous friction, smoothed Coulomb friction and rotor inertia.
+    """Torque regressor of links, viscous friction, smoothed Coulomb friction and rotor inertia.
 
     The columns equal those of `Regressor(robot, rotor_inertia=True)`. The sign of the velocity is
     replaced by tanh(dq / width), which is differentiable.
@@ -24,7 +24,7 @@ class SmoothRegressor:
     Parameters
     ----------
     robot : arm with n joints.
-    width : velocity width of the smoothing [rad/s].
+    width : velocity at which the smoothed sign reaches 0.76 [rad/s].
     """
 
     _STEP = 1e-6
@@ -36,12 +36,12 @@ class SmoothRegressor:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the p = 13 n columns."""
+        """Names of the regressor's p = 13 n columns."""
         return self._regressor.columns
 
     @property
     def thesis_columns(self) -> slice:
-        """Columns of thesis (3.6), without rotor inertia."""
+        """Regressor columns of thesis (3.6), without rotor inertia."""
         return slice(0, 12 * self._n)
 
     def stack(self, states: JointReference) -> Array:
@@ -57,15 +57,15 @@ class SmoothRegressor:
     def derivatives(
         self, states: JointReference, stacked: Array
     ) -> Iterator[tuple[int, int, Array]]:
-        """Yield the derivative (M, n, p) of `stacked` with respect to each entry of the state.
+        """Yield the derivative (M, n, p) of the stacked regressor by each entry of the state.
 
-        The derivatives are forward differences. The regressor is linear in the acceleration and
-        quadratic in the velocity, so only the position derivatives have an error beyond rounding,
-        of about 1e-6.
+        The derivatives are forward differences. Only the position derivatives have an error
+        (about 1e-6) that exceeds rounding errors.
 
         Yields
         ------
-        kind, joint, derivative : kind 0, 1, 2 for position, velocity and acceleration.
+        kind, joint, derivative : derivative with respect to the position (kind 0), velocity (1)
+            or acceleration (2) of the joint.
         """
         for kind in range(3):
             for joint in range(self._n):
@@ -80,8 +80,10 @@ class IdentifiableSpace:
 
     Parameters
     ----------
-    basis : (p, r) orthonormal basis of the identifiable combinations; r is the rank.
-    base_columns : (r,) well-conditioned columns that span the regressor: base parameters.
+    basis : (p, r) orthonormal basis of the parameter combinations that any motion identifies; r
+        is their number.
+    base_columns : (r,) indices of well-conditioned columns that span the regressor (columns of
+        the base parameters).
     """
 
     basis: Array
@@ -100,7 +102,7 @@ class IdentifiableSpace:
 
         Parameters
         ----------
-        robot : arm, which provides the position limits.
+        robot : robot whose position limits bound the random states.
         regressor : regressor of the arm.
         columns : columns to identify.
         samples : number of random states; several times the number of columns per joint.
@@ -139,7 +141,7 @@ def information_gradient(stacked: Array, by_information: Array) -> Array:
     Parameters
     ----------
     stacked : regressor W, (M, n, p).
-    by_information : symmetric derivative with respect to A, (p, p).
+    by_information : symmetric derivative of the function with respect to A, (p, p).
     """
     return np.asarray(2.0 * (stacked @ by_information) / len(stacked))
 
@@ -153,8 +155,8 @@ def information(stacked: Array) -> Array:
 class BoundedCriterion:
     """Smooth penalty on another criterion above a limit.
 
-    The penalty log(1 + exp(s (value - limit))) / s is a hinge with a smooth corner: almost zero
-    below the limit, and with slope one above.
+    The penalty log(1 + exp(s (value - limit))) / s is almost zero below the limit and rises with
+    slope one above the limit.
 
     Parameters
     ----------
@@ -177,7 +179,7 @@ class BoundedCriterion:
 
 
 class CombinedCriterion:
-    """Weighted sum of criteria; all are logarithms, so the weights compare factors.
+    """Weighted sum of criteria, each of which is a logarithm of a quantity.
 
     Parameters
     ----------
@@ -200,16 +202,16 @@ class CombinedCriterion:
 class ConditionCriterion:
     """Logarithm of sigma_max / sigma_min over the non-zero singular values, thesis (5.2).
 
-    Where eigenvalues cross during a design, their extremes are not differentiable. So the extremes
-    are smoothed by a log-sum-exp of sharpness rho, which overestimates the logarithm by at most
-    log(r) / rho.
+    The largest and smallest eigenvalue are not differentiable where two eigenvalues cross. Both
+    are therefore smoothed by a log-sum-exp of sharpness rho, which overestimates the logarithm by
+    at most log(r) / rho.
 
     Parameters
     ----------
     space : identifiable space of the columns.
     columns : columns of the regressor to include.
-    scaled : whether to use the base columns, each divided by its norm, in place of (5.2)'s unscaled
-        columns (Gautier, Khalil 1992 scale by prior parameters for the same purpose).
+    scaled : whether to divide each base column by its norm; False uses the unscaled columns of
+        (5.2). Gautier and Khalil (1992) scale the columns by prior parameters instead.
     sharpness : parameter rho.
     """
 
@@ -267,7 +269,7 @@ class ConditionCriterion:
         return part / np.outer(norms, norms), norms
 
     def _soft_condition(self, matrix: Array) -> tuple[float, Array]:
-        """Return half the smoothed logarithm of the eigenvalue ratio and its derivative."""
+        """Return half the smoothed logarithm of the eigenvalue ratio, and its derivative."""
         eigenvalues, vectors = np.linalg.eigh(matrix)
         log = np.log(np.maximum(eigenvalues, np.finfo(float).tiny))
         rho = self._sharpness
@@ -283,10 +285,11 @@ class ConditionCriterion:
 
 
 class InformationCriterion:
-    """Mean logarithm of the base parameters' standard deviations, up to a constant.
+    """Mean logarithm of the standard deviations of the base parameters, up to a constant.
 
-    The criterion is -log det(V^T A V) / 2r, where A is the information of torques with given noise.
-    Doubling every eigenvalue halves every variance, for any units of the parameters.
+    The criterion is -log det(V^T A V) / 2r, with the basis V of the identifiable space and the
+    information matrix A of torques with given noise. Doubling every eigenvalue halves every
+    variance, whatever units the parameters have.
 
     Parameters
     ----------
@@ -311,7 +314,7 @@ class InformationCriterion:
         return float(-0.5 * log_determinant / rank), gradient
 
     def standard_deviations(self, stacked: Array, samples: int) -> Array:
-        """Return the Cramer-Rao bound of each column's identifiable part, (p,).
+        """Return lower bounds (Cramer-Rao) of the standard deviations of all parameters, (p,).
 
         Parameters
         ----------

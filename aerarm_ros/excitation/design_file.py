@@ -1,4 +1,4 @@
-"""Files of designed trajectories."""
+"""Reading and writing of the YAML files of designed trajectories."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FORMAT = 'aerarm_ros/fourier_trajectory/1'
 
 @dataclass(frozen=True)
 class _Document:
-    """Keys of the file; the entries of `made_with` are informative and not read back."""
+    """Keys of a trajectory file; entries of `made_with` only inform the user."""
 
     format: str
     fundamental_frequency: float
@@ -64,8 +64,9 @@ class TrajectoryFile:
     Parameters
     ----------
     trajectory : Fourier series of the joints.
-    joint_names : joint of each row of the coefficients.
-    made_with : information on the origin, for example seed, condition number and margins.
+    joint_names : name of the joint of each coefficient row.
+    made_with : information on how the trajectory was made, for example seed, condition number and
+        margins.
     periods : number of periods to play; None if the player decides.
     """
 
@@ -147,7 +148,7 @@ class TrajectoryFile:
         return cls(trajectory, names, document.made_with, document.periods)
 
     def for_joints(self, joint_names: Sequence[str]) -> FourierTrajectory:
-        """Return the trajectory with its rows in the order of `joint_names`.
+        """Return the trajectory with its coefficient rows in the order of `joint_names`.
 
         Raises
         ------
@@ -165,7 +166,7 @@ class TrajectoryFile:
 
 
 def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
-    """Return the smallest margin to each kind of limit, for a file's `made_with`."""
+    """Return texts with the smallest margin to each kind of limit, for `made_with`."""
     return {
         margin.limit: {
             'subject': margin.subject,

@@ -15,11 +15,11 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class StateBasis:
-    """Sampled states of one period, followed by run-in and run-out, from a coefficient matrix.
+    """Linear map from a coefficient matrix to the states of one period with run-in and run-out.
 
     The coefficient matrix X (1 + 2N, n) has one column per joint: bias, sine and cosine
-    coefficients. Position, velocity and acceleration are linear in X, so their bases are the states
-    of trajectories with a single coefficient of one.
+    coefficients. Position, velocity and acceleration are linear in X, so the map consists of the
+    states of trajectories with a single coefficient of one.
 
     Parameters
     ----------
@@ -74,11 +74,11 @@ class StateBasis:
         return FourierTrajectory(self.fundamental, coefficients[0], sine.T, cosine.T)
 
     def states(self, coefficients: Array) -> JointReference:
-        """Return the (M, n) states of a coefficient matrix."""
+        """Return positions, velocities and accelerations (M, n) of a coefficient matrix."""
         return JointReference(*(basis @ coefficients for basis in self._basis))
 
     def pull_back(self, *gradients: Array) -> Array:
-        """Return the gradient with respect to the coefficients of a function of the states.
+        """Convert a function's gradient by the states to its gradient by the coefficients.
 
         Parameters
         ----------
@@ -93,20 +93,22 @@ class StateBasis:
 
 
 class DesignConstraints:
-    """One constraint per joint and kind of limit, and one for all clearances.
+    """Smooth constraints of a design: one per joint and kind of limit, and one for all clearances.
 
     The samples of each constraint are combined by the Kreisselmeier-Steinhauser function, a
-    log-sum-exp that is never below their largest value, so every sample satisfies a satisfied
-    constraint. The constraints only guide the optimizer; `FeasibilityChecker` decides.
+    log-sum-exp that is never below the largest sample, so a satisfied constraint is satisfied at
+    every sample. The constraints only guide the optimizer; `FeasibilityChecker` makes the final
+    check.
 
     Parameters
     ----------
     limits : limits of position, velocity and acceleration.
     effort : (n,) torque limit [Nm], including the limit of motor current.
     clearance : distances to keep; None ignores collisions.
-    pad : distance in addition to the required clearance [m], for motion between samples.
-    sharpness : parameter of the combination; the largest sample is overestimated by log(M) /
-        sharpness.
+    pad : distance [m] added to the required clearance, because links may be closer between
+        samples.
+    sharpness : parameter of the log-sum-exp; the largest sample is overestimated by at most
+        log(M) / sharpness.
     """
 
     _CLEARANCE_SCALE = 0.1
@@ -133,7 +135,7 @@ class DesignConstraints:
         self._sharpness = sharpness
 
     def values(self, states: JointReference, effort: Array, period: int) -> Array:
-        """Return the constraints, (4 n,) or (4 n + 1,), all >= 0 where feasible.
+        """Return the constraint values, (4 n,) or (4 n + 1,), all >= 0 for a feasible motion.
 
         Parameters
         ----------
@@ -150,12 +152,12 @@ class DesignConstraints:
     def gradients(
         self, states: JointReference, effort: Array, period: int
     ) -> tuple[list[Array], Array | None]:
-        """Return the derivatives of the constraints with respect to the sampled quantities.
+        """Return the derivatives of the constraints by sampled positions, velocities and torques.
 
         Returns
         -------
         joint : derivatives (M, n) of the n constraints of position, velocity, acceleration and
-            torque, each with respect to its joint's quantity.
+            torque, each with respect to the samples of the quantity that it limits.
         clearance : derivative (M, n) of the last constraint with respect to the positions, or None.
         """
         joint = [
@@ -178,7 +180,7 @@ class DesignConstraints:
         )
 
     def _shortfall(self, positions: Array) -> Array:
-        """Return by how much each posture violates the clearance, positive if violated, (M,)."""
+        """Return each posture's required minus actual distance, (M,) [m]; positive if violated."""
         assert self._clearance is not None
         margins = np.array([self._clearance.margin(q) for q in positions])
         return (self._pad - margins) / self._CLEARANCE_SCALE
@@ -187,7 +189,7 @@ class DesignConstraints:
         assert self._clearance is not None
         weights = scipy.special.softmax(self._sharpness * self._shortfall(positions))
         gradient = np.zeros_like(positions)
-        # Most postures are far from any obstacle and have no weight.
+        # Most postures are far from any obstacle and have no weight in the log-sum-exp.
         for sample in np.flatnonzero(weights > 1e-6):
             slope = self._clearance.margin_gradient(positions[sample])
             gradient[sample] = weights[sample] * slope / self._CLEARANCE_SCALE
@@ -195,10 +197,10 @@ class DesignConstraints:
 
 
 class FeasibleIterates:
-    """Collection of iterates that satisfy the constraints.
+    """Iterates of an optimizer that satisfy the constraints.
 
-    An optimizer may be stopped, and its optimum may violate a limit between its samples. Earlier
-    iterates are almost as good, and often feasible.
+    If the optimizer is stopped, or its optimum violates a limit between samples, an earlier
+    iterate is often feasible and almost as good.
     """
 
     _TOLERANCE = 1e-3
@@ -211,7 +213,7 @@ class FeasibleIterates:
         """The latest iterate, feasible or not."""
 
     def see(self, x: Array, value: float, constraints: Array) -> None:
-        """Record an iterate.
+        """Store an iterate of the optimizer if it satisfies the constraints.
 
         Parameters
         ----------
@@ -227,8 +229,8 @@ class FeasibleIterates:
     def best(self, number: int = 12) -> list[tuple[Array, int]]:
         """Return up to `number` iterates, best first, each with its step number.
 
-        Consecutive iterates near an optimum share its violations, so the selection is spread over
-        all iterates: the best one, then those that are better than all but 2, 4, 8... others.
+        Iterates near an optimum often violate the same limit, so the selection is spread over all
+        iterates: the best iterate, then those with exactly 1, 2, 4, 8 and so on better iterates.
         """
         ranked = sorted(self._seen, key=lambda item: item[:2])
         chosen = [0, *(2**i for i in range(number - 1))]
@@ -237,7 +239,7 @@ class FeasibleIterates:
 
 @dataclass
 class _Point:
-    """Cached evaluation of one coefficient vector."""
+    """Stored results of the evaluation of one coefficient vector."""
 
     key: bytes
     states: JointReference
@@ -251,7 +253,7 @@ class _Point:
 
 
 class DesignProblem:
-    """Criterion and constraints, with derivatives, of a flat coefficient vector.
+    """Criterion and constraints of a design, with derivatives by a flat coefficient vector.
 
     All four functions share one evaluation, cached for the last vector.
 
@@ -259,9 +261,9 @@ class DesignProblem:
     ----------
     basis : map from coefficients to states.
     regressor : map from states to the regressor.
-    criterion : criterion to minimize, on the period.
-    constraints : constraints on the period with run-in and run-out.
-    prior : (p,) prior parameters, for the torque.
+    criterion : criterion to minimize, evaluated on one period.
+    constraints : constraints, evaluated on one period with run-in and run-out.
+    prior : (p,) prior parameters, from which the torque is computed.
     """
 
     def __init__(
@@ -280,7 +282,7 @@ class DesignProblem:
         self._last: _Point | None = None
 
     def value(self, x: Array) -> float:
-        """Return the value of the criterion."""
+        """Return the value of the criterion at the coefficients `x`."""
         return self._at(x).value
 
     def gradient(self, x: Array) -> Array:
@@ -317,9 +319,9 @@ class DesignProblem:
         return point
 
     def _contract(self, point: _Point) -> tuple[Array, Array]:
-        """Return d value / d state (3, P, n) and d effort / d state (3, M, n, n).
+        """Return the derivatives of criterion (3, P, n) and torques (3, M, n, n) by the state.
 
-        The regressor's derivative (3 n, M, n, p) is never stored completely.
+        The regressor's derivative (3 n, M, n, p) is computed entry by entry, to limit the memory.
         """
         samples, n = point.states.q.shape
         period = self.basis.period_samples

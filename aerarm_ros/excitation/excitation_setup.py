@@ -1,4 +1,4 @@
-"""Feasibility checks and planner of one arm, from its description and configuration."""
+"""Feasibility checks and excitation planner of one arm, from its description and configuration."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class RandomTrajectory:
-    """Distribution of random trajectories: coefficients in +-amplitude, bias in +-spread.
+    """Distribution of random trajectories with bounded Fourier coefficients and centre.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class RandomTrajectory:
             raise ExcitationError(f'fundamental must be positive, got {self.fundamental} Hz')
 
     def draw(self, generator: np.random.Generator) -> FourierTrajectory:
-        """Draw a random trajectory with `generator`."""
+        """Return a random trajectory, drawn with `generator`."""
         n = len(self.bias)
         spread = generator.uniform(-self.bias_spread, self.bias_spread, n)
         alpha, beta = generator.uniform(-self.amplitude, self.amplitude, (2, n, self.harmonics))
@@ -91,12 +91,12 @@ class RandomTrajectory:
         attempts: int = 500,
         stop: Callable[[], bool] = lambda: False,
     ) -> tuple[FourierTrajectory, FeasibilityReport]:
-        """Return the first feasible trajectory of the random sequence with a seed.
+        """Return the first feasible trajectory of a sequence of random ones, given by its seed.
 
         Parameters
         ----------
         seed : random seed; equal seeds and limits give equal trajectories.
-        checker : limits, over the whole period with run-in and run-out.
+        checker : feasibility checker, applied to a whole period with run-in and run-out.
         ramp_time : duration of run-in and run-out [s].
         attempts : largest number of random trajectories.
         stop : function called before each attempt; True ends the search.
@@ -149,10 +149,11 @@ class ExcitationPlanner:
     Parameters
     ----------
     checker : limits of the excitation.
-    transfer_checker : limits of approach and return. Their positions may use the joints' full
-        range, because the initial posture may be outside the range of an excitation.
+    transfer_checker : limits of approach and return. Approach and return may use the joints' full
+        position range, because the initial posture may be outside the range of an excitation.
     ramp_time : duration of run-in and run-out along the trajectory [s].
-    transfer_share : fraction of the transfer checker's velocity and acceleration used by transfers.
+    transfer_share : fraction of the velocity and acceleration limits of `transfer_checker` that
+        approach and return use.
     """
 
     SHORTEST_TRANSFER = 1.0
@@ -169,7 +170,7 @@ class ExcitationPlanner:
         self._transfer_checker = transfer_checker
         self._ramp_time = ramp_time
         limits = transfer_checker.limits
-        # A model without acceleration limits must also move in finite time.
+        # A robot without acceleration limits also needs a finite duration.
         self._velocity = transfer_share * np.minimum(limits.velocity, 10.0)
         self._acceleration = transfer_share * np.minimum(limits.acceleration, 10.0)
 
@@ -180,12 +181,12 @@ class ExcitationPlanner:
         start: Array,
         go_back: bool = True,
     ) -> MotionSequence:
-        """Return the motion from rest at `start` through `periods` of the trajectory to rest.
+        """Return a motion from rest at `start` through some periods of the trajectory to rest.
 
         Parameters
         ----------
-        trajectory : periodic part of the motion.
-        periods : whole number of periods.
+        trajectory : trajectory to play.
+        periods : number of periods, a positive integer.
         start : (n,) present posture [rad].
         go_back : whether to end at `start` instead of the end of the run-out.
 
@@ -208,7 +209,7 @@ class ExcitationPlanner:
         return MotionSequence(stages)
 
     def _transfer(self, name: str, start: Array, end: Array, centre: Array) -> list[Stage]:
-        """Return the first feasible path among the candidates."""
+        """Return the first feasible one of the candidate paths from `start` to `end`."""
         refused = None
         for way in _ways(start, end, centre):
             stages = self._stages(name, way)
@@ -232,7 +233,7 @@ class ExcitationPlanner:
 
 
 def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
-    """Yield candidate joint-space paths: straight, through the centre, one joint at a time."""
+    """Yield lists of postures from `start` to `end`: direct, through `centre`, joint by joint."""
     yield [start, end]
     yield [start, centre, end]
     for order in (range(len(start)), reversed(range(len(start)))):
@@ -246,15 +247,15 @@ def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
 
 @dataclass(frozen=True, eq=False)
 class ExcitationSetup:
-    """Model, limits and checker of one arm, to design, check and plan excitations.
+    """Robot model, limits and feasibility checker of one arm, used to design and plan excitations.
 
-    A setup can be sent to another process, which builds its own checks.
+    A setup can be sent to another process, which builds its own checker.
 
     Parameters
     ----------
     robot : robot model of the arm.
-    config : usable fractions of the limits, and surroundings.
-    limits : full limits of the arm.
+    config : usable fractions of the limits, and surroundings of the arm.
+    limits : full limits of the arm, of which excitations use a fraction.
     rotor_inertia : (n,) inertia reflected to the joints [kg m^2].
     torque_per_ampere : (n,) joint torque per motor current [Nm/A], infinite if unknown.
     package_directories : folders for `package://` meshes.
@@ -275,7 +276,7 @@ class ExcitationSetup:
         config: ExcitationConfig,
         package_directories: Sequence[Path] = (),
     ) -> ExcitationSetup:
-        """Return the setup of an arm with a drive train configuration."""
+        """Return the setup of an arm, with limits from its drive train configuration."""
         return cls(
             robot,
             config,
@@ -295,7 +296,7 @@ class ExcitationSetup:
         current_limit: ArrayLike = np.inf,
         torque_per_ampere: ArrayLike = np.inf,
     ) -> ExcitationSetup:
-        """Return the setup of any arm from its URDF, without rotor inertia.
+        """Return the setup of any arm, with limits from its URDF and without rotor inertia.
 
         Parameters
         ----------
@@ -319,18 +320,18 @@ class ExcitationSetup:
 
     @cached_property
     def usable_limits(self) -> MotionLimits:
-        """Part of the limits that an excitation may use."""
+        """Position, velocity, acceleration and torque limits that an excitation may use."""
         config = self.config
         return self.limits.scaled(config.position_share, config.velocity_share, config.effort_share)
 
     @cached_property
     def effort_model(self) -> EffortModel:
-        """Prior model of torque and motor current."""
+        """Model of joint torques and motor currents with nominal parameters."""
         return EffortModel(self.robot, self.rotor_inertia, self.torque_per_ampere)
 
     @cached_property
     def clearance(self) -> ClearanceChecker | None:
-        """Distances to keep, None if clearance is not checked.
+        """Checker of the distances between links and to the ground, None if they are not checked.
 
         Building the checker raises ExcitationError without collision shapes.
         """
@@ -347,12 +348,12 @@ class ExcitationSetup:
 
     @cached_property
     def stops(self) -> StopLimits:
-        """Return the joint limits for a stop at any point of a motion."""
+        """Return the acceleration, torque and current limits of a stop along a motion."""
         return StopLimits(self.limits, self.effort_model)
 
     @cached_property
     def checker(self) -> FeasibilityChecker:
-        """Feasibility checker of the excitation."""
+        """Feasibility checker with the limits that an excitation may use."""
         return FeasibilityChecker(
             self.usable_limits,
             self.clearance,
@@ -363,7 +364,7 @@ class ExcitationSetup:
 
     @cached_property
     def planner(self) -> ExcitationPlanner:
-        """Planner from any posture through an excitation and back."""
+        """Planner of motions from any posture through an excitation and back."""
         transfers = FeasibilityChecker(
             self.limits, self.clearance, self.effort_model, stops=self.stops
         )
@@ -374,7 +375,7 @@ class ExcitationSetup:
     def random_trajectory(
         self, amplitude: float, fundamental: float, harmonics: int
     ) -> RandomTrajectory:
-        """Return the distribution of random trajectories about the configured bias.
+        """Return the distribution of random trajectories about the configured centre `bias`.
 
         Parameters
         ----------
@@ -391,16 +392,17 @@ class ExcitationSetup:
         )
 
     def require_bias(self) -> None:
-        """Check the configured centre of the motion: limits, gravity, clearance.
+        """Check that the arm may rest at the configured centre of the motion.
 
-        Without a configured centre, random trajectories have many different centres.
+        Nothing is checked without a configured centre, because random trajectories then have
+        different centres.
 
         Raises
         ------
         ConfigError
             If the centre does not have one finite value per joint.
         InfeasibleError
-            If the arm may not rest there; the message names the violated limit.
+            If the arm may not rest at the centre; the message names the violated limit.
         """
         centre = self.config.bias_of(self.robot)
         if self.config.bias is not None:
@@ -408,5 +410,6 @@ class ExcitationSetup:
             report.require('the centre of the motion (bias)')
 
     def __getstate__(self) -> dict[str, Any]:
-        # Collision geometry and solver data cannot be sent; the receiver builds them when needed.
+        # Collision geometry and solver data cannot be sent to another process, which builds its
+        # own when needed.
         return {field.name: getattr(self, field.name) for field in fields(self)}

@@ -1,4 +1,4 @@
-"""Feasibility of a motion: margins to limits of position, speed, acceleration and effort."""
+"""Feasibility of a motion: margins to limits of position, speed, acceleration and torque."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from aerarm_ros.motion.signals import Array, JointMotion, JointReference
 
 
 class EffortModel:
-    """Inverse dynamics with rotor inertia and friction, thesis (2.18), and drive train.
+    """Joint torques and motor currents of a motion, thesis (2.18), with rotors and friction.
 
     Parameters
     ----------
     robot : arm with prior inertial parameters and friction.
     rotor_inertia : (n,) inertia reflected to the joints [kg m^2], None for zero.
     torque_per_ampere : (n,) joint torque per motor current [Nm/A]; None if unknown.
-    load_friction : dry friction per torque transmitted by the gear [-]; the robot's if None.
+    load_friction : dry friction per torque transmitted by the gear [-]; None uses the value of
+        `robot`.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class EffortModel:
         self._dynamics.carry(payload)
 
     def effort(self, position: Array, velocity: Array, acceleration: Array) -> Array:
-        """Return joint torques (M, n) [Nm] for (M, n) positions, velocities, accelerations."""
+        """Return the joint torques (M, n) [Nm] of a motion with M states."""
         inverse = self._dynamics.inverse
         rigid = np.array(
             [inverse(*sample) for sample in zip(position, velocity, acceleration, strict=True)]
@@ -64,23 +65,23 @@ class EffortModel:
         return rigid + viscous_coulomb(velocity, self._viscous, dry)
 
     def current(self, effort: Array) -> Array:
-        """Return motor currents [A] for joint torques [Nm], thesis (4.2) and (4.7)."""
+        """Return the motor currents [A] that produce joint torques [Nm], thesis (4.2) and (4.7)."""
         return effort / self._torque_per_ampere
 
     def torque(self, current: Array) -> Array:
-        """Return joint torques [Nm] of motor currents [A], without gear friction."""
+        """Return the joint torques [Nm] that motor currents [A] produce, without gear friction."""
         return current * self._torque_per_ampere
 
 
 @dataclass(frozen=True)
 class LimitMargin:
-    """Margin of a motion to one limit.
+    """Margin of a motion to one limit of one joint or pair of links.
 
     Parameters
     ----------
     limit : name of the limit, for example 'velocity' or 'ground clearance'.
     subject : joint or pair of links.
-    reached, allowed : extreme value of the motion and limit, in `unit`.
+    reached, allowed : extreme value during the motion, and its limit, in `unit`.
     margin : distance to the limit in `unit`, negative if violated.
     relative : margin as a fraction of the allowed value, to compare different limits.
     unit : unit of all values except `relative`.
@@ -142,7 +143,7 @@ class FeasibilityReport:
     Parameters
     ----------
     margins : one margin per limit and subject.
-    notes : texts on skipped or relaxed checks.
+    notes : texts on checks that were skipped or relaxed.
     """
 
     margins: Sequence[LimitMargin]
@@ -152,16 +153,16 @@ class FeasibilityReport:
 
     @property
     def feasible(self) -> bool:
-        """Whether all limits are satisfied."""
+        """Whether the motion satisfies all checked limits."""
         return all(margin.margin >= -self._ROUNDING for margin in self.margins)
 
     @property
     def binding(self) -> LimitMargin:
-        """Margin with the smallest relative value."""
+        """Smallest margin of the motion, relative to its limit."""
         return min(self.margins, key=lambda margin: margin.relative)
 
     def worst_of_each(self) -> list[LimitMargin]:
-        """Return, for each kind of limit, the subject with the smallest margin."""
+        """Return, for each kind of limit, the smallest margin of all joints or pairs of links."""
         worst: dict[str, LimitMargin] = {}
         for margin in self.margins:
             if margin.limit not in worst or margin.relative < worst[margin.limit].relative:
@@ -169,18 +170,18 @@ class FeasibilityReport:
         return list(worst.values())
 
     def require(self, what: str) -> None:
-        """Raise an error unless the motion is feasible.
+        """Raise InfeasibleError unless the motion satisfies all limits.
 
         Raises
         ------
         InfeasibleError
-            If a limit is violated; the message names `what` and the limit.
+            If a limit is violated; the message names the motion (`what`) and the limit.
         """
         if not self.feasible:
             raise InfeasibleError(f'{what} is infeasible: {self.binding}')
 
     def as_table(self) -> str:
-        """Return one line per kind of limit with its closest subject, followed by the notes."""
+        """Return a text with the smallest margin to each kind of limit, followed by the notes."""
         rows = [
             f'  {m.limit:<17} {m.subject:<24} {m.reached:9.4g} of {m.allowed:9.4g} {m.unit:<8}'
             f' margin {m.margin:9.4g}'
@@ -197,13 +198,13 @@ def effort_margins(
     times: Array,
     states: JointReference,
 ) -> list[LimitMargin]:
-    """Return the margins of the torques and currents required by states.
+    """Return the margins of the joint torques and motor currents that states require.
 
     Parameters
     ----------
-    names : names of the two limits.
+    names : names of the torque limit and of the current limit.
     limits : limits of the joints.
-    model : prior inverse dynamics.
+    model : torque model with nominal parameters.
     times : (M,) times of the states [s].
     states : (M, n) states.
     """
@@ -216,23 +217,24 @@ def effort_margins(
     ]
 
 
-# If the path requires almost all of a torque limit, a stop may still use this fraction of the
-# path's torque for braking, so that every stop ends.
+# If the motion on the path requires almost all of a torque limit, a stop may still brake with
+# this fraction of the motion's torque in addition, so that every stop ends.
 _LEFT = 0.1
 
 
 class StopLimits:
-    """Acceleration, torque and motor current limits of a stop along a motion, see `stop_along`.
+    """Acceleration, torque and motor current limits of a stop along a motion.
 
-    A stop keeps the arm on its path, so postures are those of the motion and no joint accelerates.
-    The stop brakes as hard as the full limits allow, beyond the fraction used by an excitation,
-    because stops are rare. Between full speed and rest the path's torque lies between the motion's
-    torque, which is checked, and the torque at rest, which `margins` checks.
+    A stop (see `stop_along`) keeps the arm on the path of the motion, so all postures are those
+    of the motion, and no joint becomes faster. Because stops are rare, a stop may use the full
+    limits, and not only the fraction that an excitation may use. Between full speed and rest the
+    torque lies between the torque of the motion, which the feasibility checker checks, and the
+    torque at rest, which `margins` checks.
 
     Parameters
     ----------
     limits : full limits of the arm.
-    effort_model : prior dynamics; None ignores torque and current.
+    effort_model : torque model with nominal parameters; None ignores torque and current.
     """
 
     _RESTS = 0.02
@@ -263,7 +265,7 @@ class StopLimits:
         return effort_margins(what, self.limits, self._effort_model, times, rest)
 
     def inertial_torque(self, q: Array, ddq: Array) -> Array | None:
-        """Return the torque of an acceleration at `q` [Nm], within limits; None without a model.
+        """Return the joint torque of an acceleration [Nm], within limits; None without a model.
 
         All arrays are (n,).
         """
@@ -277,10 +279,10 @@ class StopLimits:
         return torque
 
     def _effort_rows(self, model: EffortModel, point: JointReference) -> Iterable[Row]:
-        """Return the rows of each joint's torque limit, with current limits converted to torque.
+        """Return each joint's torque limit as rows for `stop_along`, including the current limit.
 
-        Friction is assumed to grow with the squared rate. At lower rates friction is larger, which
-        reduces the load of a braking motor.
+        Friction is assumed to fall with the squared speed during the stop. Real friction falls
+        less, so a braking motor needs less torque than computed.
         """
         zero = np.zeros_like(point.q)
         still, pulled, moved = model.effort(
@@ -300,18 +302,20 @@ _UNCHECKED = ('collisions are not checked: the arm may touch itself, its base or
 class FeasibilityChecker:
     """Checks of motions against joint limits, torque, motor current and clearance.
 
-    A motion is evaluated at every control cycle, which covers all commands. Between two cycles a
-    joint exceeds both values by at most ddq_max cycle^2 / 8 (2e-6 rad at 15 rad/s^2 and 1 kHz),
-    less than the accuracy of any limit. Clearance is certified between cycles as well.
+    A motion is evaluated at every control cycle, so every command is checked. Between two cycles
+    a joint's position exceeds the positions at both cycles by at most ddq_max cycle^2 / 8 (2e-6
+    rad at 15 rad/s^2 and 1 kHz), which is negligible. Clearance is checked between cycles as
+    well.
 
     Parameters
     ----------
     limits : limits of the joints.
     clearance : distances to keep; None skips collision checks.
-    effort_model : prior dynamics, for torque and current; None skips these checks.
+    effort_model : torque model with nominal parameters; None skips the torque and current checks.
     highest_frequency : largest allowed frequency of a harmonic [Hz], below resonances of the arm.
     cycle : control cycle [s].
-    stops : check that the arm may rest at any point of the motion; None skips this check.
+    stops : limits of a stop, used to check that the arm may rest at any point of the motion; None
+        skips this check.
 
     Raises
     ------
@@ -410,7 +414,7 @@ class FeasibilityChecker:
                 if np.isfinite(bound):
                     reached = float(position[sample, j])
                     margin = sign * (reached - float(bound))
-                    # Half the range is the largest possible margin to both limits.
+                    # Position margins are relative to half the range, the largest possible margin.
                     half = 0.5 * float(min(high[j] - low[j], 2.0 * np.pi))
                     margins.append(
                         LimitMargin(
@@ -429,7 +433,8 @@ class FeasibilityChecker:
 
 def _clearance_margin(kind: str, found: Clearance, times: Array) -> LimitMargin:
     margin = found.guaranteed - found.required
-    # Relative to 0.1 m, a distance at which an arm of this size counts as free.
+    # Clearance margins are relative to 0.1 m, a distance at which an arm of this size counts as
+    # free.
     return LimitMargin(
         f'{kind} clearance',
         found.subject,

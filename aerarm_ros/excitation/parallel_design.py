@@ -1,4 +1,4 @@
-"""Trajectory designs from many random starts in several processes."""
+"""Trajectory designs from many random initial trajectories, in several processes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def design_all(
     workers: int = 1,
     stop: Callable[[], bool] = lambda: False,
 ) -> Iterator[Outcome]:
-    """Yield the outcome of each start when finished.
+    """Yield the result of the design from each random start, when it is finished.
 
     Each start has its own random numbers, so the set of results does not depend on the number of
     workers. Leaving the iteration early ends the workers.
@@ -70,7 +70,7 @@ def design_all(
 
 
 class _StopRequest:
-    """Forwards a stop to the workers, and measures the time since then."""
+    """Forward a stop request to the worker processes, and measure the time since then."""
 
     def __init__(self, stop: Callable[[], bool], stopping: Event) -> None:
         self._stop = stop
@@ -78,7 +78,7 @@ class _StopRequest:
         self._give_up = math.inf
 
     def patience_is_over(self) -> bool:
-        """Return whether the time for the workers to react has passed."""
+        """Return whether the workers have had their time to react to the stop request."""
         if not self._stopping.is_set() and self._stop():
             self._stopping.set()
             self._give_up = time.monotonic() + GRACE
@@ -86,7 +86,7 @@ class _StopRequest:
 
 
 def _next(pending: Any, request: _StopRequest) -> Outcome | None:
-    """Wait for the next outcome; raises TimeoutError if workers do not react to a stop."""
+    """Wait for the next result; raises TimeoutError if workers do not react to a stop."""
     while not request.patience_is_over():
         try:
             outcome: Outcome | None = pending.next(timeout=0.1)
@@ -121,7 +121,8 @@ def interrupts_held_back() -> Iterator[None]:
 
     Ctrl-C sends SIGINT to every process of the terminal; only the parent handles it.
     """
-    resource_tracker.ensure_running()  # otherwise it starts with the pool, and unblocks SIGINT
+    # started now; the pool would start the resource tracker later, which would unblock SIGINT
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -131,7 +132,7 @@ def interrupts_held_back() -> Iterator[None]:
 
 @contextmanager
 def _single_threaded_algebra() -> Iterator[None]:
-    """Limit the linear algebra of child processes to one thread."""
+    """Limit the linear algebra of processes started in this context to one thread each."""
     before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, '1'))
     try:

@@ -1,4 +1,4 @@
-"""Player that sends one command of an excitation for each state."""
+"""Player of an excitation, which returns one command for each measured state."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class CommandLaw(Protocol):
     """Control law that maps a reference to a command."""
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
-        """Return the command for the measured `position` (n,) [rad]."""
+        """Return the command that follows `reference` at the measured `position` (n,) [rad]."""
         ...
 
 
 class FeedForwardLaw:
-    """Position and velocity reference with the prior model's torque, thesis (4.4).
+    """Control law of position, velocity and feed-forward torque, thesis (4.4).
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class FeedForwardLaw:
         self._effort_model = effort_model
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
-        """Return reference and feed-forward torque; the boards close the loop."""
+        """Return reference and feed-forward torque; the position loop is closed on the boards."""
         effort = self._effort_model.effort(*(np.atleast_2d(part) for part in reference))[0]
         return JointCommand(reference.q, reference.dq, effort)
 
@@ -43,14 +43,14 @@ class FeedForwardLaw:
 class VelocityLaw:
     """Kinematic control: dq_cmd = dq_d + K (q_d - q), thesis section 2.5.2 in joint space.
 
-    The boards integrate the velocity reference, so the posture drifts only by the error of their
-    velocity loop; a small K removes the drift without stiffening the loop.
+    The boards integrate the velocity reference, so the positions drift only slowly. A small K
+    removes this drift without stiffening the control loop.
 
     Parameters
     ----------
     gain : gain K [1/s], 0 for the thesis's pure velocity commands.
-    limit : (n,) largest commanded speed [rad/s]. The reference is checked before the motion, but
-        the correction depends on the tracking error and cannot be checked.
+    limit : (n,) largest commanded speed [rad/s]. The limit is needed because the correction K
+        (q_d - q) cannot be checked before the motion.
     """
 
     def __init__(self, gain: float, limit: Array | float = np.inf) -> None:
@@ -58,7 +58,7 @@ class VelocityLaw:
         self._limit: Array = np.asarray(limit, dtype=float)
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
-        """Return the velocity command for the measured `position` (n,) [rad]."""
+        """Return the velocity command at the measured `position` (n,) [rad]."""
         correction = self._gain * (reference.q - position)
         # Not np.clip, which would dominate the time of this 1 kHz call.
         velocity = np.minimum(reference.dq + correction, self._limit)
@@ -66,7 +66,7 @@ class VelocityLaw:
 
 
 class PlayState(Enum):
-    """State of a player."""
+    """State of an excitation player."""
 
     RUNNING = 'running'
     STOPPING = 'stopping'
@@ -77,14 +77,14 @@ class PlayState(Enum):
 class ExcitationPlayer:
     """Returns one command per measured state until the motion ends.
 
-    Time is the stamp of the states: a lost message causes a gap in the commands without delaying
-    the motion.
+    The time of the motion is taken from the stamps of the states, so a lost message causes a gap
+    in the commands but does not delay the motion.
 
     Parameters
     ----------
     motion : motion to play, starting at rest in the posture of the first state.
     law : control law of the command.
-    stops : limits of a stop, which follows the motion's path as fast as they allow.
+    stops : limits of a stop, which brakes along the motion's path as hard as they allow.
     tracking_limit : largest |q_d - q| of a joint before the motion is stopped [rad].
     largest_gap : largest time between two states [s].
 
@@ -113,7 +113,8 @@ class ExcitationPlayer:
         self._joint_names = stops.limits.joint_names
         self._tracking_limit = tracking_limit
         self._largest_gap_ns = round(largest_gap * 1e9)
-        self._stop: PolynomialPath | None = None  # path time over time, once a stop began
+        # path time as a function of time, after a stop has begun
+        self._stop: PolynomialPath | None = None
         self._stop_at = 0.0
         self._start_ns: int | None = None
         self._last_ns = 0
@@ -127,7 +128,7 @@ class ExcitationPlayer:
 
     @property
     def done(self) -> bool:
-        """Whether the reference is at rest and no further command is needed."""
+        """Whether the motion has ended and no further command is needed."""
         return self.state in (PlayState.FINISHED, PlayState.STOPPED)
 
     @property
@@ -137,11 +138,11 @@ class ExcitationPlayer:
 
     @property
     def stage(self) -> str:
-        """Name of the active stage of the motion."""
+        """Name of the stage of the motion that is being played."""
         return self.motion.stage_at(self.path_time).name
 
     def stop(self) -> None:
-        """Stop the arm on its path, starting at the next state."""
+        """Begin a stop along the path of the motion at the next state."""
         if self.state is PlayState.RUNNING:
             self.state = PlayState.STOPPING
 
@@ -163,7 +164,7 @@ class ExcitationPlayer:
         return self._law.command(start, position)
 
     def update(self, stamp_ns: int, position: Array) -> JointCommand:
-        """Return the command for one state.
+        """Return the command that answers one measured state.
 
         Parameters
         ----------
@@ -194,7 +195,7 @@ class ExcitationPlayer:
         return self._with_braking(command, path) if command.tau is None else command
 
     def ahead(self, times: Array) -> JointReference | None:
-        """Return references (M, n) at times (M,) [s] after the last state; None before any."""
+        """Return references (M, n) at times (M,) [s] after the last state; None without a state."""
         if self._start_ns is None:
             return None
         now = (self._last_ns - self._start_ns) * 1e-9
@@ -233,7 +234,7 @@ class ExcitationPlayer:
         return PathTime(*(float(part[0]) for part in self._stop.evaluate(now - self._stop_at)))
 
     def _with_braking(self, command: JointCommand, path: PathTime) -> JointCommand:
-        """Add the braking torque, because a velocity loop alone reacts with delay.
+        """Add the braking torque of a stop, because a velocity loop alone reacts with a delay.
 
         The torque is zero at the beginning and the end of a stop.
         """
@@ -244,7 +245,8 @@ class ExcitationPlayer:
 
     def _check_tracking(self, error: Array) -> None:
         distance = np.abs(error)
-        worst = int(distance.argmax())  # first NaN, if any
+        # the first joint with NaN; otherwise the joint farthest away
+        worst = int(distance.argmax())
         if np.isnan(distance[worst]):
             raise ExcitationError('a joint state contains NaN: check the encoders and the bridge')
         np.maximum(self.largest_error, distance, out=self.largest_error)

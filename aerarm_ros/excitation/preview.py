@@ -1,4 +1,4 @@
-"""Preview of a trajectory on one page that opens offline."""
+"""Preview of an excitation trajectory as one HTML page that opens offline."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CORNERS = 96  # largest number of corners of a hull
 
 
 class TriangleMesh(NamedTuple):
-    """Vertices (V, 3) [m] and triangles (T, 3) of vertex indices."""
+    """Triangle mesh of a shape: vertices (V, 3) [m], and triangles (T, 3) of vertex indices."""
 
     vertices: Array
     triangles: NDArray[np.intp]
@@ -51,7 +51,7 @@ def mesh_of_shape(shape: pin.GeometryObject) -> TriangleMesh | None:
 
 
 def _points(geometry: Any) -> Array | None:
-    """Return points (P, 3) whose hull is the shape; round shapes have a few segments."""
+    """Return points (P, 3) whose hull approximates the shape; circles become polygons."""
     if hasattr(geometry, 'halfSide'):
         corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
         return np.asarray(corners * np.asarray(geometry.halfSide))
@@ -85,7 +85,7 @@ def _points(geometry: Any) -> Array | None:
 
 
 def _outermost(points: Array) -> Array:
-    """Return those of (P, 3) points that are farthest out in evenly spread directions.
+    """Return the points of (P, 3) points that are farthest out in evenly spread directions.
 
     A hull of a scanned shape has thousands of corners, and an animation stores each many times.
     """
@@ -114,7 +114,7 @@ class ArmAnimation:
     Parameters
     ----------
     robot : robot model of the arm.
-    clearance : source of its collision shapes; None for an arm without shapes.
+    clearance : clearance checker with the arm's collision shapes; None for an arm without shapes.
     """
 
     def __init__(self, robot: Robot, clearance: ClearanceChecker | None) -> None:
@@ -125,7 +125,7 @@ class ArmAnimation:
 
     @property
     def tool_name(self) -> str:
-        """Name of the frame whose path is drawn: the last link's frame farthest from its joint."""
+        """Name of the drawn tool frame: the last link's frame farthest from its joint."""
         return str(self._robot.model.frames[self._tool].name)
 
     def tool_path(self, positions: Array) -> Array:
@@ -177,7 +177,7 @@ class ArmAnimation:
         return max(last, key=lambda i: float(np.linalg.norm(frames[i].placement.translation)))
 
     def _draw(self, q: Array) -> list[go.Mesh3d]:
-        """Return complete meshes of the links."""
+        """Return the meshes of all links at the posture q."""
         meshes = self._place(q)
         for drawn, (joint, mesh) in zip(meshes, self._bodies.items(), strict=True):
             i, j, k = mesh.triangles.astype(np.uint32).T
@@ -187,7 +187,7 @@ class ArmAnimation:
         return meshes
 
     def _place(self, q: Array) -> list[go.Mesh3d]:
-        """Return the positions of the links' corners, which change between frames."""
+        """Return the positions of the mesh corners of all links at the posture q."""
         pin.forwardKinematics(self._robot.model, self._data, q)
         meshes = []
         for joint, mesh in self._bodies.items():
@@ -250,13 +250,14 @@ _LINE_COLOURS = ('#1f77b4', '#d9722e', '#2ca02c', '#9467bd', '#8c564b', '#e377c2
 
 
 class Preview:
-    """HTML page with plots, workspace, excitation of each parameter and an animation.
+    """HTML page of a trajectory: plots, workspace, parameter accuracy and animation.
 
     Parameters
     ----------
     designer : designer with regressor and standard deviations.
     result : trajectory to show.
-    reference : trajectory whose standard deviations are compared, usually a random one.
+    reference : trajectory, usually a random one, with which the standard deviations of the
+        parameters are compared.
     """
 
     def __init__(
@@ -399,7 +400,7 @@ class Preview:
         figure.update_yaxes(
             type='log', title_text='standard deviation [SI units]', exponentformat='e', dtick=1
         )
-        # Show all names; Plotly would omit some of them by default.
+        # Show the names of all parameters; Plotly would omit some of them by default.
         figure.update_xaxes(tickangle=90, dtick=1, tickfont={'size': 9})
         figure.update_layout(barmode='group', height=480, margin={'t': 20})
         return figure

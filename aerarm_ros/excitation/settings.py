@@ -16,15 +16,15 @@ from aerarm_ros.motion.signals import Array
 
 
 class ExcitationError(ValueError):
-    """Excitation trajectory that cannot be built, loaded or played; the text says what to check."""
+    """Excitation that cannot be built, loaded or played; the message says what to check."""
 
 
 class InfeasibleError(ExcitationError):
-    """No feasible trajectory was found; the text names the violated limit."""
+    """Motion that violates a limit of the arm; the message names the limit."""
 
 
 class NothingDrawnError(InfeasibleError):
-    """None of a number of random trajectories is feasible.
+    """Search in which no random trajectory was feasible.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class DesignStoppedError(ExcitationError):
 
 
 def one_a_joint(name: str, values: ArrayLike, n: int) -> Array:
-    """Return `values` as (n,), from one value for all joints or one per joint.
+    """Return an (n,) array from one value for all joints, or from one value per joint.
 
     Raises
     ------
@@ -60,11 +60,11 @@ def one_a_joint(name: str, values: ArrayLike, n: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of each joint, all (n,) in joint order; infinite without a limit.
+    """Motion limits of each joint, all (n,) in the order of the joints; infinite without a limit.
 
     Parameters
     ----------
-    joint_names : names, for messages.
+    joint_names : names of the n joints, for messages.
     position_min, position_max : position limits [rad].
     velocity : largest speed [rad/s].
     acceleration : largest acceleration [rad/s^2].
@@ -104,7 +104,7 @@ class MotionLimits:
 
     @classmethod
     def of_arm(cls, config: ArmConfig) -> MotionLimits:
-        """Return the limits of an arm's configuration."""
+        """Return the motion limits in an arm's configuration."""
         return cls(
             tuple(config.joint_names),
             config.column('position_min'),
@@ -119,7 +119,7 @@ class MotionLimits:
     def of_robot(
         cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
     ) -> MotionLimits:
-        """Return the limits in a URDF, with the two limits that a URDF lacks.
+        """Return the motion limits in a URDF, completed by acceleration and current limits.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class MotionLimits:
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:
-        """Return the usable part of these limits for an excitation, with factors in (0, 1].
+        """Return these limits scaled by factors in (0, 1], as the usable part for an excitation.
 
         Parameters
         ----------
@@ -176,14 +176,15 @@ class MotionLimits:
 
 @dataclass(frozen=True, slots=True)
 class ExcitationConfig:
-    """Usable fractions of an arm's limits, and its surroundings.
+    """Excitation settings: usable fractions of the arm's limits, and surroundings of the arm.
 
     Parameters
     ----------
     position_share : usable fraction of each joint's range, about its middle.
     velocity_share : usable fraction of velocity and acceleration limits.
     effort_share : usable fraction of torque and motor current limits.
-    transfer_share : fraction of the usable velocity and acceleration for approach and return.
+    transfer_share : fraction of the usable velocity and acceleration limits that approach and
+        return may use.
     self_clearance : distance between non-adjacent links and to obstacles fixed to the base [m].
     ground_clearance : distance to the ground [m].
     ground_height : height of the ground above the base frame's origin, against gravity [m]; None
@@ -237,7 +238,7 @@ class ExcitationConfig:
         object.__setattr__(self, 'unchecked_pairs', tuple(pairs))
 
     def bias_spread_of(self, robot: Robot) -> Array:
-        """Return the largest random offset of each joint's bias [rad], (n,).
+        """Return the largest random offset of each joint's centre `bias` [rad], (n,).
 
         Without a given bias, the middle of a joint's range is only a guess (and may be a posture in
         collision), so the offset covers a third of the range.

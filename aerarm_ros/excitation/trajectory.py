@@ -1,4 +1,4 @@
-"""Excitation trajectories: Fourier series (3.16), strokes, transfers and sequences."""
+"""Excitation trajectories: Fourier series of thesis (3.16), strokes, transfers and sequences."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class FourierTrajectory:
 
     def __post_init__(self) -> None:
         for field in ('q0', 'alpha', 'beta'):
-            # A private read-only copy, because the caller may reuse the arrays.
+            # The trajectory keeps read-only copies, because the caller may reuse the arrays.
             values = np.array(getattr(self, field), dtype=float)
             values.setflags(write=False)
             object.__setattr__(self, field, values)
@@ -87,7 +87,7 @@ class FourierTrajectory:
 
     @cached_property
     def _coefficients(self) -> Array:
-        """Weights (2N, 3n) of all sines and cosines in position, velocity and acceleration."""
+        """Coefficients (2N, 3n) of all sines and cosines in position, velocity and acceleration."""
         w = self.angular_frequencies[:, np.newaxis]
         alpha, beta = self.alpha.T, self.beta.T
         of_sine = [alpha, -w * beta, -(w**2) * alpha]
@@ -126,7 +126,7 @@ def standstill(position: ArrayLike) -> PolynomialPath:
 
 @dataclass(frozen=True)
 class Stage:
-    """Named part of a sequence."""
+    """Named part of a motion sequence."""
 
     name: str
     motion: JointMotion
@@ -206,14 +206,14 @@ class MotionSequence:
 
 @dataclass(frozen=True, eq=False)
 class RampedExcitation:
-    """Fourier trajectory whose speed factor rises from 0 to 1 and falls back to 0.
+    """Fourier trajectory with a run-in from rest and a run-out to rest.
 
     A Fourier trajectory starts with nonzero velocity and acceleration. Reaching them by a
     polynomial would cause an overshoot that grows with the start velocity. Instead the run-in
-    follows the trajectory itself: the phase phi(t) starts half a ramp before zero, and its rate
-    rises along a quintic step. Posture, velocity and acceleration are continuous. All postures of
-    run-in and run-out belong to the checked trajectory, and velocities never exceed those of the
-    trajectory.
+    follows the trajectory itself: the phase phi(t) starts half a ramp time before zero, and its
+    rate rises from 0 to 1 along a quintic step. Posture, velocity and acceleration are
+    continuous. All postures of run-in and run-out belong to the checked trajectory, and
+    velocities never exceed those of the trajectory.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ class RampedExcitation:
 
     @property
     def duration(self) -> float:
-        """Duration including both ramps [s]."""
+        """Duration including run-in and run-out [s]."""
         return self.periodic_duration + 2.0 * self.ramp_time
 
     @property
@@ -257,7 +257,8 @@ class RampedExcitation:
         time = np.asarray(time, dtype=float)
         after_up = time - ramp
         up, down = smooth_step(time / ramp), smooth_step((after_up - length) / ramp)
-        # The phase is the integral of the rate: first up.value, then 1, then 1 - down.value.
+        # The phase is the integral of its rate, which is up.value in the run-in, 1, and 1 -
+        # down.value in the run-out.
         phase = ramp * (up.integral - down.integral - 0.5) + np.minimum(
             np.maximum(after_up, 0.0), length + ramp
         )
@@ -268,7 +269,7 @@ class RampedExcitation:
 
 @dataclass(frozen=True, eq=False)
 class SteadyStroke:
-    """Stroke of one joint from rest to rest; all other joints stand still.
+    """Stroke of one joint at constant speed, from rest to rest; all other joints stand still.
 
     Parameters
     ----------
@@ -307,7 +308,7 @@ class SteadyStroke:
 
     @property
     def steady_time(self) -> float:
-        """Time at constant speed [s]; a ramp covers half the distance of that speed."""
+        """Time at constant speed [s]; at that speed a ramp's distance takes half the ramp time."""
         return abs(self.travel) / self.speed - self.ramp_time
 
     @property
@@ -320,7 +321,8 @@ class SteadyStroke:
         t = np.clip(np.asarray(time, dtype=float), 0.0, self.duration)
         ramp, speed = self.ramp_time, np.copysign(self.speed, self.travel)
         up, down = smooth_step(t / ramp), smooth_step((t - self.duration + ramp) / ramp)
-        # The integral of a step continues at 1/2; add the time since the ramp's end.
+        # The integral of the smooth step stays at 1/2 after its end; add the time since the
+        # ramp's end.
         steady = np.maximum(t - ramp, 0.0)
         way = ramp * (up.integral - down.integral) + steady
         return JointReference(

@@ -1,4 +1,4 @@
-"""Design of one trajectory from one random start."""
+"""Design of one optimal excitation trajectory from one random initial trajectory."""
 
 from __future__ import annotations
 
@@ -39,9 +39,12 @@ class Quality:
     Parameters
     ----------
     objective : value of the objective, smaller is better.
-    condition_number : condition number (5.2) of the thesis, without rotor columns.
-    scaled_condition_number : condition number of the base regressor with unit columns and rotors.
-    log_deviation : mean logarithm of the standard deviations, see `InformationCriterion`.
+    condition_number : condition number (5.2) of the thesis, of the regressor without rotor
+        columns.
+    scaled_condition_number : condition number of the base regressor including rotor inertia, with
+        columns of norm one.
+    log_deviation : mean logarithm of the parameters' standard deviations, see
+        `InformationCriterion`.
     """
 
     objective: float
@@ -50,7 +53,7 @@ class Quality:
     log_deviation: float
 
     def compared_with(self, other: Quality, name: str) -> str:
-        """Return a comparison of expected standard deviations (geometric mean) with `other`."""
+        """Return a text that compares the expected standard deviations with those of `other`."""
         gain = exp(other.log_deviation - self.log_deviation)
         if abs(gain - 1.0) < 0.005:
             return f'standard deviations equal to those of {name}'
@@ -60,16 +63,16 @@ class Quality:
 
 @dataclass(frozen=True)
 class DesignResult:
-    """Feasible trajectory with its quality and origin.
+    """Result of a design: a feasible trajectory with its quality.
 
     Parameters
     ----------
     trajectory : Fourier series of the joints.
     quality : quality figures.
-    report : margins to all limits.
+    report : margins of the trajectory to all limits.
     start : number of the random start.
     seconds : computing time [s].
-    remark : reason why the trajectory is not the optimum, if so.
+    remark : reason why the trajectory is not the optimum; '' for the optimum.
     stopped : whether the search was stopped before convergence.
     """
 
@@ -93,7 +96,7 @@ OBJECTIVES = {
 
 @dataclass(frozen=True, eq=False)
 class DesignSpecification:
-    """Trajectory family, objective and arm of a design.
+    """Specification of a design: arm, family of trajectories, and objective.
 
     Parameters
     ----------
@@ -104,9 +107,9 @@ class DesignSpecification:
     condition_limit : upper bound that the objective `both` imposes on a smooth approximation of the
         condition number (5.2); the exact number is about a tenth lower.
     amplitude : largest coefficient of the random initial trajectories [rad].
-    noise : (n,) standard deviation of the torque measurement [Nm]; None means 1 % of the effort
-        limit.
-    seed : seed of the starting points.
+    noise : (n,) standard deviation of the torque measurement [Nm]; None means 1 % of each joint's
+        effort limit.
+    seed : seed of the random initial trajectories.
 
     Raises
     ------
@@ -161,10 +164,10 @@ class DesignSpecification:
         return np.where(np.isfinite(effort), 0.01 * effort, 0.1)
 
     def betters(self, found: Quality, other: Quality) -> bool:
-        """Return whether one trajectory is better than another.
+        """Return whether the trajectory `found` is better than `other`.
 
-        The objective `both` combines condition number and deviations, and a gain in one must not
-        worsen the other. Deviations never grow, and the condition number may grow only below its
+        A better trajectory has a smaller objective. For the objective `both`, it must also have
+        no larger standard deviations, and a larger condition number only if that stays below its
         limit.
         """
         if not found.objective < other.objective:
@@ -180,9 +183,9 @@ class DesignSpecification:
         scaled: ConditionCriterion,
         optimality: InformationCriterion,
     ) -> DesignCriterion:
-        """Return the criterion of the objective, composed of the three reported criteria."""
+        """Return the criterion that the objective minimizes, composed of three criteria."""
         if self.objective == BOTH:
-            # Weight 2: above the limit, the condition number has twice the weight of the
+            # Above its limit, the condition number has twice the weight of the standard
             # deviations.
             bounded = BoundedCriterion(thesis, log(self.condition_limit))
             return CombinedCriterion([(1.0, optimality), (2.0, bounded)])
@@ -196,7 +199,7 @@ _CONVERGED, _OUT_OF_ITERATIONS = 0, 9
 
 
 class _StopDesignError(Exception):
-    """Exception that leaves the optimizer from within its objective function."""
+    """Raised inside the objective function to leave the optimizer."""
 
 
 class TrajectoryDesigner:
@@ -232,7 +235,7 @@ class TrajectoryDesigner:
             setup.config.ramp_time,
         )
         self.regressor = SmoothRegressor(setup.robot)
-        # Results use the exact sign of velocity, and a fine sampling rate.
+        # Reported figures use the exact sign of the velocity, and a fine sampling rate.
         self._exact_regressor = SmoothRegressor(setup.robot, width=1e-9)
         everything = slice(None)
         thesis_columns = self.regressor.thesis_columns
@@ -248,13 +251,13 @@ class TrajectoryDesigner:
         )
 
     def initial(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
-        """Return the random feasible trajectory of a start.
+        """Return the random feasible trajectory from which the design with number `start` begins.
 
         Raises
         ------
         InfeasibleError
-            If none is feasible even with a tenth of the amplitude; the message names the violated
-            limit.
+            If no random trajectory is feasible, even with a tenth of the amplitude; the message
+            names the violated limit.
         DesignStoppedError
             If `stop` returned True before a trajectory was found.
         """
@@ -279,7 +282,7 @@ class TrajectoryDesigner:
         )
 
     def design(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
-        """Return the best feasible trajectory found from a start, at least the initial one.
+        """Return the best feasible trajectory found from a start; at worst the initial trajectory.
 
         Parameters
         ----------
@@ -296,7 +299,7 @@ class TrajectoryDesigner:
         iterates = FeasibleIterates()
         begin = self._basis.coefficients(initial.trajectory)
         optimum = self._optimise(begin, iterates, stop)
-        # A stopped search gives no information about the limits.
+        # A search that was stopped gives no information about violated limits.
         stopped = optimum is None
         refusal: LimitMargin | None = None
         for coefficients, remark in self._proposals(begin, optimum, iterates):
@@ -320,7 +323,7 @@ class TrajectoryDesigner:
     def _proposals(
         self, begin: Array, optimum: Array | None, iterates: FeasibleIterates
     ) -> Iterator[tuple[Array, str]]:
-        """Yield coefficients to check, best first, with their difference from the optimum."""
+        """Yield coefficient matrices to check, best first, each with a remark on its origin."""
         if optimum is not None:
             yield from self._shrunk(optimum, '')
         for coefficients, number in iterates.best():
@@ -328,7 +331,7 @@ class TrajectoryDesigner:
             yield coefficients.reshape(self._basis.shape), f'{why} {number} steps'
         if optimum is None and iterates.last is not None:
             yield from self._shrunk(iterates.last.reshape(self._basis.shape), 'stopped early')
-        # The start satisfies all limits, and so do coefficients close to it.
+        # The initial trajectory satisfies all limits, and so do coefficients close to it.
         end = iterates.last if optimum is None else optimum
         if end is None:
             return
@@ -337,7 +340,7 @@ class TrajectoryDesigner:
             yield coefficients, f'{100.0 * share:.0f} % of the way to the optimum'
 
     def _shrunk(self, coefficients: Array, remark: str) -> Iterator[tuple[Array, str]]:
-        """Yield coefficients with decreasing amplitudes about the same bias."""
+        """Yield coefficient matrices with decreasing amplitudes about the same centre."""
         for scale in self._REPAIR:
             scaled = coefficients.copy()
             scaled[1:] *= scale
@@ -345,7 +348,7 @@ class TrajectoryDesigner:
             yield scaled, ', '.join(filter(None, texts))
 
     def states(self, trajectory: FourierTrajectory) -> JointReference:
-        """Return the states of one period, sampled finely enough for evaluation."""
+        """Return the states of one period, sampled finely enough for the reported figures."""
         time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
         return trajectory.evaluate(time)
 
@@ -366,7 +369,7 @@ class TrajectoryDesigner:
     def _optimise(
         self, coefficients: Array, iterates: FeasibleIterates, stop: Callable[[], bool]
     ) -> Array | None:
-        """Return the optimum, None if stopped; `iterates` collects intermediate results."""
+        """Return the optimal coefficients, None if stopped; `iterates` collects all steps."""
         problem = self._problem
 
         def value(x: Array) -> float:
@@ -401,9 +404,9 @@ class TrajectoryDesigner:
         return np.asarray(best.reshape(coefficients.shape))
 
     def _bounds(self) -> Array:
-        """Return the bounds of each coefficient, (coefficients, 2) [rad]."""
+        """Return lower and upper bound of each Fourier coefficient, (coefficients, 2) [rad]."""
         limits, rows = self._setup.usable_limits, self._basis.shape[0]
-        # No trajectory is feasible beyond these, so a line search must not go there.
+        # No trajectory beyond these bounds is feasible, so the line search must stay within them.
         reach = np.minimum(0.5 * (limits.position_max - limits.position_min), np.pi)
         low, high = np.tile(-reach, (2, rows, 1)) * np.array([1.0, -1.0])[:, None, None]
         low[0] = np.maximum(limits.position_min, -2.0 * np.pi)
@@ -412,7 +415,8 @@ class TrajectoryDesigner:
 
     def _build_problem(self) -> DesignProblem:
         setup, limits = self._setup, self._setup.usable_limits
-        by_current = limits.current * setup.torque_per_ampere  # both may be infinite, never 0
+        # both bounds may be infinite, but not 0
+        by_current = limits.current * setup.torque_per_ampere
         robot = setup.robot
         prior = np.concatenate(
             [robot.inertial_parameters.ravel(), robot.viscous, robot.coulomb, setup.rotor_inertia]

@@ -1,5 +1,5 @@
 """Comparison of controllers on the simulated arm, thesis 5.4, without ROS.
 
-From an arm, a motion and the parameters of the plant the package produces one reproducible run per
-case, and a page with all errors.
+The inputs are an arm, a motion, and the true parameters of the simulated arm. The outputs are one
+reproducible run per case, and a page with the tracking errors of all runs.
 """

@@ -47,13 +47,14 @@ class ExperimentCase:
     law
         Control law: `GRAVITY`, `HOST` or `BOARDS`.
     parameters
-        Parameters of the controller: `CAD`, or `TRUE` for those of the plant.
+        Model parameters of the controller: `CAD` for nominal parameters, `TRUE` for those of the
+        simulated arm.
     observer
         Whether the momentum observer compensates disturbances.
     base
         Motion of the drone: `STILL`, `TILTED` or `MOVING`.
     aware
-        Whether the controller uses the IMU.
+        Whether the controller compensates the motion of the drone, measured by the IMU.
     """
 
     law: str
@@ -91,8 +92,8 @@ def all_cases() -> list[ExperimentCase]:
 
 CYCLE = 1e-3
 SETTLE = 1.0  # [s] at rest before and after the motion
-_IMU_PERIOD = 4  # cycles: 250 Hz
-_START_LIMIT = 20.0  # [s] longest time for the start
+_IMU_PERIOD = 4  # cycles between two recorded rows: 250 Hz
+_START_LIMIT = 20.0  # [s] longest time in which the motors must align and the arm must hold
 
 
 class MotionSource:
@@ -136,7 +137,7 @@ class ExperimentRun:
 
 
 class ExperimentBench:
-    """Simulated arm with a motion, and a plant whose parameters deviate from CAD.
+    """Simulation of an arm whose true parameters deviate from CAD, following a motion.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ class ExperimentBench:
         self._limits = JointLimits.from_config(config)
 
     def run(self, case: ExperimentCase) -> ExperimentRun:
-        """Run a case from rest to rest; raises RuntimeError if the bridge stops the arm."""
+        """Simulate a case from rest to rest; raises RuntimeError if the bridge stops the arm."""
         start = self._motion.evaluate(0.0).q
         transport = make_emulated_transport(
             self._config, self._robot, None, position=start, parameters=self._truth
@@ -182,7 +183,8 @@ class ExperimentBench:
             command = loop.update(state, now)
             now += CYCLE
             if command is not None:
-                # The response to this cycle's state acts in the next cycle, as over topics.
+                # The controller's answer to the state of this cycle acts in the next cycle, as
+                # with ROS topics.
                 bridge.command(
                     OfferedCommand(self._config.joint_names, *command, CYCLE, 'experiment'), now
                 )
@@ -199,7 +201,7 @@ class ExperimentBench:
         return ExperimentRun(case, time, q, desired_q, effort, full_speed)
 
     def _enable(self, bridge: BridgeCycle) -> float:
-        """Align the motors and hold the arm at rest; return the time [s]."""
+        """Align the motors and hold the arm at rest; return the simulated time at the end [s]."""
         now = 0.0
         ready_at = np.inf
         while now < ready_at + SETTLE:
@@ -247,7 +249,7 @@ class ExperimentBench:
 def run_all(
     bench: ExperimentBench, cases: Sequence[ExperimentCase], workers: int
 ) -> Generator[ExperimentRun, None, None]:
-    """Yield the run of each case in order, with results independent of the number of workers.
+    """Yield the run of each case, in order; results do not depend on the number of workers.
 
     Leaving the iteration early ends the workers.
 

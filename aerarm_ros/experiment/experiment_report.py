@@ -1,4 +1,4 @@
-"""Errors of the experiment, as a table and as an HTML page with a figure like 5.6."""
+"""Tracking errors of the experiment, as a table and as a page with a figure like 5.6."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ class ExperimentReport:
         self._still: dict[ExperimentCase, Array] = {}
 
     def add(self, run: ExperimentRun) -> tuple[str, ...]:
-        """Add a run and return its row of the table."""
+        """Add a run to the report, and return its row of the table of tracking errors."""
         joints = 1e3 * np.abs(run.qd - run.q)
         tool = 1e3 * np.linalg.norm(self._path(run.qd) - self._path(run.q), axis=1)
         final_joints, final_tool = joints[-1].max(), tool[-1]
@@ -88,9 +88,10 @@ class ExperimentReport:
         write_whole(path, text)
 
     def _over_still(self, case: ExperimentCase, rms: Array) -> str:
-        """Return the ratio of the errors to those of the same case on a still base.
+        """Return the RMS errors divided by those of the same case on a still base, as text.
 
-        The result refers to the worst joint; '' for a still base, or without a run on a still base.
+        The two ratios are those of the worst joint and of the tool. '' for a case with a still
+        base, or if that case has not run on a still base.
         """
         if case.base == STILL:
             self._still[case] = rms
@@ -99,7 +100,7 @@ class ExperimentReport:
         return '' if still is None else ' '.join(f'{ratio:.2f}' for ratio in rms / still)
 
     def _figure(self) -> Html:
-        """Return a figure of the desired path and the path of the selected run."""
+        """Return a figure with the desired tool path, and the tool path in a selected run."""
         shown = np.flatnonzero(self._runs[0].at_full_speed)
         shown = shown[:: max(1, len(shown) // _MOST_POINTS)]
         desired = self._path(self._runs[0].qd[shown])
@@ -143,7 +144,7 @@ def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def _numbers(row: Sequence[str]) -> list[str | float]:
-    """Return a row for a page, with numbers converted."""
+    """Return a row of the table for the page, with texts of numbers converted to numbers."""
     return [float(x) if x.replace('.', '', 1).isdigit() else x for x in row]
 
 

@@ -18,16 +18,16 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
-    """Mass of drone and arm in one posture.
+    """Mass, centre of mass and inertia of drone and arm in one posture.
 
     Attributes
     ----------
     mass : float
-        [kg]
+        Total mass [kg].
     centre : (3,) ndarray
         Centre of mass in the body frame [m].
     inertia : (3, 3) ndarray
-        About the centre of mass in body axes [kg m^2].
+        Inertia about the centre of mass in body axes [kg m^2].
     """
 
     mass: float
@@ -43,11 +43,11 @@ class MassProperties:
         Parameters
         ----------
         arm_mass : float
-            [kg]
+            Mass of the arm [kg].
         arm_centre : (3,) ndarray
             Centre of mass in the arm's base frame [m].
         arm_inertia : (3, 3) ndarray
-            About that centre, in the base frame's axes [kg m^2].
+            Inertia of the arm about its centre of mass, in the base frame's axes [kg m^2].
         """
         rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
         body = drone.mass, np.array(drone.centre_of_mass), drone.inertia_matrix
@@ -63,13 +63,14 @@ class FeedForward(NamedTuple):
     Attributes
     ----------
     body : MassProperties
-        At the time when a present command acts.
+        Mass properties at the time when a rotor command sent now acts.
     wrench, wrench_now : (6,) ndarray
-        Force [N] and moment [Nm] of the joints' motion on the drone, at the time when a present
-        command acts, and now.
+        Force [N] and moment [Nm] of the joints' motion on the drone. `wrench` is that at the time
+        when a rotor command sent now acts, `wrench_now` that at present.
     force_rate, force_curvature : (3,) ndarray
-        Time derivatives of the force, now [N/s] and when a command acts [N/s^2]. These derivatives
-        determine how fast the drone must tilt.
+        `force_rate` is the derivative of the force at present [N/s]. `force_curvature` is the
+        second derivative when a rotor command sent now acts [N/s^2]. These derivatives determine
+        how fast the drone must tilt.
     """
 
     body: MassProperties
@@ -80,7 +81,7 @@ class FeedForward(NamedTuple):
 
     @classmethod
     def at_rest(cls, body: MassProperties) -> 'FeedForward':
-        """Return the feedforward of an arm at rest: its weight."""
+        """Return the feedforward of an arm at rest, whose motion causes no wrench."""
         zero = np.zeros(3)
         return cls(body, np.zeros(6), np.zeros(6), zero, zero)
 
@@ -89,17 +90,17 @@ class ArmLoad(NamedTuple):
     """Mass properties of the arm and its wrenches on the drone, at one instant.
 
     The load depends only on posture and motion of the joints, not on the drone's IMU, so its
-    feedforward closes no loop. All quantities are in the base frame's axes, with moments about its
-    origin and force before moment.
+    feedforward closes no feedback loop. All quantities are in the base frame's axes, with moments
+    about its origin and force before moment.
 
     Attributes
     ----------
     mass : float
-        [kg]
+        Total mass [kg].
     com : (3,) ndarray
-        [m]
+        Centre of mass of the arm [m].
     inertia : (3, 3) ndarray
-        About the centre of mass [kg m^2].
+        Inertia of the arm about its centre of mass [kg m^2].
     weight : (6,) ndarray
         Wrench of the arm's weight on a hovering drone, along the thrust at any tilt. A drone with
         rotors in one plane accelerates along its thrust, so the arm's specific force has that
@@ -115,10 +116,11 @@ class ArmLoad(NamedTuple):
     motion: Array
 
     def acceleration(self, drone: DroneConfig) -> Array:
-        """Return the acceleration (6,) by the rotors that compensates the arm's motion.
+        """Return the acceleration (6,) that the rotors must give to compensate the arm's motion.
 
-        First the acceleration of the arm's base origin [m/s^2], then the angular one [rad/s^2], in
-        base axes: minus `motion` over the inertia of drone and arm in this posture.
+        The result is the acceleration of the arm's base origin [m/s^2], then the angular
+        acceleration [rad/s^2], in base axes. Its value is minus `motion`, divided by the inertia of
+        drone and arm in this posture.
         """
         body = MassProperties.of(drone, self.mass, self.com, self.inertia)
         rotation, mount = drone.mount.rotation, np.array(drone.mount.position)
@@ -132,7 +134,8 @@ class ArmLoad(NamedTuple):
 def at_drone_centre(acceleration: Array, drone: DroneConfig) -> Array:
     """Convert an acceleration (6,) of the arm's base to that of the drone's centre of mass.
 
-    In the drone's body axes. Centrifugal terms are neglected, because the body rotates slowly.
+    The result is in the drone's body axes. Centrifugal terms are neglected, because the body
+    rotates slowly.
     """
     rotation = drone.mount.rotation
     linear, spin = rotation @ acceleration[:3], rotation @ acceleration[3:]
@@ -149,7 +152,7 @@ class ArmLoadModel:
     Parameters
     ----------
     robot : Robot
-        All bodies that the arm adds to the drone; its gravity is that of a level drone.
+        Model of all bodies that the arm adds to the drone, with the gravity under a level drone.
 
     Attributes
     ----------
@@ -162,7 +165,7 @@ class ArmLoadModel:
         self._gravity = np.array(robot.gravity_in_base, dtype=float)
 
     def evaluate(self, motion: JointReference) -> ArmLoad:
-        """Return the load of a motion of n joints at one instant."""
+        """Return the arm's load for positions, velocities and accelerations of the joints."""
         mass, com, inertia = self.dynamics.composite_inertia(motion.q)
         force = mass * self._gravity
         weight = np.concatenate([force, cross(com, force)])
@@ -177,12 +180,12 @@ _TOO_OLD = 0.5  # [s]; a plan that begins so long before the newest state is out
 
 
 class ArmForecast:
-    """Motion of the joints at the preview time: as planned, or else as measured.
+    """Forecast of the joints' motion at the preview time, from a plan or from measurements.
 
     A controller publishes its planned motion, which is available earlier than any estimate. The
     forecast adds the plan's further motion to the arm's present posture. Without a plan, or if the
-    arm does not follow it, the posture is extrapolated with its measured velocity. Changes between
-    the two fade. Times are stamps of joint states [s].
+    arm does not follow it, the posture is extrapolated with its measured velocity. A change between
+    plan and extrapolation fades smoothly. Times are stamps of joint states [s].
 
     Parameters
     ----------
@@ -236,7 +239,7 @@ class ArmForecast:
         self._begin = begin
 
     def motion(self, now: float, measured: JointReference) -> JointReference:
-        """Return the motion at `now + lead` [s] of an arm measured at `now`, (n,) each."""
+        """Return the joints' motion, (n,) each, at `now + lead` [s] of an arm measured at `now`."""
         step = now - self._time
         self._time = now
         seen = measured.q + self.lead * measured.dq, measured.dq, measured.ddq
@@ -283,23 +286,24 @@ _REACH = 3.0  # [m] largest distance of the centre; a larger one is in another u
 
 
 class ArmFeedForward:
-    """Store stamped mass properties and wrenches of the arm, and return those of a time.
+    """Store stamped mass properties and wrenches of the arm, and return those for a given time.
 
-    Mass properties stay until new ones arrive; the wrench of motion fades without new messages.
+    The last mass properties apply until new ones arrive. Without new messages the wrench of the
+    joints' motion fades to zero.
 
     Parameters
     ----------
     body : MassProperties
-        Default mass properties of drone and arm, and those used without `use_posture`.
+        Mass properties of drone and arm before the first message, and without `use_posture`.
     lead : float
-        Time until a command acts [s].
+        Time between a rotor command and its effect [s].
 
     Attributes
     ----------
     use_posture, use_motion : bool
-        Which quantities are used; may be changed.
+        Whether the arm's mass properties, and the wrench of its motion, are used; may be changed.
     lead : float
-        Time until a command acts [s]; may be changed.
+        Time between a rotor command and its effect [s]; may be changed.
     """
 
     def __init__(
@@ -374,7 +378,7 @@ class ArmFeedForward:
         return any(used and newest is not None and newest < need for used, newest, need in needs)
 
     def at(self, now: float) -> FeedForward:
-        """Return the feedforward at `now` [s]."""
+        """Return the arm's feedforward for a rotor command at `now` [s]."""
         step = min(max(now - self._time, 0.0), _STEP_MAX)
         self._time = now
         last = self._last

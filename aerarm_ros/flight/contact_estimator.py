@@ -26,9 +26,10 @@ class ContactObserver:
 
         dp/dt = f + m g + f_c          dL/dt = M - c x f + M_c
 
-    The joints' torques are internal and do not appear, so any motion of the arm is possible, and
-    no acceleration is needed. The remainder passes a first-order low-pass, which gives the
-    observer `d = K (p - int(f + m g + d) dt)` (De Luca et al., IROS 2006, for a free body).
+    f and M are force and moment of the rotors, f_c and M_c those of the contact, and m g is the
+    weight. The joints' torques are internal and do not appear, so any motion of the arm is
+    possible, and no acceleration is needed. The remainder passes a first-order low-pass. This gives
+    the observer `d = K (p - int(f + m g + d) dt)` of De Luca et al. (IROS 2006) for a free body.
 
     Parameters
     ----------
@@ -58,16 +59,16 @@ class ContactObserver:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the observer, without contact."""
+        """Reset the observer to zero contact."""
         self._estimate = np.zeros(6)
         self.pause()
 
     def pause(self) -> None:
-        """Keep the estimate over a gap; the next motion restarts the comparison."""
+        """Keep the estimate over a gap in the data; the next `update` restarts the comparison."""
         self._before: tuple[Array, Array, Array] | None = None
 
     def update(self, state: FlightState, q: Array, dq: Array, rotors: Array, dt: float) -> Array:
-        """Return the wrench of the contact, low-passed.
+        """Return the low-passed wrench of the contact on drone and arm.
 
         Parameters
         ----------
@@ -76,7 +77,7 @@ class ContactObserver:
         q, dq : (n,) ndarray
             State of the joints at the same time [rad], [rad/s].
         rotors : (6,) ndarray
-            Mean wrench of the rotors over the last `dt`.
+            Mean wrench of the rotors over the last `dt` [N], [Nm].
         dt : float
             Time since the last call [s], positive.
 
@@ -126,9 +127,9 @@ DURATION = 2.0
 class ContactZero:
     """Subtract the bias that a wrong model of weight and thrust causes.
 
-    While the drone hovers, a wrong mass or thrust is a constant force in the world frame, at a
-    constant place on the drone. So the bias is a mean force in the world frame and a mean moment
-    in the axes of the arm's base.
+    While the drone hovers, a wrong mass or thrust appears as a constant force in the world frame,
+    at a constant point of the drone. So the bias is a mean force in the world frame and a mean
+    moment in the axes of the arm's base.
     """
 
     def __init__(self) -> None:
@@ -146,7 +147,7 @@ class ContactZero:
         Parameters
         ----------
         wrench : (6,) ndarray
-            [N], [Nm]
+            Low-passed wrench of the contact [N], [Nm].
         rotation : (3, 3) ndarray
             Base to world.
         dt : float
@@ -175,16 +176,17 @@ _OTHER_CLOCK = 1.0  # [s]
 class ContactEstimator:
     """Combine odometry, rotor commands and joint states by their stamps, for a `ContactObserver`.
 
-    All stamps must belong to one clock. A command acts from its stamp, which is that of the
-    answered odometry, plus the latency of the rotors' wrench. If an input is missing, the last
-    estimate fades to zero, and the estimation starts again when the input returns.
+    All stamps must belong to one clock. A rotor command carries the stamp of the odometry that it
+    answers. The command acts from this stamp plus the latency of the rotors' wrench. If an input is
+    missing, the last estimate fades to zero, and the estimation starts again when the input
+    returns.
 
     Parameters
     ----------
     rotors : RotorWrench
         An instance for this estimator alone.
     hold_time : float
-        Silence of the odometry [s] after which it counts as missing.
+        Time without odometry [s] after which the odometry counts as missing.
 
     Attributes
     ----------
@@ -249,9 +251,9 @@ class ContactEstimator:
         return self._rotors.problem(now)
 
     def update(self) -> tuple[float, Array] | None:
-        """Return the newest wrench (6,) with its time [s], None without a new one.
+        """Return time [s] and wrench (6,) of the newest contact estimate, None without a new one.
 
-        See `ContactObserver.update`.
+        The wrench has the units and axes of `ContactObserver.update`.
         """
         if self.problem():
             self._waiting.clear()
@@ -263,7 +265,7 @@ class ContactEstimator:
         return told
 
     def fade(self, dt: float) -> tuple[float, Array] | None:
-        """Fade the last estimate over `dt` [s]; return the rest, None once it is zero."""
+        """Fade the last contact wrench; return its time [s] and value (6,), or None at zero."""
         if self._wrench is None:
             return None
         # The last estimate may be old, so fade by one step without a jump.
@@ -290,7 +292,7 @@ class ContactEstimator:
         return stamp, wrench
 
     def _mean_wrench(self, end: float, length: float) -> Array:
-        """Return the rotors' mean wrench over a time [s] before `end` [s]."""
+        """Return the rotors' mean wrench (6,) over a duration [s] that ends at `end` [s]."""
         pieces = max(1, round(min(length, _GAP) / _PIECE))
         middles = end - length * (np.arange(pieces) + 0.5) / pieces
         wrenches = [self._rotors.wrench(float(middle)) for middle in middles]

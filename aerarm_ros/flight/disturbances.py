@@ -13,18 +13,21 @@ from aerarm_ros.motion.signals import Array
 
 
 class Disturbance(Protocol):
-    """Estimator of the wrench on drone and arm in addition to rotors and weight."""
+    """Interface of an estimator of the unmodelled wrench on drone and arm."""
 
     def reset(self) -> None:
         """Reset the estimator."""
 
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
-        """Return force in the world and moment in body axes about the centre of mass, (6,).
+        """Return the unmodelled wrench (6,): force in the world, moment in body axes.
+
+        The moment is about the centre of mass.
 
         Parameters
         ----------
         wrench : (6,) ndarray
-            All known wrenches over the last `dt` [s], in body axes about the origin.
+            Sum of all known wrenches except weight over the last `dt` [s], in body axes about the
+            body frame's origin.
         """
         ...
 
@@ -33,15 +36,16 @@ _WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
 class DisturbanceObserver:
-    """Compare the momentum of drone and arm with its known changes.
+    """Disturbance observer that compares the momentum of drone and arm with its known changes.
 
-    First order: `d = K (p - int(w + d) dt)`. The momentum p is that of drone and arm as one rigid
-    body, from odometry and gyroscope.
+    The observer is of first order: `d = K (p - int(w + d) dt)`, with the known wrench w and the
+    estimate d. The momentum p is that of drone and arm as one rigid body, from odometry and
+    gyroscope.
 
     Parameters
     ----------
     frequency : float
-        K [rad/s].
+        Gain K, which is the observer's bandwidth [rad/s].
     """
 
     def __init__(self, frequency: float) -> None:
@@ -54,7 +58,7 @@ class DisturbanceObserver:
         self._estimate = np.zeros(6)
 
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
-        """Return the estimate, see `Disturbance`."""
+        """Return the unmodelled wrench (6,), see `Disturbance`."""
         spin = body.inertia @ state.rate
         velocity = state.velocity + state.rotation @ cross(state.rate, body.centre)
         momentum = np.concatenate([body.mass * velocity, spin])
@@ -81,7 +85,7 @@ class IncrementalEstimate:
     Parameters
     ----------
     drone : DroneConfig
-        Drone with the place of its IMU.
+        Drone with the position of its IMU.
     frequency : float
         Natural frequency of the critically damped filter [rad/s].
     """
@@ -97,7 +101,7 @@ class IncrementalEstimate:
         self._once = self._twice = np.zeros(6)
 
     def update(self, state: FlightState, body: MassProperties, wrench: Array, dt: float) -> Array:
-        """Return the estimate, see `Disturbance`."""
+        """Return the unmodelled wrench (6,), see `Disturbance`."""
         rate, before = state.rate, self._rate
         self._rate = rate
         if before is None or dt <= 0.0 or state.specific_force is None:

@@ -93,7 +93,7 @@ class Allocation:
 
 @dataclass(frozen=True)
 class FlightGains:
-    """Poles of position and attitude; the gains follow from mass and inertia.
+    """Closed-loop poles of position and attitude; the gains follow from mass and inertia.
 
     The attitude loop includes the rotors' lag of some 25 ms, so its frequency times that lag must
     be well below one. The position loop includes the attitude loop, so it is about four times
@@ -102,13 +102,13 @@ class FlightGains:
     Attributes
     ----------
     position_frequency, height_frequency, attitude_frequency : float
-        Undamped natural frequency [rad/s]; that of the position is the horizontal one.
+        Undamped natural frequencies [rad/s] of horizontal position, height and attitude.
     position_damping, attitude_damping : float
         Damping ratio [-].
     position_integral, attitude_integral : float
-        Integral rate as a fraction of the frequency [-].
+        Rate of the loop's integral as a fraction of the loop's frequency [-].
     speed_max : float
-        Speed toward a distant set point [m/s].
+        Largest speed toward a distant set point [m/s].
     tilt_max : float
         Largest commanded tilt [rad].
 
@@ -143,7 +143,7 @@ class FlightGains:
 
 
 class RotorEstimate:
-    """Thrusts that follow commands with each rotor's first-order lag."""
+    """Estimate of the rotors' thrusts, which follow commands with each rotor's first-order lag."""
 
     def __init__(self, drone: DroneConfig) -> None:
         self._allocation = drone.allocation
@@ -188,20 +188,24 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class FlightControl:
-    """Hold a drone with its arm at a place, or move it along a path.
+    """Hold a drone with its arm at a position, or move the drone along a path.
 
     The controlled point is the common centre of mass. The target of the centre of mass is its
-    place with a level body at the body's target. The body itself moves aside when it tilts. f and
-    m are the force and moment of the joints' motion::
+    position while the level body is at the body's target. So a tilted body is displaced from the
+    body's target. The force f_a and the moment m_a are those of the joints' motion, e is the
+    position error, and a_d the target's acceleration::
 
-        F = m (g + a_d + Kp e + Kd de + Ki int e) - f - d
-        M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m - d_R    about the centre of mass
+        F = m (g + a_d + Kp e + Kd de + Ki int e) - f_a - d
+        M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m_a - d_R
 
-    `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with
-    rotors in one plane turns its z axis along the force. `e_w` and `a_R` follow from the rate of
-    the planned force and of the heading. A fully actuated drone stays level. `d` is the estimate
-    of a `Disturbance`. If the rotors cannot give the moment about the vertical, only the heading
-    error grows. The stiffness of the heading is limited by the rotors' moment.
+    M, J, m_a and d_R are about the centre of mass.
+
+    `e_R` is the attitude's error on SO(3) (Lee, Leok and McClamroch, CDC 2010). A drone with rotors
+    in one plane turns its z axis along the force. `e_w` and `a_R` follow from the rate of the
+    planned force and of the heading. A fully actuated drone stays level. `d` and `d_R` are the
+    force and moment that a `Disturbance` estimates. If the rotors cannot give the moment about the
+    vertical, only the heading error grows. The stiffness of the heading is limited by the rotors'
+    moment.
 
     Parameters
     ----------
@@ -261,7 +265,7 @@ class FlightControl:
         dt: float,
         arm: FeedForward | None = None,
     ) -> Array:
-        """Return the thrusts (n,) [N] toward the target, after a step of `dt` [s]."""
+        """Return the rotors' thrusts (n,) [N] for flight to the target; `dt` [s] is one step."""
         arm = self._at_rest if arm is None else arm
         body, heading = arm.body, yaw_of(state.rotation)
         # The arm turns with the body, so use the measured heading.
@@ -281,7 +285,7 @@ class FlightControl:
         return self._thrusts(state, arm, ahead, _attitude(now, yaw), turning, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] of a level, sinking drone without a known position."""
+        """Return the thrusts (n,) [N] for a level, sinking drone whose position is unknown."""
         force = _SINK * self._at_rest.body.mass * GRAVITY * _UP
         wanted = _attitude(_UP, yaw_of(state.rotation))
         self._felt = np.zeros(6)
@@ -318,7 +322,7 @@ class FlightControl:
         return target.acceleration + swung + feedback - self._felt[:3] / body.mass
 
     def _bounded(self, force: Array, mass: float) -> Array:
-        """Return a force with the weight added, its tilt and its lift within bounds [N]."""
+        """Return a force plus the weight [N], with limited tilt and a least lift."""
         sideways = limited(force * _SIDEWAYS, mass * GRAVITY * np.tan(self._gains.tilt_max))
         lift = max(force[2] + mass * GRAVITY, _LIFT_MIN * mass * GRAVITY)
         return np.array([sideways[0], sideways[1], lift])
@@ -336,7 +340,7 @@ class FlightControl:
         turning: Array,
         dt: float,
     ) -> Array:
-        """Return the thrusts for a force in the world and a rotation to an attitude."""
+        """Return the thrusts (n,) [N] for a force in the world and a desired attitude."""
         kp, kd, ki = self._attitude_gains
         rotation, body = state.rotation, arm.body
         inertia = body.inertia
@@ -375,7 +379,7 @@ def _heading_rate(state: FlightState) -> Array:
 
 
 def _pid(frequency: Array, damping: float, integral: float) -> tuple[Array, Array, Array]:
-    """Return gains per mass or inertia, (3,): [1/s^2], [1/s], [1/s^3]."""
+    """Return the P, D and I gains per mass or inertia, (3,): [1/s^2], [1/s], [1/s^3]."""
     kp = frequency**2
     return kp, 2.0 * damping * frequency, integral * frequency * kp
 
@@ -391,7 +395,7 @@ def _attitude(up: Array, yaw: float) -> Array:
 def _turning(force: Array, rate: Array, curvature: Array) -> Array:
     """Return angular velocity and acceleration (2, 3) in the world of a force's direction.
 
-    To first order in the rate, without rotation about the force.
+    The result is of first order in the force's rate and has no rotation about the force.
     """
     length = np.linalg.norm(force)
     along = force / length

@@ -47,20 +47,21 @@ _AGE_MAX = 0.1  # [s] longest extrapolation of an old odometry
 class FlightEstimator:
     """Check samples and combine them to a `FlightState`.
 
-    Position, velocity and attitude are those of the odometry, extrapolated by its age with the
-    IMU's rate. The angular velocity is the IMU's if its samples arrive. A sample is rejected with
-    a reason if it is invalid, old, frozen while the other sensor shows motion, or an impossible
-    jump. A jump that stays for 0.3 s is accepted, because the odometry has reset its frame.
+    Position, velocity and attitude come from the odometry, extrapolated by its age with the IMU's
+    angular velocity. The state's angular velocity comes from the IMU if its samples arrive. A
+    sample is rejected with a reason if it is invalid, old, frozen while the other sensor shows
+    motion, or an impossible jump. A jump that persists for 0.3 s is accepted as a reset of the
+    odometry's frame.
 
     Parameters
     ----------
     drone : DroneConfig
-        Drone with the place of its IMU.
+        Drone with the position of its IMU.
 
     Attributes
     ----------
     jumps : int
-        Number of accepted jumps, each of which changes the meaning of positions.
+        Number of accepted jumps. After each jump, positions refer to a new odometry frame.
     """
 
     def __init__(self, drone: DroneConfig) -> None:
@@ -121,7 +122,7 @@ class FlightEstimator:
         ]
 
     def state(self) -> FlightState | None:
-        """Return the state at `stamp`, None while the odometry is missing."""
+        """Return the drone's state at `stamp` [s], None while the odometry is missing."""
         now, odometry = self.stamp, self._odometry
         if odometry is None or now is None or _is_old(odometry, now):
             return None
@@ -182,7 +183,7 @@ def _is_old(sample: OdometrySample | ImuSample, now: float) -> bool:
 
 
 def _jump(before: OdometrySample, sample: OdometrySample) -> str:
-    """Return the impossible change between two samples, or an empty text."""
+    """Return a text that names the impossible change between two samples, or an empty text."""
     step = sample.stamp - before.stamp
     rotation = rotation_matrix(before.attitude)
     place = before.position + step * (rotation @ before.velocity)

@@ -19,7 +19,7 @@ class FlightState(NamedTuple):
     Attributes
     ----------
     position, velocity : (3,) ndarray
-        Of the frame's origin in the world [m], [m/s].
+        Position [m] and velocity [m/s] of the frame's origin in the world.
     rotation : (3, 3) ndarray
         Body to world.
     rate : (3,) ndarray
@@ -39,7 +39,7 @@ _ZERO = np.zeros(3)
 
 
 class FlightTarget(NamedTuple):
-    """A place at which to hover, or through which to fly.
+    """Position and heading at which the drone hovers, or through which it flies.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class FlightTarget(NamedTuple):
     yaw : float
         Rotation of the body about the vertical [rad].
     velocity, acceleration : (3,) ndarray
-        Of that origin in the world [m/s], [m/s^2].
+        Velocity [m/s] and acceleration [m/s^2] of that origin in the world.
     """
 
     position: Array
@@ -58,7 +58,7 @@ class FlightTarget(NamedTuple):
 
     @classmethod
     def here(cls, state: FlightState) -> 'FlightTarget':
-        """Return the present place of a drone, with its heading."""
+        """Return the present position and heading of a drone, as a target at rest."""
         return cls(np.array(state.position), yaw_of(state.rotation))
 
 
@@ -78,13 +78,13 @@ class OdometrySample:
     Attributes
     ----------
     stamp : float
-        [s]
+        Time of the sample [s].
     position : (3,) ndarray
         Of the body frame's origin in the world [m].
     attitude : (4,) ndarray
         Quaternion (x, y, z, w), body to world, normalized.
     velocity, rate : (3,) ndarray
-        In body axes [m/s], [rad/s].
+        Velocity [m/s] and angular velocity [rad/s] in body axes.
 
     Raises
     ------
@@ -180,18 +180,19 @@ _ACCELERATION_MAX = 20.0  # [m/s^2]
 
 
 class FlightPath:
-    """Quintics through places and headings; at the end the drone hovers.
+    """Quintics through positions and headings, at whose end the drone hovers.
 
     Parameters
     ----------
     times : (M,) array_like
         Times of the points from the start [s], rising, the first not negative.
     positions : (M, 3) array_like
-        Of the body frame's origin in the world [m].
+        Positions of the body frame's origin in the world [m].
     yaws : (M,) array_like
-        [rad]
+        Headings of the body at the points [rad].
     velocities, accelerations : (M, 3) array_like, optional
-        [m/s], [m/s^2]; by default the slopes between neighbours, zero at both ends.
+        Velocities [m/s] and accelerations [m/s^2] at the points; by default slopes between the
+        neighbouring points, and zero at both ends.
     start : FlightTarget, optional
         Start of the path if the first point has a time above zero.
 

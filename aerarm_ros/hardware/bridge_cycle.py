@@ -37,11 +37,11 @@ from aerarm_ros.motion.signals import Array
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.hardware.transports.transport import Transport
 
-_RECENT = 1.0  # [s] how long a rejection or a limited command stays in the list of faults
+_RECENT = 1.0  # [s] time for which a rejected or limited command stays in the list of faults
 
 
 class BridgeReport:
-    """Report the faults and counters of the bridge's parts as text."""
+    """Collects faults and counters of the bridge's parts, as text for users."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class BridgeReport:
         self._monitors = [link.monitor for link in links]
 
     def faults(self, mode: str, now: float) -> list[str]:
-        """Return the faults, latched stop first, with rejections and limits of the last second."""
+        """Return the faults, the latched stop first, and recently rejected or limited commands."""
         intake, gate = self._intake, self._gate
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
         for link in self._links:
@@ -106,7 +106,7 @@ _STEP_MAX = 0.005  # [s] longest time over which a reference moves in one cycle
 
 
 class BridgeCycle:
-    """Apply joint commands to the boards and read the joints, once per cycle.
+    """Sends references for the joint command to the boards, and reads the joints, once per cycle.
 
     `mode` is one of `bridge_modes.MODES`; the module `bridge_modes` describes each mode.
     Requests (`enable`, `disable`, `home`, ...) take effect at the next update.
@@ -126,14 +126,15 @@ class BridgeCycle:
         Robot model from which the barriers at the limits compute loads; by default the packaged
         arm.
     kept
-        Encoder zeros stored by the previous bridge, or the reason why they cannot be used.
+        State stored by the previous bridge process (encoder zeros, temperatures), or the reason
+        why it cannot be used.
     pulse_offset
         (n,) or one for all: motor angles of the index pulses modulo one turn [rad], see `Homing`.
 
     Raises
     ------
     ValueError
-        If configuration, robot and profile do not fit each other.
+        If configuration, robot and frame profile contradict each other.
 
     Attributes
     ----------
@@ -144,13 +145,13 @@ class BridgeCycle:
     state, power
         All measurements (`ArmMeasurements`), and power with energy and source (`MotorPower`).
     intake, gate
-        Command checks and safety gate, with their counters.
+        Checks of received commands, and safety gate; each has counters.
     links, zeros, recall, probe
         Board links, encoder zeros, recall of stored zeros, and the commissioning probe.
     heat
-        Motor temperatures and the torque limits that follow from them.
+        Estimated motor temperatures, and torque limits of warm motors.
     cycles
-        Number of updates.
+        Number of cycles executed.
     """
 
     def __init__(
@@ -203,7 +204,8 @@ class BridgeCycle:
         self._search = ZeroSearch(config, self.state, self.recall.pulse_offset)
         self._enabled = False
         self._aligned = False  # whether every motor in use was aligned at its board's last answer
-        self._followed = False  # whether the arm has followed a command since it became ready
+        # whether the arm has followed a command since its motors became ready
+        self._followed = False
         self._current_lag = settings.current_lag
         self._now = -np.inf
 
@@ -219,17 +221,17 @@ class BridgeCycle:
 
     @property
     def faults(self) -> list[str]:
-        """Faults, latched stop first, with rejections and limits of the last second."""
+        """Faults, the latched stop first, and recently rejected or limited commands."""
         return self._report.faults(self.mode, self._now)
 
     def way_out(self, emulated: bool) -> str:
-        """Return the recovery hint for the present state, '' if none is needed; see `way_out`."""
+        """Return a hint how to continue from the present mode, '' if none is needed."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
         return way_out(self._watch.stopped(self.state, self._enabled and self._aligned), emulated)
 
     def command(self, offered: OfferedCommand, now: float) -> bool:
-        """Offer a joint command, received at `now` [s, monotonic], the clock of `update`.
+        """Process a joint command received at `now` [s, monotonic], on the clock of `update`.
 
         Returns False if the command was rejected; `rejections` counts the reason.
         """
@@ -248,7 +250,7 @@ class BridgeCycle:
         self._references.check_gains(kp, kd, integral_gain)
 
     def enable(self) -> Answer:
-        """Request that the boards align and drive the motors; the arm moves, so support it."""
+        """Request that the boards align and then drive the motors. The arm moves: support it."""
         refusal = self.probe.refusal or self._watch.refusal(self._enabled)
         if self._enabled and not refusal:
             return self._hold()
@@ -274,7 +276,7 @@ class BridgeCycle:
         return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Make the arm hold its position, rather than damp, when commands end."""
+        """Make the arm hold its position, instead of damping it, when commands end."""
         if self.mode not in ('ready', 'running', 'damping'):
             first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
             return Answer(False, f'arm_mode is {self.mode}: run {first} first')
@@ -283,7 +285,7 @@ class BridgeCycle:
         return Answer(True, f'the bridge holds the arm in place{when}')
 
     def disable(self) -> Answer:
-        """Request that the boards switch the motors off; the arm falls, so support it."""
+        """Request that the boards switch the motors off. The arm falls: support it."""
         self._enabled = False
         self._search.end()
         self.probe.end('the motors were disabled')
@@ -294,7 +296,8 @@ class BridgeCycle:
         """Leave the fault mode: hold the arm if its motors are driven, otherwise go to idle."""
         silent = [link.monitor.name for link in self.links if link.monitor.is_silent]
         if silent and self._enabled:
-            # Continuing without a known zero would switch off the boards that damp the arm.
+            # Without a known zero, leaving the fault mode would switch off the boards that damp
+            # the arm.
             return Answer(
                 False,
                 f'no answer from {", ".join(silent)}: disable the arm first, or repair '
@@ -319,7 +322,7 @@ class BridgeCycle:
         return Answer(True, 'the arm is held' if stays else 'the motors are off')
 
     def home(self) -> Answer:
-        """Search the encoders' index pulses; every motor turns by up to one turn in each direction.
+        """Start homing; every motor turns by up to one turn in each direction. The arm moves.
 
         The arm must be in its home configuration. Motors that are off are aligned first.
         """
@@ -338,7 +341,8 @@ class BridgeCycle:
             self.intake.forget()
             self._followed = False
         else:
-            # Until a pulse is found, only the user knows the joint angles.
+            # Until a pulse is found, the joint angles are those of the home configuration, as the
+            # user asserts.
             expected = zeros.expected(state.motor_position)
             zeros.lose(range(self._config.n), 'homing did not end')
             self._set_zero(state.reported_position - expected)
@@ -358,7 +362,8 @@ class BridgeCycle:
         self._now = now
         self.cycles += 1
         self._transport.advance(now)
-        # A board answers before it reads the command, so its answer reflects the previous command.
+        # A board answers before it reads the command, so its answer results from the previous
+        # command.
         gains, feed_forward = self._references.gains, self._references.feed_forward
         noise = self._references.braking_noise
         running = self._choose_references(now, elapsed)
@@ -388,7 +393,7 @@ class BridgeCycle:
                 link.switch_off()
 
     def _choose_references(self, now: float, elapsed: float) -> bool:
-        """Set the motor references; return whether the arm follows a command."""
+        """Set the motor references of this cycle; return whether the arm follows a command."""
         references, gate, state = self._references, self.gate, self.state
         if not self._enabled:
             references.switch_off()
@@ -396,7 +401,7 @@ class BridgeCycle:
             return False
         if references.integrates:
             references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
-        # A barrier acting on a joint without position readings would drive that joint.
+        # A barrier would drive a joint whose position readings are wrong.
         times, tells = state.age(now, now - elapsed), self._encoders.tells_position & state.heard
         q, dq = state.believed(tells)
         kept = references.kept_torques(q, dq, state.unconfirmed)

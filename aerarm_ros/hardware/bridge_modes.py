@@ -41,7 +41,7 @@ COMMANDABLE = (*HELD, 'damping')
 
 
 def to_switch_on(mode: str) -> str:
-    """Return the request that switches on the motors of an arm in a mode, as the user types it."""
+    """Return the request, as the user types it, that switches the motors on in a given mode."""
     return (
         "'arm home', with the arm in its home configuration"
         if mode == 'unhomed'

@@ -1,4 +1,4 @@
-"""Detect faults of boards, encoders and joints, and compare holding torques with the model."""
+"""Detection of faults of boards, encoders and joints, and check of holding torques."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """State of a stopped arm that determines its recovery.
+    """Facts about a stopped arm, from which the recovery hint is derived.
 
     Attributes
     ----------
     boards
-        Number and name of each board that is in fault or has a doubted encoder.
+        Number and name of each board that is in the mode fault, or has an encoder with
+        implausible readings.
     violation
-        Whether the arm is beyond a limit, so that it would stop again immediately.
+        Whether the arm is beyond a limit, so that the bridge would stop it again immediately.
     driven
         Whether all motors are still driven and aligned.
     until_power_cycle
@@ -40,9 +41,10 @@ class StoppedArm:
     absolute
         Whether all encoders know their angles after a power cycle.
     latched
-        Whether the stop is still latched; otherwise the arm is off and its zero unknown.
+        Whether the stop is still latched; False if the motors are off and a zero is unknown.
     hot
-        Condition to wait for before a motor may be driven again, '' if no motor is too warm.
+        Text on how long to wait before a warm motor may be driven again, '' if no motor is too
+        warm.
     """
 
     boards: Sequence[tuple[int, str]] = ()
@@ -55,17 +57,20 @@ class StoppedArm:
     hot: str = ''
 
 
-def way_out(arm: StoppedArm, emulated: bool) -> str:
-    """Return the recovery hint, with steps separated by commas and commands in quotes.
+_BY_HAND = 'move the arm by hand to its home configuration'
 
-    A driven arm holds its position if no board or encoder is in fault and no limit is exceeded. In
-    all other cases the recovery passes through idle, because a restarted board must align and
-    clearing a fault would fail. Joints with a lost encoder zero are homed from the home
-    configuration. A command repairs emulated boards; for real boards the hint describes the manual
-    steps.
+
+def way_out(arm: StoppedArm, emulated: bool) -> str:
+    """Return a recovery hint for the user: steps separated by commas, with commands in quotes.
+
+    A driven arm holds its position if no board or encoder is in fault and no limit is exceeded.
+    In all other cases the motors must be switched off first, because a restarted board must
+    align, and clearing the fault of a driven arm would fail. Joints with a lost encoder zero are
+    homed from the home configuration. Emulated boards are repaired by a command; for real boards
+    the hint names manual steps.
     """
     if not arm.latched:
-        return "'arm home'" if emulated else "bring the arm to its home configuration, 'arm home'"
+        return "'arm home'" if emulated else f"{_BY_HAND}, 'arm home'"
     steps = []
     through_idle = bool(arm.boards) or arm.violation or arm.zero_unknown or bool(arm.hot)
     restarts = bool(arm.boards) and (emulated or arm.until_power_cycle)
@@ -78,8 +83,9 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
         steps.append('repair the cause')
         if arm.until_power_cycle:
             steps += [f'switch the supply of {name} off and on' for _, name in arm.boards]
-    if not emulated and homes:  # an emulated arm is moved there by home and enable
-        steps.append('bring the arm to its home configuration')
+    # the commands home and enable move an emulated arm to its home configuration
+    if not emulated and homes:
+        steps.append(_BY_HAND)
     elif not emulated and arm.violation:
         steps.append('move the arm inside its limits by hand')
     if arm.hot:
@@ -93,12 +99,12 @@ def way_out(arm: StoppedArm, emulated: bool) -> str:
 
 
 class FaultWatch:
-    """Monitor boards, encoders and joints, and trip the gate's stop.
+    """Monitors boards, encoders and joints, and makes the gate stop the arm after a fault.
 
     Parameters
     ----------
     gate, links, encoders, zeros, heat
-        Monitored parts, and the gate that stops the arm.
+        Parts to monitor, and the gate that stops the arm.
     until_power_cycle
         Whether the boards keep an error until their supply has been off.
     """
@@ -122,7 +128,7 @@ class FaultWatch:
         self._until_power_cycle = until_power_cycle
 
     def refusal(self, driven: bool) -> str:
-        """Return why the motors cannot be switched on, or, if `driven`, their fault; '' if none."""
+        """Return why the motors cannot be switched on; if `driven`, their fault; or ''."""
         if self._gate.stop:
             return f'clear the fault first: {self._gate.stop}'
         silent = [
@@ -138,9 +144,10 @@ class FaultWatch:
         return '' if driven else self._heat.refusal()
 
     def boards(self, enabled: bool) -> None:
-        """Detect faults of boards, and boards that were switched off and on.
+        """Detect faults of the boards, and boards that were switched off and on.
 
-        An `enabled` arm that loses a zero is stopped, even if its motors are still driven.
+        An `enabled` arm is stopped if the zero of an encoder is lost, even if its motors are
+        still driven.
         """
         for link in self._links:
             if link.monitor.mode is BoardMode.FAULT:
@@ -171,7 +178,8 @@ class FaultWatch:
         now
             Time [s].
         feed_forward, noise
-            n values each, as in `EncoderMonitor.check` [A].
+            n motor currents each [A]; see `feed_forward` and `braking_noise` of
+            `EncoderMonitor.check`.
         """
         gate, encoders = self._gate, self._encoders
         text = encoders.check(
@@ -194,7 +202,7 @@ class FaultWatch:
             gate.trip(violation)
 
     def stopped(self, state: ArmMeasurements, driven: bool) -> StoppedArm:
-        """Return the facts that determine recovery; `driven` if all motors are driven."""
+        """Return the facts that determine the recovery; `driven` if all motors are driven."""
         trusted = self._encoders.trusted.tolist()
         doubted = {
             joint.board for joint, known in zip(self._joints, trusted, strict=True) if not known
@@ -219,9 +227,9 @@ class FaultWatch:
 # One sample every `_CYCLES` cycles; the mean covers about one second.
 _CYCLES = 20
 _SAMPLES = 50
-_MOVED = 0.01  # [rad] largest motion of a joint at rest in that time
+_MOVED = 0.01  # [rad] largest motion of a resting joint while the torque is averaged
 
-# Friction can add to or subtract from the load: twice the configured friction, which commissioning
+# Friction can hold a part of the load: up to twice the configured friction, which commissioning
 # accepts, plus the torque lost in the gear.
 _FRICTION = 2.0
 _GEAR_LOSS = 0.05
@@ -231,11 +239,13 @@ _MODEL_ERROR = 0.35
 _SHIFT = 0.025  # [m]
 
 _DELIVERY_ERROR = 0.25
-_CURRENT_ERROR = 0.05  # relative to the largest torque: offset and noise of the current measurement
+# error of torques from offset and noise of the current measurement, relative to the largest
+# torque
+_CURRENT_ERROR = 0.05
 
 
 class LoadCheck:
-    """Compare the torques of an arm at rest with the model.
+    """Compares the joint torques of an arm at rest with its model.
 
     Parameters
     ----------
@@ -246,7 +256,8 @@ class LoadCheck:
     def __init__(self, config: ArmConfig, robot: Robot) -> None:
         mass, *centre = config.rated_payload
         self._config = config
-        # Separate from the gate's models, because another thread may produce the diagnostics.
+        # These models are not shared with the gate, because another thread may produce the
+        # diagnostics.
         self._empty, self._loaded = Dynamics(robot), Dynamics(robot)
         self._loaded.carry(point_mass(mass, centre))
         masses = np.array(robot.inertial_parameters)[:, 0]
@@ -256,14 +267,15 @@ class LoadCheck:
         self._current_error: Array = _CURRENT_ERROR * config.column('effort_max')
 
     def warnings(self, q: Array, held: Array, requested: Array) -> list[str]:
-        """Return warnings about joints, with what to check.
+        """Return warnings about joints whose torque deviates from the model, with what to check.
 
         Parameters
         ----------
         q
             (n,) positions [rad].
         held, requested
-            (n,) torques from measured currents and from the boards' law [Nm]; NaN if unknown.
+            (n,) joint torques from measured currents, and torques requested by the boards' law
+            [Nm]; NaN if unknown.
         """
         empty, loaded = self._empty.gravity(q).copy(), self._loaded.gravity(q)
         lowest, highest = np.minimum(empty, loaded), np.maximum(empty, loaded)
@@ -291,7 +303,7 @@ class LoadCheck:
 
 
 class LoadWatch:
-    """Average the torques while the arm holds its position, and warn where the check fails.
+    """Averages the joint torques while the arm holds its position, and warns if `LoadCheck` fails.
 
     The first second is excluded, because a person may still support the arm. Each cycle adds at
     most one sample; the model is evaluated only when warnings are requested.
@@ -351,7 +363,7 @@ class LoadWatch:
             return
         motors = self._references.motors
         requested = self._references.torques(state.q, state.dq)
-        # The integral state of a board is only the bridge's own estimate.
+        # The integral term of a board is only estimated by the bridge.
         requested[[motor.integral_gain > 0.0 for motor in motors]] = np.nan
         self._sums += (state.q, state.tau, requested)
         if self._count == _SAMPLES:

@@ -1,4 +1,4 @@
-"""Thermal model of the motors, with warnings, torque reduction and stop."""
+"""Thermal model of the motors, which warns, reduces torque limits and stops the arm."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 from aerarm_ros.hardware.supply_watch import SupplyWatch
 
-_COPPER_REFERENCE = 20.0  # [degC] of `COPPER`
+_COPPER_REFERENCE = 20.0  # [degC] temperature to which `COPPER` refers
 # A reported resistance is used if it lies within these multiples of the configured one.
 _PLAUSIBLE = (0.5, 2.0)
 # The forecast covers at most this time [s]; repeated halving refines it to 0.2 ms.
@@ -28,11 +28,12 @@ class MotorTemperature:
     """Thermal model of a motor: winding with stator, and housing with mount.
 
     Copper loss ``3/2 R i^2`` (thesis section 4.1, amplitude of the phase current) enters the
-    winding. Heat flows through ``R_wh`` into the housing and through ``R_ha`` into the air. The sum
-    of both resistances follows from the continuous current: at 25 degC ambient this current just
-    heats the winding to its largest temperature. The time constants are ``tau_w = R_wh C_w`` and
-    ``tau_h = R_ha C_h``. Motor manufacturers state this two-body model, for example maxon in "The
-    selection of high-precision microdrives", with winding and motor time constants.
+    winding. Heat flows through ``R_wh`` into the housing and through ``R_ha`` into the air. The
+    sum of both thermal resistances follows from the continuous current, which heats the winding
+    to its largest temperature at 25 degC ambient temperature. The time constants are ``tau_w =
+    R_wh C_w`` and ``tau_h = R_ha C_h``. Motor manufacturers state this two-body model, for
+    example maxon in "The selection of high-precision microdrives", with winding and motor time
+    constants.
 
     The model uses the larger of the reported resistance and the configured resistance scaled to the
     winding temperature, because a board may report a firmware constant. If the configured
@@ -53,7 +54,7 @@ class MotorTemperature:
     Attributes
     ----------
     winding, housing
-        Estimated temperatures [degC].
+        Estimated temperatures of winding and housing [degC].
     """
 
     __slots__ = (
@@ -92,12 +93,12 @@ class MotorTemperature:
         return max(self._reported, self._resistance * grown / rated)
 
     def report(self, resistance: float) -> None:
-        """Use the resistance [ohm] that the board reports; 0 if it reports none."""
+        """Process the resistance [ohm] that the board reports; 0 if the board reports none."""
         low, high = _PLAUSIBLE
         ratio = resistance / self._resistance
         self._reported = resistance if low < ratio < high else 0.0
         if self._reported and self._is_measured:
-            # Only once: the motor may be warmer than assumed at the start.
+            # Done only once, because the motor may be warmer than assumed when the bridge starts.
             self._is_measured = False
             grown = (ratio - 1.0) / COPPER * (1.0 + COPPER * (RATED_AMBIENT - _COPPER_REFERENCE))
             self.winding = max(self.winding, min(RATED_AMBIENT + grown, self._hottest))
@@ -119,7 +120,7 @@ class MotorTemperature:
     def time_until(self, temperature: float, square: float) -> float:
         """Return the time [s] to a temperature [degC] at a squared current [A^2]; inf for never.
 
-        Solves the two linear equations with the resistance at that temperature.
+        The two linear equations are solved with the resistance at that temperature.
         """
         if self.winding >= temperature:
             return 0.0
@@ -150,16 +151,18 @@ class MotorTemperature:
         return high
 
 
-# Distances below the largest winding temperature [K]: of the warning, of the first torque
-# reduction, and of the continuous current. The arm stops at the largest temperature.
+# A warning appears, the torque reduction begins, and the torque is reduced to that of the
+# continuous current at these distances [K] below the largest winding temperature. The arm stops
+# at the largest temperature.
 _WARNING, _REDUCTION, _CONTINUOUS = 30.0, 20.0, 5.0
-# Above the largest temperature by this much [K], a stopped arm held by its barrier is lowered.
+# If the winding exceeds its largest temperature by this [K], a joint of a stopped arm that the
+# barrier holds at a limit is lowered.
 _LETTING_DOWN = 5.0
-# A warning appears this long [s] before the torque reduction, ...
+# A warning also appears this time [s] before the torque reduction, ...
 _WARNING_TIME = 30.0
-# ... at the mean current of this time [s].
+# ... predicted with the mean current over this time [s].
 _MEAN_TIME = 2.0
-# A thermal state ends this much [K] below the temperature at which it began.
+# A warning or reduction ends when the winding is this much [K] cooler than when it began.
 _HYSTERESIS = 3.0
 # Rates of the torque limit [1/s]: it falls within one second and recovers more slowly.
 _FALL, _RISE = 1.0, 0.2
@@ -170,17 +173,17 @@ _LOAD_SHARE = 0.2
 
 
 class ThermalLimit:
-    """Warn of a warm motor, then reduce its torque, then request a stop.
+    """Warns of a warm motor, then reduces its torque limit, then requests a stop of the arm.
 
     The limit of the squared current falls with the winding temperature: from the current of the
-    effort limit to the continuous current, 5 K below the largest temperature. At the continuous
-    current the winding temperature stays there. No command can therefore overheat the winding; only
-    a load that the barrier must hold at a limit can.
+    effort limit to the continuous current, 5 K below the largest temperature. At that temperature
+    and current the winding becomes no warmer. A command can therefore not overheat the winding;
+    only a load that the barrier must hold at a position limit can.
 
     Parameters
     ----------
     ambient, start
-        Temperatures of the air and, initially, of the motor [degC].
+        Temperature of the air, and initial temperature of the motor [degC].
 
     Attributes
     ----------
@@ -191,13 +194,13 @@ class ThermalLimit:
     effort_limit
         Largest torque that a command may request from the joint [Nm].
     remaining
-        Time to the first torque reduction at the present current [s]; 0 after a reduction, inf if
-        none will come.
+        Time until the torque limit is reduced, at the present mean current [s]; 0 if it is
+        reduced already, inf if it never will be.
     is_sinking
         Whether the load of the arm's weight exceeds the reduced torque.
     lets_down
-        Whether the joint is lowered slowly until its motor is off, because its motor can no longer
-        hold it at a limit.
+        Whether the joint is lowered slowly until its motor is off, because the warm motor can no
+        longer hold the joint at a position limit.
     """
 
     __slots__ = (
@@ -249,7 +252,7 @@ class ThermalLimit:
         return self.effort_limit < self._effort_max
 
     def recall(self, winding: float, housing: float, away: float) -> None:
-        """Set kept temperatures [degC] of a motor that was off for a time [s], if higher."""
+        """Use stored temperatures [degC] of a motor off for a time [s], if higher."""
         motor, most = self.motor, self._temperature_max + _KEPT_MAX
         before = motor.winding, motor.housing
         motor.winding, motor.housing = min(winding, most), min(housing, most)
@@ -259,12 +262,12 @@ class ThermalLimit:
         motor.housing = max(motor.housing, before[1])
 
     def add(self, current: float, duration: float) -> None:
-        """Add a current [A] that flowed for a time [s]."""
+        """Add the heat of a motor current [A] that flowed for a time [s]."""
         self._sum += current * current * duration
         self._duration += duration
 
     def update(self, resistance: float) -> None:
-        """Advance to the present; the board reports a resistance [ohm], 0 for none."""
+        """Update temperatures and torque limit; the board reports a resistance [ohm] or 0."""
         duration = self._duration
         if duration <= 0.0:
             return
@@ -281,7 +284,7 @@ class ThermalLimit:
         self._limit(duration)
 
     def forecast(self) -> None:
-        """Estimate the time to the next torque reduction; one call per second suffices."""
+        """Estimate the time `remaining` until the torque reduction; call about once per second."""
         threshold = self._temperature_max - _REDUCTION
         self.remaining = self.motor.time_until(threshold, self._square)
 
@@ -308,7 +311,7 @@ class ThermalLimit:
 
     @property
     def wait(self) -> str:
-        """Condition to wait for before the motor may be driven again, or ''."""
+        """Text on how long to wait before the motor may be driven again, or ''."""
         cool = self._temperature_max - _REDUCTION
         if self.motor.winding <= cool:
             return ''
@@ -323,7 +326,7 @@ class ThermalLimit:
         )
 
     def new_warning(self) -> str:
-        """Return the warning if it is more severe than any since the motor was cool, or ''."""
+        """Return the present warning if it is worse than all since the motor was cool, or ''."""
         stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.lets_down))
         rises = stage > self._worst
         self._worst = max(stage, self._worst) if stage else 0
@@ -369,19 +372,20 @@ class ThermalLimit:
         self.effort_limit = min(limit, self._effort_max)
 
 
-# Kept temperatures are capped at this much [K] above the largest, so no file blocks an arm.
+# Stored temperatures are limited to this much [K] above the largest temperature, so that a file
+# cannot block an arm.
 _KEPT_MAX = 30.0
-_COOLINGS = 100  # steps over the time in which no bridge ran
+_COOLINGS = 100  # number of integration steps over the time in which no bridge ran
 
 
 @dataclass(frozen=True)
 class KeptHeat:
-    """Motor temperatures that a bridge estimated at a time [s, monotonic].
+    """Stored motor temperatures, estimated by a bridge at a time [s, monotonic].
 
     Attributes
     ----------
     windings, housings
-        One per joint, in the arm's order [degC].
+        Temperatures of the joints' motors [degC], from base to tool.
     """
 
     time: float
@@ -395,19 +399,19 @@ _FORECASTS = 50
 
 
 class HeatWatch:
-    """Update the temperature estimates, apply reduced torques, and trip the gate's stop.
+    """Estimates motor temperatures, reduces torque limits, and makes the gate stop the arm.
 
-    Short braking needs more than a reduced torque. The barriers at the limits and the damping of a
-    stopped arm therefore keep the full motor torque.
+    The barriers at the limits and the damping of a stopped arm may always use the full motor
+    torque, because braking is short and needs it.
 
     Parameters
     ----------
     config
         Configuration with motors and supply.
     settings
-        Temperatures of the air and, initially, of the motors.
+        Temperature of the air, and initial temperature of the motors.
     profile
-        Frame layout: which quantities the boards report.
+        Frame layout, which determines the quantities that the boards report.
     gate, links, references
         Parts that this class limits or reads.
 
@@ -416,7 +420,8 @@ class HeatWatch:
     limits
         One `ThermalLimit` per joint.
     news
-        Warnings more severe than earlier ones, for the log; the logger removes each one.
+        Warnings that are worse than all earlier ones, for the log; the program that logs a
+        warning removes it.
     supplies
         One `SupplyWatch` per board; empty if the frames carry no supply voltage.
     unknown
@@ -485,7 +490,7 @@ class HeatWatch:
         return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
 
     def recall(self, kept: KeptHeat, now: float) -> None:
-        """Use the temperatures of a previous bridge, with motors off since then, where higher."""
+        """Use a previous bridge's temperatures, cooled since then, where they are higher."""
         away = max(now - kept.time, 0.0)
         rows = zip(self.limits, kept.windings, kept.housings, strict=False)
         for limit, winding, housing in rows:

@@ -8,17 +8,17 @@ from aerarm_ros.description.arm_config import PowerStageConfig
 
 # Consecutive readings beyond a limit that rule out noise: 10 ms at 1 kHz.
 _IN_ROW = 10  # decision 81
-# A warning appears at this fraction inside the limits and stays long enough to read [s].
+# A warning appears at this fraction inside the limits; it stays for this time [s], to be read.
 _WARNING_SHARE = 0.05
 _SHOWN = 5.0
 
 
 class SupplyWatch:
-    """Warn near the limits of the supply voltage, and request a stop beyond them.
+    """Warns near the limits of a board's supply voltage, and requests a stop beyond the limits.
 
-    A supply that cannot absorb braking energy rises in voltage with each braking; the stop ends
-    that motion. At low supply the boards would switch off and drop the arm; a damped arm sinks
-    slowly.
+    The voltage of a supply that cannot absorb braking energy rises with each braking, so a stop
+    must end the motion. At a low voltage the boards would switch off and drop the arm, while an
+    arm that was stopped and damped before sinks slowly.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Nominal arm parameters (CAD model) from URDF and configuration."""
+"""Nominal parameters of an arm (CAD model), from its URDF and configuration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,14 +15,15 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class LinkBounds:
-    """Bounds of masses and centres of mass for the semidefinite program.
+    """User's bounds of masses and centres of mass for the semidefinite solver.
 
     Attributes
     ----------
     total_mass : tuple of two floats, optional
         Lower and upper bound of the total mass of all moving links (3.13) [kg], from weighing.
     centres : bool
-        Whether each centre of mass must stay in the box given by the link's CAD inertia (3.12).
+        Whether each centre of mass must lie in a homogeneous box with the link's CAD inertia
+        (3.12).
     """
 
     total_mass: tuple[float, float] | None = None
@@ -41,14 +42,14 @@ class LinkBounds:
 
 @dataclass(frozen=True, eq=False)
 class InertiaBoxes:
-    """Homogeneous box of equal inertia for each of n links.
+    """For each of n links, the homogeneous box with the mass and inertia of the link.
 
     Attributes
     ----------
     centre : (n, 3) ndarray
         Centre of mass in the frame of the link's joint [m].
     axes : (n, 3, 3) ndarray
-        Columns: directions of the box's edges, in the same frame.
+        Directions of the box's edges as columns, in the frame of the link's joint.
     half_edges : (n, 3) ndarray
         Half lengths of the edges [m]; NaN where the inertia is not physically possible.
     """
@@ -59,7 +60,7 @@ class InertiaBoxes:
 
     @property
     def reach(self) -> Array:
-        """(n, 3) extent of the box from its centre along the axes of the joint frame [m]."""
+        """Half extents (n, 3) of the boxes along the axes of the links' joint frames [m]."""
         return np.asarray((np.abs(self.axes) @ self.half_edges[..., None])[..., 0])
 
     def corners(self) -> Array:
@@ -83,7 +84,7 @@ def inertia_boxes(inertial: Array) -> InertiaBoxes:
     spread = matter[:, :3, :3] / mass[..., None] - centre[:, :, None] * centre[:, None, :]
     variance, axes = np.linalg.eigh(spread)
     with np.errstate(invalid='ignore'):
-        # Homogeneous matter between -a and a has the variance a^2 / 3.
+        # Mass distributed homogeneously between -a and a has the variance a^2 / 3.
         half_edges = np.sqrt(3.0 * variance)
     return InertiaBoxes(centre, axes, half_edges)
 
@@ -95,11 +96,11 @@ CoupledJoints = Sequence[tuple[str, str]]
 def coupled_terms(
     joint_names: Sequence[str], coupled: CoupledJoints
 ) -> tuple[tuple[JointTerm, ...], ...]:
-    """Return the regressor columns that coupled joints add to each joint.
+    """Return the additional torque terms of joints whose drive is turned by another joint.
 
-    A drive that passes through another joint, as in many wrists, is turned by that joint. The
-    joint's torque then gets the terms `cv dq + ca ddq` of its driver. If the torque acts in both
-    directions, give both pairs.
+    In many wrists, a drive passes through another joint (its driver) and is turned by that joint.
+    The torque of the driven joint then contains `cv dq + ca ddq`, with the motion of the driver.
+    If each joint turns the drive of the other, give both pairs.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ _SMALLEST_SIZE = 0.05  # [m] assumed lower bound of the size of a link
 
 @dataclass(frozen=True, eq=False)
 class ArmParameters:
-    """Inertial parameters of the links and coefficients of the joints' terms.
+    """Nominal inertial parameters, friction and rotor inertia of an arm.
 
     Attributes
     ----------
@@ -157,7 +158,7 @@ class ArmParameters:
 
     @classmethod
     def stated(cls, robot: Robot, config: ArmConfig | None) -> 'ArmParameters':
-        """Return the parameters of the URDF, with rotor inertia from the configuration.
+        """Return the parameters stated in the URDF, with rotor inertia from the configuration.
 
         Raises
         ------
@@ -184,7 +185,7 @@ class ArmParameters:
         )
 
     def vector(self, model: JointModel) -> Array:
-        """Return theta in the order of `model.columns`; terms without a CAD value are 0."""
+        """Return the parameters in the order of `model.columns`; 0 for terms without CAD value."""
         known = {
             TermKind.VISCOUS: self.viscous,
             TermKind.COULOMB: self.coulomb,
@@ -196,7 +197,7 @@ class ArmParameters:
         return np.concatenate([self.inertial.ravel(), joints])
 
     def inertial_scale(self) -> Array:
-        """Return the natural size of each inertial parameter.
+        """Return the natural size of each inertial parameter, from mass and radius of gyration.
 
         Returns
         -------

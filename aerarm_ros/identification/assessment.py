@@ -1,4 +1,4 @@
-"""Torque error of an estimate, thesis (5.3)."""
+"""Torque error (5.3) of an estimate, and warnings about motions beyond the identified range."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,17 +11,19 @@ from aerarm_ros.identification.regression.regression import Prediction, SampleCo
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
-# Tolerated excess over the identified range, relative to that range; filters cause a little.
+# Tolerated excess of a motion over the identified range, relative to that range; filters cause
+# small excesses.
 _TOLERATED = 0.1
-_HARDLY_MOVED = 10.0  # times that range; a relative excess is meaningless then
-# The model extrapolates if its uncertainty grows by this factor and is significant.
+_HARDLY_MOVED = 10.0  # multiples of that range, above which a relative excess is not stated
+# The model counts as extrapolating if the uncertainty of its torque grows by this factor and is
+# significant.
 _GROWTH = 3.0
 _QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
 
 
 @dataclass(frozen=True, eq=False)
 class BagDemand:
-    """Motion range and excitation of one bag relative to the identification motion.
+    """Motion range of one bag relative to that of the identification, and torque uncertainty.
 
     Attributes
     ----------
@@ -29,8 +31,8 @@ class BagDemand:
         Excess of position, velocity and acceleration over the range of the identification motion,
         relative to that range; 0 inside.
     uncertainty : (n,) ndarray
-        Standard deviation of the predicted torque due to parameter uncertainty [Nm], RMS over the
-        motion.
+        RMS over the motion of the predicted torque's standard deviation due to parameter
+        uncertainty [Nm].
     """
 
     bag: str
@@ -39,7 +41,7 @@ class BagDemand:
 
 
 def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColumns) -> BagDemand:
-    """Compare the motion of a bag with the identification bags.
+    """Compare the motion of a bag with the motion of the identification bags.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColum
 def extrapolation_warnings(
     fit: ModelFit, identification: Sequence[BagDemand], validation: Sequence[BagDemand]
 ) -> list[str]:
-    """Return warnings where validation bags exceed the range of the identification bags."""
+    """Return warnings about validation bags that exceed the range of the identification bags."""
     names = fit.model.joint_names
     known = np.max([demand.uncertainty for demand in identification], axis=0)
     warnings = []
@@ -98,20 +100,21 @@ def extrapolation_warnings(
     return warnings
 
 
-_SMALLEST = 1e-300  # keeps a bag without torque from dividing by zero
+_SMALLEST = 1e-300  # avoids division by zero for a bag without torque
 
 
 @dataclass(frozen=True, eq=False)
 class BagAssessment:
-    """Accuracy of the predicted torque of an estimate on one bag.
+    """Torque errors of an estimate on one bag.
 
     Attributes
     ----------
     filtered, filtered_measured, raw : float
-        `100 |tau - tau_hat| / |tau|` over all joints stacked [%]. `filtered` compares torque and
-        prediction through the same low-pass filter. `filtered_measured` compares filtered torque
-        with the unfiltered prediction, as most publications do. `raw` compares recorded torque.
-        Joints with constant recorded effort and samples with saturated effort are excluded.
+        `100 |tau - tau_hat| / |tau|` over all joints stacked [%]. `filtered` compares measured
+        and predicted torque, both low-pass filtered. `filtered_measured` compares filtered torque
+        with the unfiltered prediction, as most publications do. `raw` compares recorded torque
+        with the unfiltered prediction. Joints with constant recorded effort and samples with
+        saturated effort are excluded.
     per_joint_filtered, per_joint_filtered_measured, per_joint_raw : (n,) ndarray
         Torque errors per joint [%]; NaN for an excluded joint.
     """
@@ -135,7 +138,7 @@ class BagAssessment:
 
 
 def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessment]:
-    """Return the torque errors of an estimate on each bag."""
+    """Return the torque errors of an estimate on each of the bags."""
     results = []
     for bag in bags:
         prediction = bag.predict(estimate.model, estimate.theta)
@@ -182,7 +185,7 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
     return 100.0 * float(np.linalg.norm(difference[known])) / whole, per_joint
 
 
-_SLOW = 0.05  # fraction of a joint's top speed below which its direction is blended
+_SLOW = 0.05  # fraction of a joint's top speed, below which the sign of its velocity is smoothed
 _CLEAR = 4.0  # standard deviations
 _WORTH_TELLING = 0.05  # relative to the RMS joint torque; smaller changes are not reported
 _SHORTEST = 10.0  # [s] shortest motion that is tested for changes
@@ -190,12 +193,13 @@ _SHORTEST = 10.0  # [s] shortest motion that is tested for changes
 
 @dataclass(frozen=True, eq=False)
 class ResidualTrend:
-    """Growth of the torque residual from the beginning to the end of a bag.
+    """Change of friction and offset of the joints from the beginning to the end of a bag.
 
     Attributes
     ----------
     friction, offset : (n,) ndarray
-        Change of torque against the motion, and of constant torque [Nm]; 0 if insignificant.
+        Change of the torque against the motion, and change of the constant torque [Nm]; 0 if
+        insignificant.
     torque : (n,) ndarray
         RMS torque of each joint [Nm].
     """
@@ -207,7 +211,7 @@ class ResidualTrend:
 
 
 def residual_trend(bag: SampleColumns, assessed: BagAssessment) -> ResidualTrend:
-    """Estimate how friction and offset residuals of a bag change with time.
+    """Estimate the change of friction and torque offset during a bag, from its torque residual.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ _CONTRADICTION = ('PrimalInfeasible', 'AlmostPrimalInfeasible')
 
 
 class SolverError(IdentificationError):
-    """Optimization problem that has no solution or was not solved.
+    """Optimization problem that has no solution, or for which the solver found none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Effect of geometry errors of an arm on predicted torques."""
+"""Effect of errors of the arm's geometry on predicted torques."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MOST = 300  # largest number of samples used
 
 
 def is_calibrated(robot: Robot) -> bool:
-    """Return whether the calibrator wrote the URDF."""
+    """Return whether the calibrator has written the URDF of a robot."""
     return CALIBRATED in robot.urdf_text
 
 
@@ -25,8 +25,8 @@ def torque_error_per_length(
     """Return the relative torque error [%] caused by displaced joints.
 
     Each joint except the first is displaced by `length` along each axis of its parent link. The
-    errors are independent, so their squares add up. Masses stay unchanged, although an
-    identification would absorb part of the error.
+    errors are independent, so their squares add up. The inertial parameters stay unchanged,
+    although an identification would absorb a part of the error.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def torque_error_per_length(
 
 
 def geometry_text(result: IdentificationResult) -> str:
-    """Return a text on whether the geometry is calibrated, and the torque error if not."""
+    """Return a text on whether the geometry is calibrated, and the possible torque error if not."""
     robot = result.robot
     if is_calibrated(robot):
         return 'The geometry of the URDF is calibrated.'

@@ -29,12 +29,13 @@ from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
 
-_UNKNOWN = 0.01  # information fraction from data below which only the prior determines a parameter
+# a parameter with a smaller fraction of information from data counts as determined by the prior
+_UNKNOWN = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Estimate with its torque errors."""
+    """Estimate of one solver with its torque errors on all bags."""
 
     estimate: Estimate
     identification: list[BagAssessment]
@@ -50,23 +51,24 @@ class IdentificationResult:
     gravity : GravityDirection or None
         Direction of gravity estimated from the data; None if not requested.
     delay : EffortDelay or None
-        Delay of efforts; None if not requested.
+        Estimated delay of efforts; None if its estimation was not requested.
     conditioner : Conditioner
-        Cut-off, period, harmonics and corrected delays.
+        Conditioner with cut-off, period, harmonics and corrected delays.
     filter_choice : FilterChoice
         Chosen filter of the kinematics, with the identification bags.
     validation : list of SampleColumns
         Validation bags.
     thesis_base, used_base : BaseParameters
-        Base parameters of links, viscous and Coulomb friction, and of all fitted columns.
+        `thesis_base`: base parameters of links, viscous and Coulomb friction. `used_base`: base
+        parameters of all fitted columns.
     fit : ModelFit
-        Regression from which the estimates are solved.
+        Fit with the regression that all solvers use.
     comparisons : list of Comparison
-        Friction models tried.
+        Friction models that were tried for each joint.
     solutions : dict of str to Solution
         Solution of each solver.
     left_out : list of str
-        Insignificant columns, whose coefficient was at its bound 0.
+        Names of columns that were removed because their coefficient was at its bound 0.
     demands : list of BagDemand
         Motion range and excitation of each identification bag, then of each validation bag.
     trends : list of ResidualTrend
@@ -74,7 +76,8 @@ class IdentificationResult:
     splits : list of ResidualSplit
         Causes of the residual of each validation bag, or of the identification bags without any.
     rollouts : list of RolloutError
-        Simulation error of each solver on each bag, if requested.
+        Error of the arm simulated with each solver's parameters on each bag; empty if not
+        requested.
     """
 
     robot: Robot
@@ -108,7 +111,7 @@ class IdentificationResult:
 
     @property
     def only_prior(self) -> tuple[str, ...]:
-        """Parameters of the recommended estimate that the data barely determine."""
+        """Names of the parameters of the recommended estimate that the data barely determine."""
         determined = self.recommended.estimate.determined
         if determined is None:
             return ()
@@ -117,7 +120,7 @@ class IdentificationResult:
 
     @property
     def only_in_sums(self) -> tuple[str, ...]:
-        """Parameters that the data determine only in sums with others."""
+        """Names of the parameters that the data determine only in sums with other parameters."""
         base = self.used_base
         mixed = base.combination != 0.0
         index = [*base.independent[mixed.any(axis=1)], *base.dependent[mixed.any(axis=0)]]
@@ -125,7 +128,7 @@ class IdentificationResult:
 
     @property
     def base_deviations(self) -> npt.NDArray[np.float64]:
-        """(r,) standard deviations of the base parameters from the data alone."""
+        """Standard deviations (r,) of the base parameters, from the data without the prior."""
         weights = self.fit.noise.information_weights
         factor = self.fit.regression.system(weights).R[:, self.used_base.independent]
         scale = np.linalg.norm(factor, axis=0)
@@ -156,7 +159,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Checks of all requested limits."""
+    """Comparison of an identification result with all requested limits."""
 
     checks: tuple[Check, ...]
 
@@ -167,7 +170,7 @@ class Verdict:
 
     @property
     def text(self) -> str:
-        """One line per limit, for a terminal."""
+        """Text with one line per limit, for a terminal."""
         return '\n'.join(
             f'{"passed" if check.passed else "FAILED"}  {check.name}: {check.value:.4g}, at most '
             f'{check.limit:.4g}'
@@ -209,7 +212,7 @@ warnings.
 
 
 def read_limits(path: Path) -> dict[str, float]:
-    """Read the limits of a YAML file.
+    """Read the limits of an identification result from a YAML file.
 
     Raises
     ------
@@ -253,15 +256,16 @@ def judge(result: IdentificationResult, limits: dict[str, float]) -> Verdict:
 
 
 def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, EnergyBalance]:
-    """Return the energy balance of each bag, by its name, for samples where the filter has settled.
+    """Return the energy balance of each bag by name, without samples at the ends of the bag.
 
-    Torque is the filtered measured torque. Links and rotors are the identified ones, and friction
-    is the recommended estimate's prediction.
+    The torque is the filtered measured torque. Inertial and friction torques are those of the
+    recommended estimate.
 
     Parameters
     ----------
     config : ArmConfig
-        Motors with resistances, and the power stage. The result is empty for another arm.
+        Configuration with motor resistances and power stage. The result is empty if the
+        configuration belongs to another arm.
     """
     robot, solution = result.robot, result.recommended
     if config.joint_names != robot.joint_names:

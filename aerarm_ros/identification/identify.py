@@ -1,4 +1,4 @@
-"""Offline identification from recordings to estimates in one function."""
+"""Offline identification as one function, from recordings to parameter estimates."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -61,15 +61,17 @@ from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_a
 from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
 
-_MOST = 10.0  # largest factor between the weights of one bag and of all bags
-_ROUNDS = 2  # a noisy bag degrades the first fit, which determines the noise of all bags
+_MOST = 10.0  # largest ratio between the weights of one bag and those of all bags together
+# number of rounds, because a noisy bag degrades the first fit, which determines the noise of all
+# bags
+_ROUNDS = 2
 
 
 def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[SampleColumns]:
-    """Return the bags with weights equal to one over the noise of each joint in each bag.
+    """Return the bags, with each joint's rows weighted by one over the joint's noise in the bag.
 
-    Weights are relative to the noise of all bags together; a single bag has weights of one. The
-    noise is the torque residual in held-out parts.
+    The noise is the residual torque in held-out parts of the motion, relative to the noise of all
+    bags together. A single bag therefore has weights of one.
 
     Parameters
     ----------
@@ -94,14 +96,16 @@ def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[Sam
     return weighted
 
 
-# Gautier and Khalil (1992) require less than 100; above the limit noise dominates.
+# Condition number. Gautier and Khalil (1992) require less than 100; above this limit noise
+# dominates.
 _POOR_CONDITION = 400.0
 _LARGEST_CONDITION = 1000.0
-_STATES = 50  # random states, enough to reveal every effect of the arm's mechanics
+# number of random states, enough to show every effect of the arm's mechanics on the torque
+_STATES = 50
 
 
 def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]:
-    """Return warnings about the excitation by a motion.
+    """Return warnings about parameters that a motion excites too little.
 
     Parameters
     ----------
@@ -140,7 +144,7 @@ def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]
 
 
 def _structural_rank(regressor: Regressor) -> int:
-    """Return the rank for a motion that moves all joints."""
+    """Return the rank of the regressor for a motion that moves all joints."""
     random = np.random.default_rng(0)
     states = random.uniform(-2.0, 2.0, (3, _STATES, regressor.robot.n))
     factor = triangular_factor(regressor.stack(*states))
@@ -153,12 +157,12 @@ _FRICTION = (TermKind.VISCOUS, TermKind.COULOMB)
 def without_nil_terms(
     fit: ModelFit, estimate: Estimate, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> tuple[ModelFit, list[str]]:
-    """Repeat the fit without terms whose coefficient is at its bound 0.
+    """Repeat the fit without joint terms whose coefficient is at its bound 0.
 
     An example is rotor inertia when a torque sensor is mounted behind the gear, where the sensor
-    does not measure it. With such a column, solvers without bounds return an impossible rotor
-    inertia. Friction (2.6), which every joint has, is removed only if the data clearly require a
-    negative value.
+    does not measure it. With this column in the fit, solvers without bounds would return an
+    impossible rotor inertia. Friction (2.6), which every joint has, is removed only if the data
+    clearly require a negative value.
 
     Parameters
     ----------
@@ -188,7 +192,7 @@ def without_nil_terms(
     return fit_model(bags, bank, smaller, cad, fit.noise), left_out
 
 
-_ROUNDS = 2  # without one term another one may become insignificant
+_ROUNDS = 2  # repeated, because another term may become insignificant without the removed one
 
 
 @dataclass(frozen=True)
@@ -206,7 +210,8 @@ class IdentificationOptions:
     bounds : LinkBounds
         Bounds of total mass and centres of mass.
     coupled : sequence of (joint, driver)
-        Joints driven by another joint's motion, in addition to those of the configuration.
+        Pairs of joints, the first of which is driven by the motion of the second, in addition to
+        the pairs in the configuration.
     tilt : bool
         Whether to estimate the direction of gravity.
     rollouts : bool
@@ -239,9 +244,9 @@ def identify(
     config : ArmConfig or None
         Configuration with rotor inertia; None if the drives are unknown.
     identification : sequence of Recording
-        Recordings for all choices and fits.
+        Recordings from which all choices and fits are made.
     validation : sequence of Recording
-        Recordings that are only predicted.
+        Recordings whose torque is only predicted, for validation.
     stopwatch : Stopwatch
         Records the time of each stage.
 
@@ -288,7 +293,8 @@ def identify(
         warnings += extrapolation_warnings(fit, *demands)
     with stopwatch.stage('residual'):
         judged = validation or identification
-        splits = _splits(motion, estimates[RECOMMENDED], config, judged)
+        splits, unsplit = _splits(motion, estimates[RECOMMENDED], config, judged)
+        warnings += unsplit
     with stopwatch.stage('rollouts'):
         rollouts = _rollouts(motion, fit, estimates, judged) if options.rollouts else []
     return IdentificationResult(
@@ -315,7 +321,7 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class _PreparedBags:
-    """Filtered bags with estimated gravity and delays; `level` uses the stated gravity."""
+    """Filtered bags with estimated gravity and delays; `level` are bags with the stated gravity."""
 
     robot: Robot
     choice: FilterChoice
@@ -331,7 +337,7 @@ def _prepared(
     cad: ArmParameters,
     options: IdentificationOptions,
 ) -> _PreparedBags:
-    """Choose the filter, then estimate the direction of gravity and delays."""
+    """Choose the filter, then estimate the direction of gravity and the signal delays."""
     robot, gravity, delay = level.robot, None, None
     choice = choose_filter(level, conditioner, identification)
     level_bags = choice.bags
@@ -357,13 +363,20 @@ def _splits(
     estimate: Estimate,
     config: ArmConfig | None,
     recordings: Sequence[Recording],
-) -> list[ResidualSplit]:
-    """Split the residual of each recording by its causes."""
+) -> tuple[list[ResidualSplit], list[str]]:
+    """Split each recording's residual by causes; return warnings on recordings left out."""
     choice, regressor = motion.choice, Regressor(motion.robot)
     known = config is not None and config.joint_names == motion.robot.joint_names
     ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
     how = (regressor, choice.conditioner, choice.kinematics, estimate)
-    return [split_residual(*how, excerpt(r), ratios) for r in recordings]
+    splits: list[ResidualSplit] = []
+    warnings: list[str] = []
+    for recording in recordings:
+        try:
+            splits.append(split_residual(*how, excerpt(recording), ratios))
+        except IdentificationError as error:  # with additional noise
+            warnings.append(f'{recording.name}: the report has no causes of the residual: {error}')
+    return splits, warnings
 
 
 def _rollouts(
@@ -372,7 +385,7 @@ def _rollouts(
     estimates: Mapping[str, Estimate],
     recordings: Sequence[Recording],
 ) -> list[RolloutError]:
-    """Simulate each solver's arm along the recordings."""
+    """Return the errors of arms simulated with each solver's parameters, on each recording."""
     thetas = {name: estimate.theta for name, estimate in estimates.items()}
     errors = []
     for recording in recordings:
@@ -399,7 +412,7 @@ def _solved(
     options: IdentificationOptions,
     windows: RolloutWindows | None,
 ) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
-    """Solve, and solve again without insignificant terms; return these terms and notes on them."""
+    """Solve, then solve again without insignificant terms; return the removed terms as well."""
     left_out: list[str] = []
     warnings: list[str] = []
     how = (options.solvers, options.progress, options.bounds, windows)
@@ -418,7 +431,7 @@ def _solved(
 def _result_warnings(
     solutions: dict[str, Solution], fit: ModelFit, bags: list[SampleColumns], cad: ArmParameters
 ) -> list[str]:
-    """Return warnings of the estimates about themselves and their input."""
+    """Return the warnings of the solvers, and warnings about implausible results and input."""
     recommended = solutions[RECOMMENDED]
     return [
         *recommended.estimate.notes,
@@ -432,8 +445,8 @@ def _bases(
 ) -> tuple[BaseParameters, BaseParameters]:
     """Return the base parameters of the thesis's columns, and of all fitted columns.
 
-    Both assume the stated gravity. A slight tilt makes some more parameters identifiable, but so
-    weakly that any motion would appear poorly exciting.
+    Both are computed with the stated gravity. With a slight tilt of gravity more parameters are
+    identifiable, but so weakly that every motion would seem to excite them poorly.
     """
     model = JointModel.uniform(fit.model.joint_names, fit.model.link_names, THESIS_TERMS)
     regressions = [RegressionBank(level_bags, THESIS_TERMS).regression(model), fit.regression]

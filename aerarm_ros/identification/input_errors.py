@@ -1,9 +1,9 @@
-"""Detection of common errors in recordings by testing the corrected data.
+"""Detection of common errors in recordings by a fit to corrected data.
 
 Examples are a wrong sign, swapped names, a shifted zero or a wrong torque constant of one joint,
-and gravity along another axis. Correcting such an error makes a model near the nominal one explain
-the torque much better. So each error is corrected in turn, a simple model is fitted, and the costs
-are compared.
+and gravity along another axis. Once such an error is corrected, a model near the nominal one
+explains the torque much better. Each possible error is therefore corrected in turn, a simple
+model is fitted, and the costs are compared.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,17 +21,19 @@ from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 
 _ROWS = 300  # number of samples used
-_NOISE = 0.03  # smallest relative residual of a simple model
-_CORRELATION = 20.0  # number of neighbouring samples that are not independent
+_NOISE = 0.03  # smallest assumed residual of a simple model, relative to the torque
+_CORRELATION = 20.0  # number of neighbouring samples that together count as one independent sample
 _QUARTER = np.pi / 2.0
 _ZEROS = (_QUARTER, -_QUARTER, np.pi)
-_TERMS = 4  # viscous, Coulomb, rotor, offset of each joint
-_NOT_NEGATIVE = 3  # the first three of them
-_SUSPICIOUS = 1.5  # cost per independent sample; about 1 for correct input
-_CLEARLY = 0.6  # largest relative cost after correction
+_TERMS = 4  # number of terms of each joint: viscous, Coulomb, rotor, offset
+_NOT_NEGATIVE = 3  # the first three terms cannot be negative
+_SUSPICIOUS = 1.5  # largest cost per independent sample of correct input, which is about 1
+_CLEARLY = 0.6  # largest cost with the correction, relative to the cost without it
 _GOOD = 15.0  # [%] largest torque residual after correction
-_OTHER_CONSTANT = 0.25  # relative deviation; smaller ones may result from gear losses
-_EXPLAINED = 0.5  # least explained fraction of the torque without friction, for a valid factor
+# smallest relative deviation of a torque factor; smaller ones may result from gear losses
+_OTHER_CONSTANT = 0.25
+# smallest fraction of the frictionless torque that must be explained, for a valid factor
+_EXPLAINED = 0.5
 _LEAST_FACTOR, _MOST_FACTOR = 1e-6, 1e6
 
 
@@ -66,7 +68,7 @@ class _Motion:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Residual of a simple model near the nominal one.
+    """Result of the fit of a simple model near the nominal one.
 
     `cost` is the sum of squared torque residuals and parameter deviations in standard deviations;
     `error` is the relative torque residual [%].
@@ -78,7 +80,7 @@ class _Fit:
 
 @dataclass(frozen=True)
 class InputError:
-    """Input error that explains the data better.
+    """Input error whose correction makes the model explain the data better.
 
     Attributes
     ----------
@@ -104,7 +106,7 @@ class InputError:
 def find_input_errors(
     robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> list[InputError]:
-    """Return the input error that explains the data clearly better, if any.
+    """Return the input error whose correction clearly improves the fit, or None.
 
     Parameters
     ----------
@@ -130,7 +132,7 @@ def find_input_errors(
 def torque_factors(
     bags: Sequence[SampleColumns], cad: ArmParameters, joints: Sequence[str]
 ) -> dict[str, float]:
-    """Return the factor of each joint's torque relative to the nominal model and its friction.
+    """Return the ratio of measured to modelled torque, for joints with enough load.
 
     Joints are included only if the measured torque clearly contains their model torque. Joints with
     little load are excluded, because their torque is mainly friction, which the nominal model
@@ -168,7 +170,7 @@ def _joint_columns(motion: _Motion, joint: int) -> Array:
 
 
 def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
-    """Return the ratio of measured to expected torque without friction, and its explained part."""
+    """Return the ratio of measured to expected frictionless torque, and the explained fraction."""
     others = _joint_columns(motion, joint)
     torques = np.column_stack([expected, motion.tau[:, joint]])
     left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T
@@ -181,7 +183,7 @@ def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]
 
 
 class _SimpleModel:
-    """Model with links near nominal, friction (2.6), rotors and offsets."""
+    """Torque model with links near nominal, friction (2.6), rotor inertia and offsets."""
 
     def __init__(self, robot: Robot, cad: ArmParameters) -> None:
         self.joints = robot.joint_names
@@ -190,25 +192,25 @@ class _SimpleModel:
         self._spread = LINK_SPREAD * cad.inertial_scale().ravel()
 
     def rigid(self, motion: _Motion, gravity: Array | None = None) -> Array:
-        """Return the links' columns, (M, n, 10 n); `gravity` replaces gravity in the base frame."""
+        """Return the regressor of the links (M, n, 10 n), optionally with other gravity."""
         regressor = self._regressor
         if gravity is not None:
             regressor = Regressor(regressor.robot.with_gravity(gravity))
         return regressor.stack_rigid(motion.q, motion.dq, motion.ddq)
 
     def other_gravities(self) -> list[Array]:
-        """Return gravity vectors along the other axes of the base frame."""
+        """Return gravity vectors along all other axis directions of the base frame."""
         stated = np.array(self._regressor.robot.gravity_in_base)
         size = float(np.linalg.norm(stated))
         axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
         return [size * axis for axis in axes if axis @ stated < 0.9 * size]
 
     def links(self, motion: _Motion, rigid: Array, rows: Sequence[int]) -> Array:
-        """Return the links' parameters (10 n,) fitted to the rows of given joints."""
+        """Return the links' parameters (10 n,), fitted to the torques of given joints."""
         return self._solved(motion, rigid, rows)[0][: len(self._mean)]
 
     def fit(self, motion: _Motion, rigid: Array) -> _Fit:
-        """Return the torque residual and the deviation of the links from nominal."""
+        """Return the fit's torque residual, and the deviation of the links from nominal."""
         theta, misfit, left = self._solved(motion, rigid, range(motion.n))
         distance = ((theta[: len(self._mean)] - self._mean) / self._spread) ** 2
         return _Fit(
@@ -245,7 +247,7 @@ class _SimpleModel:
 
 
 def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
-    """Return the norm of torque that neither links nor friction of any sign explain."""
+    """Return the norm of a joint's torque that neither links nor friction of any sign explain."""
     torque = motion.tau[:, joint]
     columns = np.column_stack([rigid, _joint_columns(motion, joint)])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
@@ -276,7 +278,7 @@ def _not_negative(gram: Array, right: Array, spread: Array, links: int) -> Array
 def _trials(
     model: _SimpleModel, motion: _Motion, rigid: Array
 ) -> Iterator[tuple[_Motion, Array, str]]:
-    """Yield the data without each error, the links' columns, and a description of the error."""
+    """Yield, for each possible error, corrected data, link columns and a description."""
     joints = model.joints
     for joint, name in enumerate(joints):
         others = [other for other in range(motion.n) if other != joint]

@@ -1,4 +1,4 @@
-"""Terms of each joint's torque, and names of the regressor's columns."""
+"""Friction, rotor and offset terms of each joint's torque, and names of regressor columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class TermKind(Enum):
-    """Kind of a joint term; the value is its symbol in column names."""
+    """Kind of a term of the joint torque; the value is its symbol in column names."""
 
     VISCOUS = 'fv'
     COULOMB = 'fs'
@@ -59,7 +59,7 @@ COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
 
 @dataclass(frozen=True)
 class JointTerm:
-    """Regressor column of one joint, thesis (2.6) extended.
+    """Term of one joint's torque in addition to the links' torque, extending thesis (2.6).
 
     Attributes
     ----------
@@ -68,7 +68,8 @@ class JointTerm:
         `sgn(dq)` of (2.6). For Stribeck friction, `sgn(dq) exp(-(dq / width)^2)`, it is the
         velocity at which the friction has fallen to about a third.
     driver : int or None
-        Index of another joint whose motion causes the torque, None for the joint itself.
+        Index of another joint whose motion causes the torque; None if the joint's own motion
+        causes it.
 
     Notes
     -----
@@ -93,17 +94,17 @@ class JointTerm:
 
     @property
     def meaning(self) -> str:
-        """Description of the coefficient."""
+        """Description of the term's coefficient."""
         return _MEANINGS[self.kind]
 
     @property
     def nonnegative(self) -> bool:
-        """Whether the coefficient of a real joint is always non-negative."""
+        """Whether the coefficient of a real joint cannot be negative."""
         return self.kind not in (TermKind.OFFSET, *COUPLED)
 
     @property
     def smooth(self) -> bool:
-        """Whether the torque has no higher frequencies than the motion."""
+        """Whether the term's torque contains no higher frequencies than the motion."""
         return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
     def basis(self, dq: Array, ddq: Array, load: Array | None) -> Array:
@@ -154,7 +155,7 @@ _ORDER = tuple(TermKind)
 
 @dataclass(frozen=True)
 class JointModel:
-    """Terms of all joints in the torque model.
+    """Torque model of an arm: the links, and the terms of each joint.
 
     Attributes
     ----------
@@ -224,5 +225,5 @@ class JointModel:
 
     @property
     def depends_on_load(self) -> bool:
-        """Whether a term depends on the torque on the links."""
+        """Whether any term depends on the torque on the links."""
         return any(term.kind is TermKind.LOAD for _, term in self.joint_columns)

@@ -42,7 +42,8 @@ class Payload:
     inertial : (10,) ndarray
         Physically consistent parameters in the order of thesis (3.3).
     covariance : (10, 10) ndarray
-        Covariance from the noise of the motion with payload and from the arm's own uncertainty.
+        Covariance of `inertial`, from the noise in the recording with payload and from the
+        uncertainty of the arm's parameters.
     """
 
     link: str
@@ -87,15 +88,18 @@ class Payload:
         return replace(self, covariance=self.covariance + scale)
 
 
-_ROUNDS = 3  # the payload determines the load on which friction depends, and vice versa
+# repeated, because the payload determines the load on which friction depends, and vice versa
+_ROUNDS = 3
 _SIZE = 0.1  # [m] typical size of a payload, within a factor of a few
-_WIDE = 10.0  # prior standard deviation in natural sizes; wide, so that the data dominate
+# prior standard deviation of the payload, relative to its natural sizes; wide, so that the data
+# dominate
+_WIDE = 10.0
 _SIGNIFICANT = 3.0  # standard deviations by which the payload's mass must exceed zero
 
 
 @dataclass(frozen=True, eq=False)
 class _Arm:
-    """Arm without payload; its covariance is None if unknown."""
+    """Model of the arm without payload; its covariance is None if unknown."""
 
     robot: Robot
     model: JointModel
@@ -105,7 +109,7 @@ class _Arm:
 
 @dataclass(frozen=True, eq=False)
 class _Residual:
-    """Reduced torque residual of the arm's model for the payload's ten columns.
+    """Torque residual of the arm's model, reduced to a small system for the payload.
 
     `system` is weighted for the fit. `information` is weighted to unit variance per independent
     sample; `arm` contains its columns for all parameters of the arm, `own` those of the payload.
@@ -121,7 +125,7 @@ class _Residual:
 def identify_payload(
     result: IdentificationResult, recordings: Sequence[Recording], gain_deviation: float = 0.0
 ) -> Payload:
-    """Identify the payload of the last link, from one motion with and one without the payload.
+    """Identify the payload of the last link, from recordings with and without the payload.
 
     The torque residual of the arm's model is linear in the payload's inertial parameters; their
     columns equal those of the last link.
@@ -158,9 +162,9 @@ def weigh_payload(
     options: ConditioningOptions,
     gain_deviation: float = 0.0,
 ) -> Payload:
-    """Identify the payload of the last link with a given arm model, for example from a file.
+    """Identify the payload of the last link, with a given model of the arm without payload.
 
-    Standard deviations result from the motion only; the model counts as exact.
+    The standard deviations do not include the uncertainty of the arm model.
 
     Parameters
     ----------
@@ -186,7 +190,7 @@ def _known(
     recordings: Sequence[Recording],
     options: ConditioningOptions,
 ) -> tuple[_Arm, Sequence[SampleColumns], Sequence[Noise | None]]:
-    """Return an arm model assumed exact, the bags, and the noise of each round."""
+    """Return an arm model that is assumed exact, the filtered bags, and the noise of each fit."""
     conditioner = Conditioner(recordings, options)
     bags = choose_filter(Regressor(robot), conditioner, recordings).bags
     tau = np.concatenate([bag.samples.tau for bag in bags])
@@ -201,7 +205,7 @@ def _weigh(
     noises: Sequence[Noise | None],
     gain_deviation: float = 0.0,
 ) -> Payload:
-    """Fit once per noise; None means the residual noise of the previous fit."""
+    """Fit the payload once per noise; None means the residual noise of the previous fit."""
     carried = np.zeros(10)
     for noise in noises:
         noise = noise or _noise(arm, bags, carried)
@@ -213,7 +217,7 @@ def _weigh(
         raise IdentificationError(_nothing(payload.mass, float(payload.std[0])))
     if gain_deviation == 0.0:
         return payload
-    # Torque constants deviate together, and individually by half as much.
+    # Torque constants deviate by a common factor, and individually by half as much.
     own = posterior_covariance(residual.information, prior)
     slopes = [own @ (rows[:, :10].T @ rows[:, :10]) @ carried for rows in residual.joints]
     each = (0.5 * gain_deviation) ** 2 * sum(np.outer(slope, slope) for slope in slopes)
@@ -226,7 +230,7 @@ def _last_link(model: JointModel) -> slice:
 
 
 def _noise(arm: _Arm, bags: Sequence[SampleColumns], carried: Array) -> Noise:
-    """Return the residual noise of the arm with payload."""
+    """Return the torque noise of the arm with payload, from residuals."""
     theta = np.array(arm.theta)
     theta[_last_link(arm.model)] += carried
     residuals = [bag.samples.tau - bag.predict(arm.model, theta).filtered for bag in bags]
@@ -266,7 +270,7 @@ def _unconstrained(system: TriangularSystem) -> Array:
 
 
 def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
-    """Return a wide prior about a ball of the estimated mass, and the physical limits."""
+    """Return the physical limits, and a wide prior about a ball with the roughly estimated mass."""
     mass = float(rough[0])
     if mass <= 0.0:
         raise IdentificationError(_nothing(mass, None))
@@ -278,7 +282,7 @@ def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
 
 
 def _covariance(arm: _Arm, residual: _Residual, prior: Prior) -> Array:
-    """Return the (10, 10) covariance due to the motion and to the arm's model."""
+    """Return the payload's covariance (10, 10), due to noise and to errors of the arm's model."""
     own = posterior_covariance(residual.information, prior)
     if arm.covariance is None:
         return own
@@ -323,13 +327,13 @@ def calibrate_gains(
     mass: float,
     deviation: float,
 ) -> GainCalibration:
-    """Estimate the torque constants from motion with a known mass; its centre may be unknown.
+    """Estimate torque constants from motion with a known mass; its centre may be unknown.
 
-    The arm was identified with the same constants, so the torque residual of a joint equals the
-    payload's torque times the same factor: `tau_j - Phi_j theta = c_j Y_j pi` with a known `pi_1`.
-    If the payload's torque determines a constant poorly, the constant stays near the common factor.
-    Gautier, Briot: Global identification of joint drive gains and dynamic parameters of robots
-    (2014).
+    The arm was identified with the same constants, so the residual torque of joint j equals the
+    payload's torque times an unknown factor c_j: `tau_j - Phi_j theta = c_j Y_j pi`, where the
+    mass `pi_1` of the payload is known. A factor that the payload's torque determines poorly
+    stays near the factor common to all joints. Gautier, Briot: Global identification of joint
+    drive gains and dynamic parameters of robots (2014).
 
     Parameters
     ----------
@@ -338,7 +342,7 @@ def calibrate_gains(
     mass : float
         Mass of the payload [kg].
     deviation : float
-        Prior relative standard deviation of the constants.
+        Prior relative standard deviation of the torque constants.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Plausibility checks of a result's input: signs, units, gravity, bounds."""
+"""Plausibility checks of the input of an identification: signs, units, gravity, bounds."""
 
 from collections.abc import Mapping
 
@@ -15,18 +15,19 @@ from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import MASS_FACTOR, Estimate
 from aerarm_ros.motion.signals import Array
 
-# Torque error [%]. Predicting zero torque gives 100; efforts in a much smaller unit approach 100
-# from below.
+# Torque error [%] above which the CAD model contradicts the input. A prediction of zero torque
+# has the error 100 %; efforts in a much smaller unit give almost 100 %.
 _USELESS = 90.0
-# The semidefinite program increases the least error by a few per cent, not by a factor.
+# The semidefinite program normally increases the least torque error by a few per cent only.
 _FAR_ABOVE = 3.0
 _LARGE = 10.0  # [%]
-_OTHER_UNIT = 5.0  # factor between their magnitudes
-_AT_BOUND = 0.01  # relative distance of a mass from its bound
+_OTHER_UNIT = 5.0  # largest plausible ratio of measured and modelled torque
+_AT_BOUND = 0.01  # relative distance from its bound, below which a mass counts as at the bound
 _CLEARLY_NEGATIVE = 3.0  # standard deviations
 
-_FAR_OFF = 20.0  # [%] relative to a joint's own torque
-_FOLLOWS = 0.5  # fraction of a residual that two columns of another joint's motion explain
+# [%] residual relative to the joint's torque, above which the model explains little
+_FAR_OFF = 20.0
+_FOLLOWS = 0.5  # fraction of a joint's residual that the motion of another joint must explain
 
 _CHECK = (
     'check sign and unit of the effort (--effort-gain JOINT=Nm/A, or =-1), gravity (--gravity), '
@@ -40,7 +41,7 @@ def error_warnings(
     cad: ArmParameters,
     joints: tuple[str, ...],
 ) -> list[str]:
-    """Return warnings about wrong inputs, derived from torque errors.
+    """Return warnings about probably wrong input, from the torque errors of the solvers.
 
     Parameters
     ----------
@@ -63,9 +64,8 @@ def error_warnings(
         )
     if sdp > max(_LARGE, _FAR_ABOVE * ols):
         warnings.append(
-            f'a physically consistent model leaves {sdp:.1f} % of the torque unexplained, '
-            f'unconstrained least squares {ols:.1f} %, so no real arm of this URDF moves like '
-            f'this: {_CHECK}'
+            f'a physically consistent model leaves {sdp:.1f} % of the torque unexplained, but '
+            f'unconstrained least squares only {ols:.1f} %, so an input must be wrong: {_CHECK}'
         )
     return warnings
 
@@ -114,7 +114,7 @@ def coupling_warnings(
 
 
 def _joint_errors(bags: list[BagAssessment], n: int) -> Array:
-    """Return the largest torque error of each joint over bags, 0 without any [%]."""
+    """Return the largest torque error of each joint over all bags [%]; 0 without bags."""
     return np.asarray(np.fmax.reduce([np.zeros(n), *(bag.per_joint_filtered for bag in bags)]))
 
 
@@ -126,7 +126,7 @@ def _shares(joints: tuple[str, ...], errors: Array, told: npt.NDArray[np.bool_])
 def _followed(
     recommended: Solution, bags: list[SampleColumns]
 ) -> dict[int, tuple[int | None, float]]:
-    """Return, per joint, the joint whose motion explains its residual best, and the fraction."""
+    """Return, per joint, the joint whose motion best explains its residual, and the fraction."""
     n = bags[0].samples.n
     couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
     found: dict[int, tuple[int | None, float]] = {}
@@ -183,8 +183,8 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     if too_much.any():
         at_bound = np.array(fit.model.columns[start:])[too_much]
         warnings.append(
-            f'{", ".join(at_bound)} at the bound 1, as if the gear lost all torque: look for '
-            'another load-dependent torque at these joints'
+            f'{", ".join(at_bound)} at the bound 1, as if the gear lost all transmitted torque: '
+            'look for another load-dependent torque at these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
     asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
@@ -218,7 +218,7 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
 
 
 def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, ...]) -> list[str]:
-    """Return joints whose torque differs from the model torque in sign or magnitude."""
+    """Return texts on joints whose measured and modelled torque differ in sign or magnitude."""
     found = []
     for name, factor in torque_factors(bags, cad, joints).items():
         if factor < 0.0:

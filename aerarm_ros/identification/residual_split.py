@@ -1,11 +1,12 @@
-"""Causes of the torque residual, which show what limits the accuracy.
+"""Split of the torque residual by causes, to show what limits the accuracy.
 
-Two causes are random: torque noise, and noise of position and velocity. Their size is measured:
-white noise of the level in the upper half of the recorded spectra is added to the recording again,
-and both recordings pass the same filters. All other causes have a pattern. The residual is
-regressed on the torque of each pattern, minus the part that the model's parameters absorb. Causes
-are added in order of the explained residual. The explained part is the variance in held-out parts
-of the recording, so chance explains almost nothing.
+Two causes are random: torque noise, and noise of position and velocity. To measure their size,
+white noise is added to the recording, with the level found in the upper half of the recorded
+spectra. The recordings with and without added noise pass the same filters. Each other cause has a
+torque with a known pattern. The residual is fitted by these patterns, minus the part that the
+model's parameters absorb. Causes are added in the order of the residual that they explain. The
+explained fraction is computed in held-out parts of the recording, so that chance explains almost
+nothing.
 """
 
 from __future__ import annotations
@@ -54,11 +55,13 @@ UNEXPLAINED = (
 """Remedy for a residual without known cause."""
 
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
-_LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # of the searched gear ratios
-_SEARCHED = 4000  # samples, enough to find a period
-_PRESLIDING = (0.003, 0.01, 0.03)  # [rad] after a reversal, until friction reaches its full value
-_LEAST_GAIN = 0.01  # of the mean square; smaller gains are due to chance
-_RIDGE = 1e-4  # prevents large opposite coefficients of similar patterns
+_LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # largest value and step of the searched gear ratios
+_SEARCHED = 4000  # number of samples, enough to find a period
+# [rad] distances after a reversal until friction reaches its full value
+_PRESLIDING = (0.003, 0.01, 0.03)
+# smallest explained fraction of the mean square; smaller gains are due to chance
+_LEAST_GAIN = 0.01
+_RIDGE = 1e-4  # regularization, which prevents large opposite coefficients of similar patterns
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +73,10 @@ class ResidualSplit:
     bag : str
         Name of the bag.
     rms : (n,) ndarray
-        RMS of the residual [Nm].
+        RMS of each joint's residual [Nm].
     fractions : dict of str to (n,) ndarray
-        Fraction of the mean square per cause, a key of `REMEDIES`; the rest is unexplained.
+        Fraction of the residual's mean square that each cause explains, by cause (a key of
+        `REMEDIES`); the rest is unexplained.
     above_cutoff : (n,) ndarray
         Fraction of the unfiltered residual's mean square that the torque's low-pass filter removes.
     """
@@ -84,15 +88,8 @@ class ResidualSplit:
 
     @property
     def unexplained(self) -> Array:
-        """Fraction (n,) of the mean square without known cause: model, geometry, unknown forces."""
+        """Fraction (n,) of the residual's mean square without known cause."""
         return np.asarray(1.0 - sum(self.fractions.values()))
-
-    def largest(self) -> list[str | None]:
-        """Return the largest cause per joint, None where most of the residual is unexplained."""
-        names = list(self.fractions)
-        parts = np.array([*self.fractions.values(), self.unexplained])
-        best = parts.argmax(axis=0)
-        return [names[index] if index < len(names) else None for index in best.tolist()]
 
 
 def split_residual(
@@ -112,7 +109,7 @@ def split_residual(
     recording : Recording
         Recording of at least some seconds; one minute is sufficient.
     ratios : (n,) ndarray, optional
-        Motor turns per joint turn; without them, periods are searched.
+        Motor turns per joint turn; if omitted, the periods of ripple are searched.
 
     Raises
     ------
@@ -160,9 +157,9 @@ def _conditioned(
 def white_noise(values: Array) -> Array:
     """Return the standard deviation of white noise in signals (M, n).
 
-    The result is the smaller of two estimates. The median over the upper half of the spectrum
-    ignores a motion and narrow peaks, but not steps. The median of second differences ignores
-    steps, such as those of dry friction, but not a fast motion.
+    The result is the smaller of two estimates. The median over the upper half of the spectrum is
+    not affected by motion and narrow peaks, but by steps. The median of second differences is not
+    affected by steps, such as those of dry friction, but by fast motion.
     """
     window = np.hanning(len(values))[:, None]
     slope = np.linspace(0.0, 1.0, len(values))[:, None] * (values[-1] - values[0])
@@ -184,7 +181,7 @@ def _noise_torques(
     recording: Recording,
     bag: SampleColumns,
 ) -> dict[str, Array]:
-    """Return the filtered torque (M, n) [Nm] caused by additional noise of the measured level."""
+    """Return the filtered torque (M, n) [Nm] that is caused by noise of the measured level."""
     random = np.random.default_rng(0)
 
     def noisy(values: Array) -> Array:
@@ -201,7 +198,9 @@ def _noise_torques(
 
     def change(before: Array, after: Array) -> Array:
         # Noise may shift the ends of the motion by some samples.
-        return np.asarray(CubicSpline(other.samples.time, after)(bag.samples.time) - before)
+        time = other.samples.time
+        spline = CubicSpline(time, after)
+        return np.asarray(spline(np.clip(bag.samples.time, time[0], time[-1])) - before)
 
     predicted = [each.predict(estimate.model, estimate.theta).filtered for each in (bag, other)]
     return {
@@ -218,13 +217,13 @@ def _patterns(
     residual: Array,
     ratios: Array | None,
 ) -> dict[str, list[Array]]:
-    """Return filtered torques (M, k) of each cause's pattern, by cause and joint."""
+    """Return the filtered torque patterns (M, k) of each cause, by cause and joint."""
     samples = bag.samples
     inertial = estimate.theta[: 10 * samples.n]
     fine = _fine_positions(samples)
     derive = _derivative(samples)
     bends = _bent(regressor, inertial, bag, derive)
-    # A delay of the filter's period or more also affects the second derivative.
+    # For a delay of about the filter's period or more, the second derivative is also needed.
     rates = np.stack([derive(predicted, 1), derive(predicted, 2)], axis=2)
     absorbed = _Absorption(bag, estimate)
     patterns = {
@@ -265,7 +264,7 @@ class _Absorption:
 
 
 def _fine_positions(samples: Samples) -> Array:
-    """Return positions at the rate of the fine velocities (L, n) [rad]."""
+    """Return joint positions (L, n) at the rate of the fine velocities [rad]."""
     coarse = np.arange(len(samples.q)) * samples.step
     return np.asarray(CubicSpline(coarse, samples.q)(np.arange(len(samples.dq_fine))))
 
@@ -279,7 +278,7 @@ def _derivative(samples: Samples) -> Callable[[Array, int], Array]:
 def _ripple(
     samples: Samples, fine: Array, residual: Array, joint: int, ratios: Array | None
 ) -> Array:
-    """Return sinusoids of joint angle and motor angle; an unknown gear ratio is searched."""
+    """Return sinusoids in joint angle and motor angle; an unknown gear ratio is searched."""
     rows = np.flatnonzero(samples.measured[:, joint])
     angle, left = samples.q[rows, joint], residual[rows, joint]
     orders = [1.0, 2.0]
@@ -296,7 +295,7 @@ def _ripple(
 def _bent(
     regressor: Regressor, inertial: Array, bag: SampleColumns, derive: Callable[[Array, int], Array]
 ) -> Array:
-    """Return the torque (n, M, n + 1) per compliance of each joint and of the joint's rotor [rad].
+    """Return the torque (n, M, n + 1) per compliance of each gear, and of the joint's own rotor.
 
     A gear of compliance c places the link at q - c tau if the encoder is on the motor (one column
     per gear, by a finite difference of the rigid model). If the encoder is on the link, the rotor
@@ -314,12 +313,12 @@ def _bent(
         bent = regressor.stack_rigid(*moved) @ inertial
         columns.append(samples.coarse_filter((bent - tau) / small))
     rotor = samples.coarse_filter(second)
-    together = np.stack(columns, axis=2)  # (M, joint of the torque, compliant joint)
+    together = np.stack(columns, axis=2)  # axes: M samples, joint of the torque, compliant joint
     return np.concatenate([together, rotor[:, :, None]], axis=2).transpose(1, 0, 2)
 
 
 def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
-    """Return the friction missing after a reversal, one column per distance of its build-up."""
+    """Return the friction that is missing after a reversal, one column per build-up distance."""
     direction = np.where(samples.dq_fine[:, joint] < 0.0, -1.0, 1.0)
     turned = np.flatnonzero(np.diff(direction)) + 1
     last = np.zeros(len(angle), dtype=np.intp)
@@ -327,14 +326,15 @@ def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
     gone = np.abs(angle - angle[np.maximum.accumulate(last)])
     missing = [direction * np.exp(-gone / distance) for distance in _PRESLIDING]
     columns = np.column_stack(missing)
-    columns[: turned[0] if len(turned) else None] = 0.0  # an earlier reversal is unknown
+    # a reversal before the recording is unknown
+    columns[: turned[0] if len(turned) else None] = 0.0
     return samples.fine_filter(columns)
 
 
 def _explained(
     residual: Array, patterns: Mapping[str, Array], fold: npt.NDArray[np.intp]
 ) -> dict[str, float]:
-    """Return the gain of each pattern by forward selection, the largest first."""
+    """Return the explained fraction of each cause, by forward selection, the largest first."""
     gains = dict.fromkeys(patterns, 0.0)
     chosen: list[str] = []
     known = 0.0

@@ -1,4 +1,4 @@
-"""Simulation of an arm with given parameters under recorded torque."""
+"""Simulation of an arm with given parameters, driven by recorded torque."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,10 +19,11 @@ from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKin
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import Array
 
-_LENGTH = 0.5  # [s]: longer windows reveal smaller errors, until gravity makes the arm diverge
-_MOST = 40  # windows per bag, evenly spread
-# Torque for simulation is filtered less than torque for fits, because dry friction reverses within
-# milliseconds.
+# [s] length of a window; longer windows show smaller errors, until gravity makes the arm diverge
+_LENGTH = 0.5
+_MOST = 40  # number of windows per bag, evenly spread
+# The torque that drives a simulation is filtered less than the torque of fits, because dry
+# friction reverses within milliseconds.
 _CUTOFF = 20.0  # [Hz]
 _SAMPLES_PER_CUTOFF = 10.0
 
@@ -49,9 +50,9 @@ class RolloutWindows:
 
     @classmethod
     def of(cls, robot: Robot, bags: Sequence[Samples]) -> 'RolloutWindows':
-        """Return windows of motions, all with the sampling time of the first motion.
+        """Return windows of the bags' motions, all with the sampling time of the first bag.
 
-        Windows with an unknown joint torque are excluded, so there may be none.
+        Windows with an unknown joint torque are excluded, so the result may contain no window.
         """
         dt = float(bags[0].time[1] - bags[0].time[0])
         steps = max(2, round(_LENGTH / dt))
@@ -79,13 +80,13 @@ class RolloutWindows:
 
 
 def _at(index: Array, values: Array) -> Array:
-    """Return (M, n) values between samples by linear interpolation."""
+    """Return values (M, n) at fractional sample numbers, by linear interpolation."""
     places = np.arange(len(values))
     return np.column_stack([np.interp(index, places, column) for column in values.T])
 
 
 def rollout_samples(conditioner: Conditioner, recording: Recording) -> Samples:
-    """Return samples for rollouts: positions as reference, torque up to 20 Hz.
+    """Return the samples of a recording for rollouts, with torque up to 20 Hz.
 
     Raises
     ------
@@ -98,7 +99,8 @@ def rollout_samples(conditioner: Conditioner, recording: Recording) -> Samples:
     return conditioner.at(cutoff).condition(recording, kinematics, predicted=True)
 
 
-# Dry friction is smoothed over this velocity, because a step would make velocities chatter.
+# Dry friction is smoothed over this velocity, because with a step the simulated velocity would
+# change its sign in every step.
 _WIDTH = 0.02  # [rad/s]
 _SLOPE = 1e-4  # [rad/s] step of the numerical derivative of friction
 _INERTIA = (TermKind.ROTOR, TermKind.COUPLED_INERTIA)
@@ -128,7 +130,7 @@ class JointTorques:
         return columns
 
     def without_inertia(self, columns: Array) -> Array:
-        """Return columns with zeros for acceleration terms, which belong to the mass matrix."""
+        """Return columns with zeros for acceleration terms, which are part of the mass matrix."""
         kept = [float(term.kind not in _INERTIA) for _, _, term in self._terms]
         return np.asarray(columns * np.array(kept))
 
@@ -155,7 +157,7 @@ class JointTorques:
 
 
 def _spread(term: JointTerm) -> JointTerm:
-    """Return the term with a smoothed step."""
+    """Return a dry friction term with a smoothed step."""
     dry = (TermKind.COULOMB, TermKind.LOAD, TermKind.CREEP, TermKind.FORWARD, TermKind.BACKWARD)
     return replace(term, width=max(term.width, _WIDTH)) if term.kind in dry else term
 
@@ -167,8 +169,8 @@ _FARTHEST = 1e3  # [rad], [rad/s] bound at which a diverging simulation stops
 class Rollout:
     """Simulate windows of a motion in parallel.
 
-    Steps are implicit in the joints' damping, so that friction never accelerates a joint. The
-    links' dynamics are evaluated half a step ahead.
+    Integration steps are implicit in the joints' damping, so that friction never accelerates a
+    joint. The links' dynamics are evaluated for the state half a step ahead.
     """
 
     def __init__(self, model: JointModel, windows: RolloutWindows) -> None:
@@ -190,7 +192,7 @@ class Rollout:
         return self._run(theta, sensitive=False)[0]
 
     def sensitivities(self, theta: Array) -> tuple[Array, Array]:
-        """Return positions and their (W, K, n, k) derivatives with respect to k coefficients."""
+        """Return simulated positions, and derivatives (W, K, n, k) by k joint coefficients."""
         return self._run(theta, sensitive=True)
 
     def _run(self, theta: Array, sensitive: bool) -> tuple[Array, Array]:
@@ -256,7 +258,7 @@ def _solved(system: Array, right: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RolloutError:
-    """Simulation error of one set of parameters on one bag.
+    """Simulation error of an arm with one solver's parameters on one bag.
 
     Attributes
     ----------
@@ -291,7 +293,7 @@ def rollout_error(
     Returns
     -------
     list of RolloutError
-        Errors per solver; empty if no window has valid torques of all joints.
+        Errors of each solver; empty if no window has valid torques of all joints.
     """
     windows = RolloutWindows.of(robot, [bag])
     if not windows.count:

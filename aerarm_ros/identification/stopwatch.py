@@ -1,4 +1,4 @@
-"""Stopwatch for the stages of a computation."""
+"""Stopwatch that sums the time of each stage of a computation."""
 
 import time
 from collections.abc import Iterator

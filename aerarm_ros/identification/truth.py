@@ -31,9 +31,9 @@ class Truth:
     load_friction : (n,) ndarray
         Dry friction per torque on the links.
     measured_per_true_torque : (n,) ndarray
-        Ratio of measured to true torque. Measured torques are computed from currents with a torque
-        constant that deviates from the motor's. Identification yields parameters of the measured
-        torque; data cannot reveal this factor.
+        Ratio of measured to true torque. Measured torques are computed from currents with the
+        nominal torque constant, from which the motor's torque constant deviates. Identification
+        yields parameters of the measured torque, because the data do not contain this ratio.
     """
 
     parameters: Mapping[str, float]
@@ -53,7 +53,7 @@ class Truth:
         return theta
 
     def names(self, model: JointModel) -> npt.NDArray[np.bool_]:
-        """Return the (p,) mask of `model.columns` with a known true value."""
+        """Return a mask (p,) of the columns in `model.columns` that have a known true value."""
         loads = [term.kind is TermKind.LOAD for _, term in model.joint_columns]
         known = [name in self.parameters for name in model.columns]
         named: npt.NDArray[np.bool_] = np.array(known) | ([False] * (10 * model.n) + loads)
@@ -66,8 +66,9 @@ class Truth:
     def measured_base_values(self, fit: ModelFit, base: BaseParameters) -> Array:
         """Return the (r,) base parameters that noise-free measured torque would yield.
 
-        A base parameter that affects several joints has no single factor. So the torque error of
-        each joint is projected onto the model, weighted as in the fit.
+        The ratio of measured to true torque differs between joints, and a base parameter may
+        affect several joints. The torque error of each joint is therefore projected onto the
+        model, weighted as in the fit.
 
         Parameters
         ----------
@@ -95,12 +96,13 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class InertialTorqueError:
-    """Error of link and rotor torque along a motion, compared with the true torque.
+    """Error of the estimated torque of links and rotors along a motion.
 
     Attributes
     ----------
     total : float
-        Error over all joints stacked [%], relative to the true torque as measured currents show it.
+        Error over all joints stacked [%], relative to the true torque multiplied by the ratio of
+        measured to true torque.
     per_joint : (n,) ndarray
         Error of each joint [%].
     total_absolute : float
@@ -154,7 +156,7 @@ def _truth(document: Any, model: JointModel) -> Truth:
 def inertial_torque_errors(
     truth: Truth, estimates: Sequence[Estimate], bags: Sequence[SampleColumns]
 ) -> list[InertialTorqueError]:
-    """Compare link and rotor torque with the true one along the motion of each bag."""
+    """Return the errors of estimated link and rotor torque along the motion of each bag."""
     results = []
     for bag in bags:
         for estimate in estimates:

@@ -68,7 +68,7 @@ class Message:
     priority
         `URGENT`, `PROMPT` or `BULK`.
     expires
-        End of its lifetime [s, monotonic].
+        Time at which the message expires [s, monotonic].
     is_confirmed, is_expired
         Whether it was acknowledged, or its lifetime ended first.
     """
@@ -136,7 +136,8 @@ class Connection:
     peers
         Number of times that the other end was found or restarted.
     greets
-        Number of authentic datagrams of an end that does not know this one yet.
+        Number of authentic datagrams from an end that has not received this end's session number
+        yet.
     dropped
         Number of messages that did not fit into the backlog.
     delay
@@ -209,7 +210,7 @@ class Connection:
         return now - self.last_received < SILENCE
 
     def datagram(self, now: float, now_ns: int, system_ns: int) -> bytes:
-        """Return the datagram to send at `now` [s]; `now_ns` is that clock in [ns]."""
+        """Return the datagram to send at `now` [s]; `now_ns` is the same time [ns]."""
         if now > self._filled:
             filled = self._tokens + (now - self._filled) * self._rate
             self._tokens, self._filled = min(filled, _FILL * self._rate), now
@@ -435,7 +436,7 @@ class Connection:
         self._parts += message._parts
 
     def _expire(self, now: float) -> None:
-        """Empty the parts of messages whose lifetime is over; the numbers must still arrive."""
+        """Empty the parts of expired messages; the messages' numbers must still arrive."""
         for message in self._messages:
             if message.expires < now and not message.is_expired:
                 message.is_expired = True

@@ -1,10 +1,10 @@
 """Datagrams that are encrypted and authenticated with a shared key.
 
-ChaCha20-Poly1305 (RFC 8439) of the library `cryptography` seals each datagram. The key of a
-session is derived from the shared key and a random number of its process. So no counter is used
-twice with one key. A datagram contains the session of its receiver, so recorded datagrams are
-rejected after a restart. There is no forward secrecy: anyone with the shared key can read recorded
-datagrams.
+ChaCha20-Poly1305 (RFC 8439) of the library `cryptography` seals each datagram. The key of a session
+is derived from the shared key and a random number of its process. So no counter is used twice with
+one key. A datagram contains the session number of its receiver, so the receiver rejects recorded
+datagrams after its restart. There is no forward secrecy: anyone with the shared key can read
+recorded datagrams.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Decimated joint states: the newest sample of each window with minimum and maximum.
 
 A plot of 50 samples per second shows a peak of 1 ms only if each window contains its extremes. The
-newest sample is sent in single precision. The distances to the extremes are sent in half
-precision, rounded away from the newest sample. A window takes 8 bytes, plus 8 per number, a tenth
-of the message.
+newest sample is sent in single precision. The distances to the extremes are sent in half precision,
+rounded away from the newest sample. A window takes 8 bytes, plus 8 per number. That is a tenth of
+the serialized joint state message.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ class DriveTrain:
     Attributes
     ----------
     reflected_inertia : (n,) ndarray
-        Rotor inertia at the joint, J_m / k_g^2 [kg m^2].
+        Rotor inertia reflected to each joint, J_m / k_g^2 [kg m^2].
     """
 
     def __init__(self, config: ArmConfig) -> None:
@@ -29,7 +29,8 @@ class DriveTrain:
         self._offset = config.column('offset')
         self._effort_per_current = signs * config.column('torque_per_ampere')
         self._current_per_effort = 1.0 / self._effort_per_current
-        # A gain relates two quantities of the same sign, so it needs no sign.
+        # A gain relates a current to a motor angle; both change sign with the joint's sign, so
+        # the gain has none.
         self._joint_gain_per_motor_gain = self._effort_per_current / self._joint_per_motor
         self.reflected_inertia = config.column('reflected_inertia')
 

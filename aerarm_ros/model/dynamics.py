@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class LastLink:
-    """Last body of a model, which may carry a payload.
+    """Last body of a Pinocchio model, to which a payload can be added.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class LastLink:
 
 
 def checked_payload(payload: npt.ArrayLike) -> Array:
-    """Return a payload's inertial parameters (10,); raises ValueError if they are impossible."""
+    """Return a payload's inertial parameters (10,); raises ValueError if physically impossible."""
     return checked_body('payload', payload, ': pass the ten inertial parameters of payload.yaml')
 
 
@@ -43,8 +43,8 @@ class Dynamics:
     The rotors turn 1/k_g times faster than the joints; their inertia J_m / k_g^2 is added to the
     diagonal of B. Gyroscopic effects of the rotors are neglected. Friction is not included.
 
-    Intended for a 1 kHz loop: arguments are (n,) float arrays, and only their length is checked. An
-    instance has working memory, so use one per thread.
+    Intended for a 1 kHz loop: arguments are (n,) float arrays, and only their length is checked.
+    An instance has working memory, so each thread needs its own instance.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Dynamics:
     def __init__(self, robot: Robot, rotor_inertia: npt.ArrayLike = 0.0) -> None:
         self.robot = robot
         self._model = robot.model.copy()
-        # Pinocchio includes the armature in rnea, crba and aba.
+        # Pinocchio includes the armature (rotor inertia) in rnea, crba and aba.
         self._rotor_inertia = checked_rotor_inertia(rotor_inertia, robot.n)
         self._rotor_inertia.flags.writeable = False
         self._model.armature = self._rotor_inertia
@@ -104,7 +104,7 @@ class Dynamics:
         return np.asarray(pin.computeGeneralizedGravity(self._model, self._data, q))
 
     def bias(self, q: Array, dq: Array) -> Array:
-        """Return the torques n(q, dq) = C(q, dq) dq + g(q), (n,) [Nm]."""
+        """Return Coriolis, centrifugal and gravity torques C(q, dq) dq + g(q), (n,) [Nm]."""
         return np.asarray(pin.nonLinearEffects(self._model, self._data, q, dq))
 
     def inverse(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -125,7 +125,7 @@ class Dynamics:
     def inverse_with_slopes(
         self, q: Array, dq: Array, ddq: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Return `inverse` with its derivatives by the motion.
+        """Return the torques of `inverse`, with their derivatives by q, dq and ddq.
 
         Returns
         -------
@@ -204,6 +204,7 @@ def largest_gravity_load(robot: Robot) -> Array:
     for direction in np.eye(3):
         model.gravity.linear = GRAVITY * direction
         along_axes.append([pin.computeGeneralizedGravity(model, data, q).copy() for q in postures])
-    # A torque is linear in gravity, so its maximum is the norm of the three components.
+    # A torque is linear in gravity, so its maximum over all directions is the norm of its three
+    # components.
     largest: Array = np.linalg.norm(along_axes, axis=0).max(axis=0)
     return largest

@@ -27,7 +27,8 @@ def cross(a: Vector, b: Vector) -> Array:
 
 PARAMETER_NAMES = ('m', 'mcx', 'mcy', 'mcz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
 
-_ROUNDING = 1e-9  # relative to a pseudo-inertia: rounding error of decimal parameters
+# rounding error of decimal parameters, relative to the largest entry of a pseudo-inertia
+_ROUNDING = 1e-9
 
 # Positions of Ixx, Ixy, Iyy, Ixz, Iyz, Izz in the tensor.
 _ROWS = np.array([0, 0, 1, 0, 1, 2])
@@ -124,8 +125,8 @@ def pseudo_inertia(pi: npt.ArrayLike) -> Array:
     """Return the pseudo-inertia matrices of Wensing, Kim and Slotine (RA-L 2018).
 
     `P = [[tr(Ibar)/2 1 - Ibar, m c], [(m c)^T, m]]`, linear in the parameters. P is the second
-    moment of the mass distribution in homogeneous coordinates. It is positive semidefinite exactly
-    if some mass distribution has these parameters.
+    moment of the mass distribution in homogeneous coordinates. It is positive semidefinite if and
+    only if some mass distribution has these parameters.
 
     Parameters
     ----------
@@ -135,7 +136,8 @@ def pseudo_inertia(pi: npt.ArrayLike) -> Array:
     Returns
     -------
     (..., 4, 4) ndarray
-        Matrices with [kg m^2] in the upper left block, [kg m] next to it, and [kg] in the corner.
+        Matrices with units [kg m^2] in the upper left block, [kg m] in the last row and column,
+        and [kg] in the lower right corner.
     """
     pi = _parameters(pi)
     tensor = inertia_about_origin(pi)
@@ -194,15 +196,16 @@ def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
 def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
     """Return whether every set of parameters belongs to some positive mass distribution.
 
-    This is stronger than thesis (3.9)-(3.15), which requires only a positive barycentric inertia:
-    the principal moments of a body also satisfy the triangle inequality.
+    This condition is stronger than thesis (3.9)-(3.15), which requires only a positive definite
+    barycentric inertia. The principal moments of a real body also satisfy the triangle
+    inequality.
 
     Parameters
     ----------
     pi : (..., 10) array_like
         Inertial parameters of one or several bodies.
     tolerance : float
-        Largest negative eigenvalue, in magnitude, that counts as rounding error.
+        Largest magnitude of a negative eigenvalue that counts as rounding error.
     """
     return minimum_eigenvalue(pi) >= -tolerance
 

@@ -53,7 +53,7 @@ def dh_transform(a: float, d: float, alpha: float, theta: float) -> Array:
 
 
 def dh_forward(q: npt.ArrayLike) -> Array:
-    """Return T_4^0(q), the `wrist` frame in the DH base frame, thesis (2.1) and table 2.1.
+    """Return T_4^0(q), the pose of the `wrist` frame in the DH base frame, thesis table 2.1.
 
     The DH base is parallel to the URDF's base_link, at `DH_BASE_HEIGHT` above it.
 
@@ -75,7 +75,7 @@ def dh_forward(q: npt.ArrayLike) -> Array:
 class Kinematics:
     """Pose and Jacobian of a frame of an arm of n joints, from its URDF.
 
-    An instance has working memory, so use one per thread.
+    An instance has working memory, so each thread needs its own instance.
 
     Parameters
     ----------
@@ -127,9 +127,10 @@ class Kinematics:
         return self.jacobian(q)[:3]
 
     def acceleration_bias(self, q: Array, dq: Array) -> Array:
-        """Return `dJ/dt dq`, (6,): the frame's acceleration at zero joint acceleration.
+        """Return `dJ/dt dq` (6,), the acceleration of the frame at zero joint acceleration.
 
-        Linear acceleration of the origin [m/s^2], then angular [rad/s^2], along the base's axes.
+        The first three entries are the linear acceleration of the frame's origin [m/s^2], the
+        last three the angular acceleration [rad/s^2], along the base's axes.
 
         Parameters
         ----------

@@ -14,7 +14,8 @@ class Regressor:
 
     The columns are the ten inertial parameters of each link (3.3), then viscous friction `fv` and
     Coulomb friction `fs` of each joint (3.5). The columns of rotor inertia `Ja` at the joints [kg
-    m^2], which the thesis omits, are optional. This arm has 48 or 52 columns.
+    m^2], which the thesis omits, are optional. The packaged arm has 48 columns without rotor
+    inertia, and 52 with it.
 
     An instance has working memory, so use one per thread.
 
@@ -49,7 +50,7 @@ class Regressor:
         Returns
         -------
         (n, 10 n) ndarray
-            Torque per inertial parameter.
+            Torque of each joint per inertial parameter of each link.
         """
         result = pin.computeJointTorqueRegressor(self._model, self._data, q, dq, ddq)
         return np.asarray(result)
@@ -165,7 +166,7 @@ class Regressor:
 
 
 class MomentumRegressor:
-    """Joint torques of a body on the last link, as `tau = d/dt(Y_p pi) + Y_f pi`.
+    """Regressor of the joint torques of a body on the last link: `tau = d/dt(Y_p pi) + Y_f pi`.
 
     With the link's Jacobian `J`, its twist `v` and its momentum `h = I v = A(v) pi`, all in the
     frame of its joint, the generalized momentum of the joints is `J^T h`, and::
@@ -173,8 +174,9 @@ class MomentumRegressor:
         tau = d/dt(J^T h) - (dJ/dt + v x J)^T h + J^T A(s) pi
 
     where `s` is the specific force of the base. Accelerations of the joints and angular
-    acceleration of the base do not appear. So a filter of both sides needs no derivative of a
-    measured signal (Slotine, Li: On the adaptive control of robot manipulators, 1987).
+    acceleration of the base do not appear. If both sides are filtered, no measured signal must
+    therefore be differentiated (Slotine, Li: On the adaptive control of robot manipulators,
+    1987).
 
     Intended for a 1 kHz loop: arguments are not checked. An instance has working memory, so use one
     per thread.
@@ -233,7 +235,7 @@ class MomentumRegressor:
 
 
 def _momentum_tensor() -> Array:
-    """Return A as a (6, 6, 10) tensor, which maps twist and parameters to momentum."""
+    """Return A as a (6, 6, 10) tensor, which maps twist and inertial parameters to momentum."""
     tensor = np.zeros((6, 6, 10))
     tensors = inertia_about_origin(np.eye(10))
     cross = _cross_matrices()

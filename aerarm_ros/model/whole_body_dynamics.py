@@ -1,4 +1,4 @@
-"""Combined dynamics of arm and vehicle: an arm on a free joint."""
+"""Combined dynamics of arm and vehicle, modelled as an arm on a free joint."""
 
 from typing import Any
 
@@ -21,10 +21,11 @@ class WholeBodyDynamics:
         [ M_jb  M_jj ] [ ddq ] + [ c_j ] = [ tau ]
 
     Quantities of the base refer to the origin and axes of the arm's base frame, linear before
-    angular: its acceleration `s`, and the wrench `w` of the vehicle's rotors. The acceleration is
-    the specific force (acceleration minus gravity). By the principle of equivalence neither gravity
-    nor attitude has any other effect, so neither appears, and `c` contains only Coriolis and
-    centrifugal forces. In a field of gravity, `h` of the usual notation is `c - M (g, 0)`.
+    angular: its acceleration `s`, and the wrench `w` of the vehicle's rotors. The linear part of
+    `s` is the specific force (acceleration minus gravity). Gravity and attitude act only through
+    the specific force, so they do not appear in the equations, and `c` contains only Coriolis and
+    centrifugal forces. The bias force `h` of the usual notation, which includes gravity g, is `c
+    - M (g, 0)`.
 
     Gyroscopic effects of motors and propellers are neglected. Arguments are not checked. An
     instance has working memory, so use one per thread.
@@ -36,8 +37,8 @@ class WholeBodyDynamics:
     rotor_inertia : float or (n,) array_like
         Inertia of the motors' rotors at the joints [kg m^2], on the diagonal of M_jj.
     carrier : (10,) array_like, optional
-        Inertial parameters (3.3) of the vehicle, in the arm's base frame; by default none, so that
-        M_bb is the arm's.
+        Inertial parameters (3.3) of the vehicle, in the arm's base frame; by default without a
+        vehicle, so that M_bb is the inertia of the arm alone.
 
     Attributes
     ----------
@@ -144,7 +145,7 @@ class WholeBodyDynamics:
         return np.array(self._data.tau[:6]), by_q, by_dq, by_ddq
 
     def response(self, q: Array) -> tuple[Array, Array]:
-        """Return `M_bb^-1` (6, 6) and M_bj (6, n), which determine the base's acceleration.
+        """Return `M_bb^-1` (6, 6) and `M_bj` (6, n), from which the base's acceleration follows.
 
         Under the wrench w the base accelerates by `s = M_bb^-1 (w - c_b - M_bj ddq)`. The inverse
         is that of one rigid body, in closed form.
@@ -167,10 +168,10 @@ class WholeBodyDynamics:
     def feedback_gain(self, q: Array) -> float:
         """Return the gain of the loop closed by feedback of the base's measured acceleration.
 
-        Torques `M_jb s` in response to an acceleration `s` accelerate the joints by `D^-1 M_jb s`,
-        where D is the reduced inertia. These in turn accelerate the base by `G s = M_bb^-1 M_bj
-        D^-1 M_jb s`, against `s`. The gain is the largest eigenvalue of G, whose eigenvalues are
-        real and non-negative.
+        Joint torques `M_jb s`, computed from a measured base acceleration `s`, accelerate the
+        joints by `D^-1 M_jb s`, where D is the reduced inertia. The joints in turn accelerate the
+        base by `G s = M_bb^-1 M_bj D^-1 M_jb s` in the direction opposite to `s`. The gain is the
+        largest eigenvalue of G, whose eigenvalues are real and non-negative.
         """
         matrix = self.inertia_matrix(q)
         coupling = matrix[:6, 6:]

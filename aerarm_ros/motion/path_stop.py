@@ -11,13 +11,13 @@ import numpy as np
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference
 
-# Fractions of the shortest braking time from the initial speed: the braking rises within the first
-# fraction and fades within the second. A stop on a line then takes 1.33 times the least distance
-# and 1.2 times the least time.
+# Fractions of the shortest possible braking time. The braking rises within the first fraction at
+# the start of the stop, and fades within the second fraction at its end. A stop on a straight
+# line thus takes 1.33 times the shortest distance and 1.2 times the shortest time.
 RISE, FADE = 0.3, 0.8  # decision 85
-# Shorter stops [s] are not distinguished; a joint that hardly moves stops in a few cycles.
+# Shortest duration of a stop [s]; a joint that hardly moves stops in a few cycles.
 SHORTEST = 0.01
-_STEPS = 40  # steps in the shortest braking time
+_STEPS = 40  # number of integration steps in the shortest braking time
 # Fraction of the limits used at the knots, with a margin for the motion between knots.
 _SHARE = 0.98
 
@@ -30,7 +30,7 @@ Rows = Callable[[JointReference], Iterable[Row]]
 
 
 class PathTime(NamedTuple):
-    """Time along a motion [s], its rate, and the rate's derivative [1/s]."""
+    """Path time [s] of a motion, its rate (1 at full speed), and the rate's derivative [1/s]."""
 
     value: float
     rate: float
@@ -44,12 +44,12 @@ class PathStop(NamedTuple):
     path_times: list[PathTime]
 
     def clock(self) -> PolynomialPath:
-        """Return the path time as a one-dimensional path."""
+        """Return the path time as a function of the time since the start of the stop."""
         value, rate, change = np.array(self.path_times).T[..., np.newaxis]
         return PolynomialPath.quintic(self.times, value, rate, change)
 
     def path(self, motion: Callable[[float], JointReference]) -> PolynomialPath:
-        """Return the stop along `motion` as a motion of the joints."""
+        """Return the motion of the joints that follows this stop along `motion`."""
         rows = [motion(at.value).paced(at.rate, at.rate_change) for at in self.path_times]
         return PolynomialPath.quintic(self.times, *map(np.array, zip(*rows, strict=True)))
 
@@ -66,13 +66,14 @@ def acceleration_rows(acceleration_max: Array) -> Rows:
 
 
 def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Rows) -> PathStop:
-    """Return the stop along a path that brakes as hard as `rows` allow.
+    """Return the stop along a path that brakes as hard as the limits in `rows` allow.
 
     The path geometry is kept while the rate decreases. The rate's derivative is continuous, so the
     joint accelerations are continuous. The rate never rises, so no joint is faster than on the
-    path. A path within its limits at its own rate satisfies them at any lower rate. The hardest
-    braking is therefore possible at each point and gives the earliest stop (lower bound of the
-    rate's derivative in the phase plane: Bobrow, Dubowsky and Gibson, 1985).
+    path. A motion that keeps its limits at full rate also keeps them at any lower rate. The
+    hardest braking allowed at each point is therefore always possible, and gives the earliest
+    stop (lower bound of the rate's derivative in the phase plane: Bobrow, Dubowsky and Gibson,
+    1985).
 
     Parameters
     ----------
@@ -127,7 +128,8 @@ class JointBrake(NamedTuple):
     """Jerk-limited braking of n joints from (M, n) or (n,) states in the shortest time.
 
     The acceleration changes linearly to its strongest value, stays constant, and fades linearly to
-    zero. Signs refer to the direction of motion; a deceleration is positive in `strongest`.
+    zero. All signs refer to the direction of motion, and `strongest` is positive for a
+    deceleration.
 
     Attributes
     ----------
@@ -155,10 +157,11 @@ class JointBrake(NamedTuple):
         sign = np.where(dq == 0.0, np.sign(ddq), np.sign(dq))
         speed, rising = np.abs(dq), sign * ddq
         needed = np.maximum(speed / acceleration_max, SHORTEST)
-        # An accelerating joint needs a larger change in the same time.
+        # An accelerating joint needs a larger change of its acceleration in the same time.
         rise = RISE * needed / (1.0 + np.maximum(rising, 0.0) / acceleration_max)
         fade = FADE * needed
-        # Without a section of constant deceleration, if that is weaker.
+        # Use the deceleration of a stop without a section of constant deceleration, if it is
+        # weaker.
         strongest = np.minimum(acceleration_max, (2.0 * speed + rising * rise) / (rise + fade))
         left = speed + 0.5 * (rising - strongest) * rise - 0.5 * strongest * fade
         hold = np.where(strongest < acceleration_max, 0.0, left / acceleration_max)

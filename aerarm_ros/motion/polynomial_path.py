@@ -1,4 +1,4 @@
-"""Piecewise polynomial joint motion.
+"""Joint motion as a piecewise polynomial of time.
 
 Used for run-in and run-out of an excitation, smooth stops, and paths between postures.
 """
@@ -20,7 +20,7 @@ PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
 
 
 class SmoothStep(NamedTuple):
-    """Value of a step, its slope, its integral from 0, and its second derivative."""
+    """Value of a smooth step, its slope, its integral from 0, and its second derivative."""
 
     value: Array
     slope: Array
@@ -31,8 +31,8 @@ class SmoothStep(NamedTuple):
 def smooth_step(x: ArrayLike) -> SmoothStep:
     """Return the step 10 x^3 - 15 x^4 + 6 x^5 with zero slope and curvature at both ends.
 
-    Outside [0, 1] the value stays at 0 or 1 and the integral at 0 or 1/2; callers add the part at
-    constant speed. `x` is a dimensionless scalar or array.
+    Outside [0, 1] the value stays at 0 or 1 and the integral at 0 or 1/2; callers add the
+    integral of the constant part. `x` is a dimensionless scalar or array.
     """
     # Not np.clip, which would dominate the time of this 1 kHz call.
     u: Array = np.minimum(np.maximum(x, 0.0), 1.0)
@@ -47,12 +47,13 @@ def smooth_step(x: ArrayLike) -> SmoothStep:
 def rest_to_rest_duration(
     distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, minimum: float
 ) -> float:
-    """Return the shortest duration [s] of a rest-to-rest quintic within given peaks.
+    """Return the shortest duration [s] of a quintic from rest to rest within velocity limits.
 
     Parameters
     ----------
     distance : (n,) signed joint travel [rad].
-    velocity, acceleration : (n,) positive limits of the peaks [rad/s], [rad/s^2].
+    velocity, acceleration : (n,) positive limits of the largest velocity [rad/s] and acceleration
+        [rad/s^2].
     minimum : lower bound of the duration [s].
     """
     travel = np.abs(np.asarray(distance, dtype=float))
@@ -143,7 +144,7 @@ class PolynomialPath:
     def evaluate(self, time: ArrayLike) -> JointReference:
         """Return the reference at `time` [s], a scalar or (M,).
 
-        Before the start and after the end, the end postures with zero velocity and acceleration.
+        Before the start and after the end, the reference is at rest at the first or last posture.
         """
         if isinstance(time, float):
             return self._evaluate_one(time)
@@ -178,7 +179,8 @@ class PolynomialPath:
         low, high = x[before], x[before + 1]
         place = low + (high - low) * first / (first - second)
         polynomial = derived[segment, :, joint]
-        for _ in range(3):  # Newton steps, which reduce the error of a sample to rounding
+        # Newton steps, which reduce the error of the sampled zero to rounding errors
+        for _ in range(3):
             powers = place[:, np.newaxis] ** np.arange(6 - order)
             value = (powers * polynomial).sum(axis=1)
             slope = (powers[:, :-1] * polynomial[:, 1:] * np.arange(1, 6 - order)).sum(axis=1)

@@ -33,7 +33,7 @@ class ArmState(NamedTuple):
 
 
 class JointCommand(NamedTuple):
-    """Command for n joints; the given fields determine the boards' control loop.
+    """Command for n joints; the fields that are not None determine the boards' control loop.
 
     Effort alone means torque control. Velocity alone means the boards' velocity loop, with effort
     as optional feed-forward. All three fields mean the boards' full law (4.4) with feed-forward.
@@ -49,7 +49,8 @@ class JointCommand(NamedTuple):
     tau: Array | None = None
 
 
-# Named tuples in this module, because one is created in every 1 ms cycle, in 0.2 us.
+# The types below are named tuples, which are created in 0.2 us, because one is created in every 1
+# ms cycle.
 class JointReference(NamedTuple):
     """Desired motion of n joints, at one instant (n,) or at many (M, n).
 
@@ -70,7 +71,7 @@ class JointReference(NamedTuple):
         return cls(position, np.zeros_like(position), np.zeros_like(position))
 
     def paced(self, rate: Array | float, rate_change: Array | float) -> 'JointReference':
-        """Return this point of a path for a different rate along the path.
+        """Return the reference at this point of a path that is followed at another rate.
 
         Parameters
         ----------
@@ -81,7 +82,7 @@ class JointReference(NamedTuple):
 
 
 class JointMotion(Protocol):
-    """Motion of all joints over [0, duration]."""
+    """Motion of all joints from time 0 to its duration."""
 
     @property
     def duration(self) -> float:

@@ -145,7 +145,7 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for the arm's forecast; after a timeout, only once a forecast is on time again."""
+        """Wait for a late forecast of the arm; after a time-out, wait only after one in time."""
         if not self._is_told_late():
             self._waits_for_arm = True
             return
@@ -168,7 +168,7 @@ class FlightControlNode:
         return now is not None and self._arm.is_late(now)
 
     def _fly(self, stamp_ns: int) -> None:
-        """Command the rotors for a sample with stamp [ns], if the state is known."""
+        """Command the rotors in answer to odometry with this stamp [ns], if the state is known."""
         now = self._estimator.stamp
         if now is None:
             return

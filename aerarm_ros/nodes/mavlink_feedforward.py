@@ -1,7 +1,7 @@
 """Forward set points to an autopilot over MAVLink, with feedforward of the arm's motion.
 
-The node is for vehicles without MAVROS and DDS agent. Set points arrive on flight_set_point, sent
-repeatedly, or on flight_trajectory. The node publishes the autopilot's odometry, imu and
+The node is for vehicles without MAVROS and without a DDS agent. Set points arrive repeatedly on
+flight_set_point, or once on flight_trajectory. The node publishes the autopilot's odometry, imu and
 rotor_command for the arm. Only the services ~/arm, ~/disarm and ~/offboard arm the autopilot or
 change its mode.
 """

@@ -74,10 +74,10 @@ def add_acceleration(
 ) -> Any:
     """Return a PositionTarget with an acceleration (3,), east-north-up, added [m/s^2].
 
-    An axis without position, velocity and acceleration stays without set point. ArduCopter ignores
-    a whole vector if one of its axes is ignored. ArduCopter also rejects position and acceleration
-    without velocity, and restarts GUIDED. So for ArduCopter the ignored axes become 0, including
-    the velocity if a position is given.
+    An axis without position, velocity and acceleration gets no acceleration. ArduCopter ignores a
+    whole vector if one of its axes is ignored. ArduCopter also rejects position and acceleration
+    without velocity, and restarts its GUIDED mode. So for ArduCopter the ignored axes become 0,
+    including the velocity if a position is given.
 
     Raises
     ------

@@ -73,8 +73,8 @@ class Px4Feedforward(SetPointNode):
 def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: int) -> Any:
     """Return a TrajectorySetpoint with an acceleration (3,), east-north-up, added [m/s^2].
 
-    An axis without set point (position, velocity and acceleration NaN) stays so, because PX4 would
-    follow an acceleration alone.
+    An axis without set point (position, velocity and acceleration NaN) gets no acceleration,
+    because PX4 would follow an acceleration alone.
     """
     added = copy.copy(set_point)
     wanted = np.array(set_point.acceleration, dtype=float)

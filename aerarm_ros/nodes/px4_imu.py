@@ -1,7 +1,8 @@
 """Convert PX4's own topics to sensor_msgs/Imu, if px4_msgs is installed.
 
-PX4's uXRCE-DDS bridge publishes forward-right-down, north-east-down; `imu` is forward-left-up,
-east-north-up. MAVROS does not need this node: remap its topic imu/data.
+PX4's uXRCE-DDS bridge uses a forward-right-down body and a north-east-down world. The topic `imu`
+uses a forward-left-up body and an east-north-up world. MAVROS does not need this node: remap its
+topic imu/data.
 """
 
 import sys
@@ -38,8 +39,8 @@ PARAMETERS = ParameterTable(
 class Px4Imu:
     """Publish `imu` for every SensorCombined, with the newest attitude.
 
-    Without an attitude for 0.2 s the samples are marked as having none. /diagnostics shows the
-    number of PX4's messages.
+    Without an attitude for 0.2 s the samples are marked as samples without attitude. /diagnostics
+    shows the number of PX4's messages.
 
     Raises
     ------

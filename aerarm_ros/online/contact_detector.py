@@ -1,4 +1,4 @@
-"""Contact detection without a sensor: contact, its confidence, and the distinction from payload."""
+"""Contact detection without a contact sensor, with confidence and distinction from a payload."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -43,7 +43,7 @@ class ContactSettings:
     rest_speed : float
         Speed below which every joint counts as resting [rad/s].
     rest_share : float
-        Change of torque at rest that counts as contact, over the joint's dry friction.
+        Change of torque at rest that counts as contact, as a fraction of the joint's dry friction.
     payload_mass, payload_size : float
         Standard deviation of a payload's mass [kg], and its distance from the last joint [m].
     """
@@ -68,7 +68,7 @@ class ContactReport(NamedTuple):
     torque : (n,) ndarray
         External joint torque [Nm], positive along +q, without that of a detected payload.
     threshold : (n,) ndarray
-        Largest such torque in free motion [Nm]; infinite if unknown.
+        Largest external torque that model errors cause in free motion [Nm]; infinite if unknown.
     confidence : float
         Confidence of a contact, 0 to 1.
     cause : Cause or None
@@ -89,15 +89,15 @@ class ContactEvent:
     Attributes
     ----------
     begin, end : float
-        [s]; the end is NaN during the event.
+        Start and end of the event [s]; the end is NaN during the event.
     joint : int
         Index of the joint with the largest ratio of torque to threshold.
     torque : (n,) ndarray
         Largest change of external torque [Nm].
     threshold : (n,) ndarray
-        Threshold of the torque at that time [Nm].
+        Threshold at the time of the largest change [Nm].
     q : (n,) ndarray
-        Posture at that time [rad].
+        Posture of the arm at the time of the largest change [rad].
     ratio : float
         Largest torque over its threshold.
     mass, mass_std : float
@@ -347,8 +347,8 @@ class ContactDetector:
 class _Rest:
     """Change of the external torque while all joints rest.
 
-    The reference is the torque at the start of the rest, and follows slow drift. Friction relaxes
-    after a motion, so the limit is larger at first.
+    The reference is the external torque when the arm came to rest, and follows slow drift. Friction
+    relaxes after a motion, so the limit of the change is larger at first.
     """
 
     def __init__(self, n: int, settings: ContactSettings) -> None:
@@ -357,7 +357,7 @@ class _Rest:
         self.reset(np.inf)
 
     def reset(self, since: float) -> None:
-        """Start a rest; `since` [s] is how long the arm has been at rest."""
+        """Restart the comparison; `since` [s] is the time since the arm came to rest."""
         self.held: Array | None = None
         self._reference: Array | None = None
         self._since = since
@@ -368,7 +368,7 @@ class _Rest:
         self.limit = np.full(self._n, np.inf)
 
     def hold(self) -> None:
-        """Keep the reference of a rest in which a contact has begun."""
+        """Keep the reference torque after a contact has begun at rest."""
         self.held = self._reference
 
     def update(
@@ -435,7 +435,7 @@ class LoadTest:
     found : bool
         Whether the last `update` detected a payload.
     mass, mass_std : float
-        [kg]
+        Mass of the detected payload and its standard deviation [kg].
     """
 
     def __init__(self, external: ExternalTorque, settings: ContactSettings) -> None:
@@ -540,7 +540,7 @@ def with_rest_share(
     motion: Callable[[], Iterable[tuple[float, ArmState]]],
     settings: ContactSettings | None = None,
 ) -> ResidualBound:
-    """Return a bound that no start of a free motion exceeds at rest.
+    """Return a bound whose limit at rest covers every start of a free motion.
 
     A drive builds up torque before a joint breaks loose. The part of this torque that appears
     before the velocity depends on the arm, so it is learnt from free motion too.

@@ -21,9 +21,10 @@ class ContactPlace(NamedTuple):
     link : str
         The touched link, or an earlier one if the force passes through the joint axes in between.
     point : (3,) ndarray
-        On the line from the link's joint to its far end, in the frame of the joint [m].
+        Point of the contact on the line from the link's joint to its far end, in the joint's frame
+        [m].
     point_in_base : (3,) ndarray
-        The point in the frame of the base [m].
+        Point of the contact in the frame of the base [m].
     force : (3,) ndarray
         Force on the arm, in the frame of the base [N]; the smallest one that explains the torque
         if the posture does not determine it.
@@ -55,12 +56,12 @@ class ContactLocator:
         self._ends = [_far_end(robot, joint) for joint in range(1, robot.n + 1)]
 
     def locate(self, q: Array, torque: Array, threshold: Array) -> ContactPlace | None:
-        """Return the place of a contact, or None if no joint has external torque.
+        """Return link, point and force of a contact, or None if no joint has external torque.
 
         Parameters
         ----------
         q : (n,) ndarray
-            [rad]
+            Posture of the arm [rad].
         torque, threshold : (n,) ndarray
             External torque, and the part that may be a model error [Nm].
         """

@@ -232,12 +232,13 @@ class ResidualBound:
 
     `|residual| <= margin (shares @ features) + friction_spread |friction|`. The shares are the
     smallest that bound every residual of a free motion (one linear program per joint). Friction
-    varies with temperature and time more than one recording shows; the last term covers this.
+    varies with temperature and time more than one recording shows; the term with `friction_spread`
+    covers this variation.
 
     Attributes
     ----------
     shares : (n, 6) ndarray
-        Not negative, in the order of `FEATURES`.
+        Coefficients of the features, not negative, in the order of `FEATURES`.
     noise : (n,) ndarray
         RMS of the residual's changes at rest [Nm].
     gain : float
@@ -247,7 +248,7 @@ class ResidualBound:
     friction_spread : float
         Relative deviation of friction from the model.
     rest_share : float
-        Change of torque at rest at the start of a free motion, over dry friction.
+        Change of torque at rest at the start of a free motion, as a fraction of dry friction.
     """
 
     shares: Array
@@ -357,13 +358,13 @@ def _noise(residual: Array, speed: Array) -> Array:
 
 
 def _tightest(size: Array, features: Array) -> Array:
-    """Return the shares whose bound contains every size and has the smallest mean."""
+    """Return the coefficients whose bound contains every residual and has the smallest mean."""
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
     least[1], least[5] = _STATIC, _ASYNCHRONOUS
     scaled = features / scale
-    # A bound that the least shares already satisfy is no constraint.
+    # A bound that the smallest coefficients already satisfy is not a constraint.
     kept = size > features @ least
     if not kept.any():
         return least

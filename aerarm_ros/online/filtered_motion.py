@@ -44,7 +44,7 @@ class MotionRow(NamedTuple):
 
 
 class FilteredMotion:
-    """Both sides of the equation of motion through two equal first-order low-passes.
+    """Pass both sides of the equation of motion through two equal first-order low-passes.
 
     The momentum form of `MomentumRegressor` needs no second derivative of a measurement. The
     change of momentum over a window is the mean force in it, as the drives' torque is a mean. The
@@ -56,14 +56,14 @@ class FilteredMotion:
     dynamics : MovingBaseDynamics
         Model of the arm without payload.
     viscous, coulomb, load_share : (n,) array_like
-        Known friction: [Nms/rad], [Nm], per transmitted torque [-].
+        Known viscous friction [Nms/rad], Coulomb friction [Nm] and load-dependent friction [-].
     bandwidth : float
         Bandwidth of each low-pass [1/s].
 
     Raises
     ------
     ValueError
-        If a friction is negative, or their number is not n.
+        If a friction coefficient is negative, or the number of coefficients is not n.
     """
 
     def __init__(

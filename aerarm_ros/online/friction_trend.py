@@ -26,7 +26,7 @@ class FrictionRecord(NamedTuple):
     Attributes
     ----------
     time : float
-        Since 1970 [s].
+        Time of the identification, since 1970 [s].
     friction, std : (3, n) ndarray
         As in `OnlineEstimate`.
     """
@@ -43,13 +43,13 @@ class FrictionChange:
     Attributes
     ----------
     name : str
-        Such as 'Coulomb [Nm] of joint2'.
+        Name of the coefficient, such as 'Coulomb [Nm] of joint2'.
     old, new : float
         Values of the best-fit line at the first and at the last record.
     deviations : float
         Slope of that line, in standard deviations.
     rate, rate_std : float
-        Slope and its standard deviation [per week].
+        Slope of that line, and its standard deviation [per week].
     """
 
     name: str

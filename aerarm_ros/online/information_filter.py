@@ -56,7 +56,7 @@ class InformationFilter:
         ----------
         rows : (k, m) ndarray
         values, variances : (k,) ndarray
-            `rows @ parameters`, with noise of these variances.
+            Measured values of `rows @ parameters`, and the variances of their noise.
         kept : (m,) ndarray
             D^2, the kept fraction of the information, 0 to 1.
         """

@@ -35,7 +35,7 @@ class OnlineEstimate:
     Attributes
     ----------
     time : float
-        Time of its state [s].
+        Time of the joint state from which the estimate follows [s].
     payload : Payload
         Payload beyond the arm's model; 1e-6 kg means none. The covariance is that before the
         constraint to physical bodies.
@@ -77,23 +77,24 @@ class EstimatorSettings:
     ----------
     bandwidth : float
         Bandwidth of the low-passes on both sides of the equation of motion [1/s]. Faster signals
-        are noise. A payload appears after some time constants.
+        count as noise. The estimator notices a payload after some time constants of the low-passes.
     correlation_time : float
-        Correlation time of model errors [s]. Errors within it count as one.
+        Correlation time of model errors [s]. Errors within this time count as one error.
     payload_mass, payload_size : float
         Standard deviation of a payload's mass [kg], and the distance of its parts from the last
         joint [m].
     tare_mass : float
         Standard deviation of the mass error [kg] of the arm's model at the last link.
     friction_spread : float
-        Standard deviation of friction from the model, relative.
+        Relative standard deviation of the friction from its model.
     torque_noise : float
         Initial RMS torque [Nm] that the model leaves unexplained; measured from then on.
     model_error : float
-        Standard deviation of gravity and inertia from the model, relative. Torques within it do
-        not count as a change of the payload.
+        Relative standard deviation of gravity and inertia torques from the model. Torques within
+        this deviation do not count as a change of the payload.
     memory, friction_memory : float
-        Time constants of forgetting [s], of payload and bias, and of friction.
+        Time constants of forgetting [s]: `memory` for payload and bias, `friction_memory` for
+        friction.
     """
 
     bandwidth: float = 30.0
@@ -127,9 +128,9 @@ class ChangeTest:
     Parameters
     ----------
     allowed : float
-        Normal mean of squared errors over their variance.
+        Mean of squared errors over their variance, without a change.
     threshold : float
-        Sum that indicates a change.
+        Sum above which a change is detected.
     """
 
     def __init__(self, allowed: float = 5.0, threshold: float = 60.0) -> None:
@@ -219,16 +220,16 @@ class PayloadEstimator:
     """Estimate payload and friction from states at 1 kHz, with one estimate per 20 ms.
 
     The estimator is a linear Bayesian filter with three blocks. The *bias* block is a body that
-    corrects the arm's model at its last link, learnt without payload. The *payload* block has
-    equal columns and is learnt with a payload. The *friction* block follows friction's deviation
-    from the model slowly. Only time separates bias and payload, so a constant model error does not
-    enter the payload.
+    corrects the arm's model at its last link, learnt without payload. The *payload* block has the
+    same regressor columns and is learnt with a payload. The *friction* block follows friction's
+    deviation from the model slowly. Only time separates bias and payload, so a constant model error
+    does not enter the payload.
 
     A pick-up or put-down appears in the innovations. The filter sums up their squares over their
-    variance (`ChangeTest`). After a detection, the filter restores its state from just before. The
-    payload then either starts from its wide prior (the fast phase), or ends. The published payload
-    is the physical body nearest to the payload block (`nearest_body`). So its 4x4 pseudo-inertia
-    is positive definite in every step.
+    variance (`ChangeTest`). After a detection, the filter restores its state from just before the
+    change. The payload then either starts from its wide prior (the fast phase), or ends. The
+    published payload is the physical body nearest to the payload block (`nearest_body`). So its 4x4
+    pseudo-inertia is positive definite in every step.
 
     Parameters
     ----------
@@ -296,7 +297,7 @@ class PayloadEstimator:
         Parameters
         ----------
         now : float
-            [s]
+            Time of the state [s].
         base : BaseMotion, optional
             Default: at rest, under the arm's own gravity.
         """
@@ -324,8 +325,8 @@ class PayloadEstimator:
     def pause(self) -> None:
         """Stop learning while the base's motion is unknown, or another object holds the arm.
 
-        Such an event is detected late, so the last 0.3 s of learning are undone. Earlier data
-        stay.
+        The caller detects such an event late, so the last 0.3 s of learning are undone. Earlier
+        data stay.
         """
         if self._history:
             self._filter.belief = self._history[0]

@@ -11,7 +11,7 @@ _SMALL = 0.1  # [Nm] tolerated difference
 
 
 class PayloadHandOver:
-    """Payload of a model, on its way to an estimate.
+    """Payload of a controller's model, which moves gradually to the estimated payload.
 
     The ten inertial parameters move along a straight line to the estimate times `share`. Physical
     bodies are a convex cone, so the payload is physical at every instant. Mass and first moment

@@ -26,7 +26,7 @@ class KnownArm:
     Attributes
     ----------
     rotor_inertia : (n,) ndarray
-        At the joints [kg m^2].
+        Rotor inertia reflected to the joints [kg m^2].
     friction : (3, n) ndarray
         Viscous [Nms/rad], Coulomb [Nm] and load-dependent friction [-].
     others : tuple of (int, JointTerm, float)
@@ -103,7 +103,7 @@ class Replay:
     Attributes
     ----------
     estimate : OnlineEstimate or None
-        The last one.
+        The last estimate.
     """
 
     def __init__(

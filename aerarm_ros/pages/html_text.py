@@ -20,8 +20,8 @@ Html = Markup
 
 # Spaces as wide as a digit, and as a decimal point.
 _DIGIT, _POINT = '\N{FIGURE SPACE}', '\N{PUNCTUATION SPACE}'
-_LONG = 24  # characters above which a text wraps on a phone
-_FEW = 3  # sections up to which no table of contents is needed
+_LONG = 24  # number of characters above which a text may wrap on a narrow screen
+_FEW = 3  # largest number of sections without a table of contents
 _HEADING = re.compile('<h2>(.*?)</h2>', re.DOTALL)
 
 
@@ -30,8 +30,8 @@ _FOLDER = Path(__file__).parent
 
 @cache
 def macros(path: Path) -> Any:
-    """Return the macros of a template; each returns `Html` with escaped texts."""
-    # Local import, because it takes 0.1 s that programs without pages do not need.
+    """Return the macros of an HTML template; each returns `Html`, in which texts are escaped."""
+    # Imported here, because the import takes 0.1 s and most programs write no page.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -54,12 +54,12 @@ def paragraph(text: object, kind: str = '') -> Html:
 
 
 def section(title: str, *parts: str) -> Html:
-    """Return a heading with its content."""
+    """Return a section: an HTML heading with its content."""
     return Html(_elements().section(title, parts))
 
 
 def folded(title: str, *parts: str) -> Html:
-    """Return parts that open on a click."""
+    """Return HTML parts that a click on their title opens."""
     return Html(_elements().folded(title, parts))
 
 
@@ -122,7 +122,7 @@ def page(title: str, head: str, body: Iterable[str], facts: Mapping[str, str] | 
     body
         Content; elements made by `section` appear in the table of contents.
     facts
-        Texts at the top by name, for example date and command line.
+        Facts shown at the top of the page by name, for example date and command line.
     """
     text = ''.join(body)
     titles = [Html(title) for title in _HEADING.findall(text)]

@@ -38,7 +38,7 @@ def plotly_figure(figure: Any) -> Html:
 
 
 def plotting_script() -> Html:
-    """Return the plotting library as an inline script, so that the page opens offline.
+    """Return the plotting library as an inline script, so that a page opens offline.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def plotting_script() -> Html:
 
 @lru_cache(maxsize=1)
 def _compressed(path: Path) -> bytes:
-    # A higher level takes 50 % longer for 0.2 % less size.
+    # A higher compression level takes 50 % longer for 0.2 % less size.
     return gzip.compress(path.read_bytes(), compresslevel=6, mtime=0)
 
 

@@ -15,12 +15,12 @@ from aerarm_ros.planner.spline_basis import SplineBasis
 
 
 class TermValue(NamedTuple):
-    """Integral over a motion, with its derivatives by the motion at each instant.
+    """Value of a cost term for a motion, with its derivatives by the motion at each instant.
 
     Attributes
     ----------
     value : float
-        Value of the integral.
+        Value of the integral over time.
     by_q, by_dq, by_ddq : (M, n) ndarray
         Derivatives with respect to positions, velocities and accelerations at each instant.
     """
@@ -32,33 +32,34 @@ class TermValue(NamedTuple):
 
 
 class CostTerm(Protocol):
-    """Integral over time of a function of the motion."""
+    """Cost term of a planned motion: the integral over time of a function of the motion."""
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
         """Return the integral over M instants, each representing `dt` [s]."""
         ...
 
 
-# A penalty yields slightly, and between instants a motion may be faster than at both.
+# The penalty begins below the limit, because it permits small violations, and between two
+# instants a motion may be faster than at both.
 _BEGIN = 0.97  # fraction of a limit at which the penalty begins
 
 
 class Excess(NamedTuple):
-    """Sum of a penalty, with its slope (M, n) by each value."""
+    """Penalty of values beyond their limits, with its derivative (M, n) by each value."""
 
     value: float
     slope: Array
 
 
 def excess(values: Array, limit: Array, penalty: float) -> Excess:
-    """Return the penalty of values (M, n) beyond limits (n,); infinite limits have none."""
+    """Return the penalty of values (M, n) beyond limits (n,); infinite limits cause no penalty."""
     beyond = np.maximum(np.abs(values) / limit - _BEGIN, 0.0)
     slope = (2.0 * penalty) * beyond * np.sign(values) / limit
     return Excess(penalty * float((beyond**2).sum()), slope)
 
 
 class LimitTerm:
-    """Penalty of velocities and accelerations beyond their limits.
+    """Cost term: penalty of velocities and accelerations beyond their limits.
 
     Parameters
     ----------
@@ -80,13 +81,13 @@ class LimitTerm:
         )
 
 
-# [m] in addition to the required distance, because postures between instants may be closer
+# [m] added to the required distance, because links may be closer between instants
 _ROOM = 0.01
 _SCALE = 0.05  # [m]
 
 
 class ClearanceTerm:
-    """Penalty of distances below the required ones.
+    """Cost term: penalty of distances (clearances) below the required distances.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ class ClearanceTerm:
     def __init__(self, clearance: ClearanceChecker, penalty: float) -> None:
         self._clearance = clearance
         self._penalty = penalty / _SCALE**2
-        # Evaluated postures (M, n) [rad], and their margins [m].
+        # Postures (M, n) [rad] that were evaluated before, and their clearance margins [m].
         self._seen: tuple[Array, Array] | None = None
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
@@ -114,7 +115,7 @@ class ClearanceTerm:
         return TermValue(value, by_q, nothing, nothing)
 
     def _may_be_near(self, q: Array) -> npt.NDArray[np.bool_]:
-        """Return the rows whose margin is not known to suffice from evaluated postures."""
+        """Return the rows whose margin must be computed, since earlier postures do not bound it."""
         if self._seen is None:
             self._seen = np.array(q), np.full(len(q), -np.inf)
         before, margin = self._seen
@@ -131,14 +132,15 @@ class ClearanceTerm:
 class DisturbanceTerm:
     """Cost of the moment that a motion exerts on the base, dominated by its peak.
 
-    The reaction is the wrench that accelerates links and rotors, `M_bj ddq + c_b` of the free-base
-    model. The weight is excluded, because it depends on the posture and not on the motion. The term
-    is the integral of ``scale^2 (|m| / scale)^(2 power)``.
+    The moment m is that of the reaction on the base when links and rotors accelerate, `M_bj ddq +
+    c_b` of the free-base model. The moment of the arm's weight is excluded, because it depends on
+    the posture and not on the motion. The term is the integral of ``scale^2 (|m| / scale)^(2
+    power)``.
 
     Parameters
     ----------
     price : float
-        Price [J/(Nm)^2/s] at a moment of `scale`.
+        Price of squared moment over time [J/(Nm)^2/s], at a moment equal to `scale`.
     scale : float
         Moment above which the price rises steeply [Nm].
     power : int
@@ -167,19 +169,19 @@ class DisturbanceTerm:
 
 
 def peak_moment(body: WholeBodyDynamics, motion: JointReference) -> float:
-    """Return the largest moment of a motion's reaction on the base [Nm] over M instants."""
+    """Return the largest moment [Nm], over M instants, of a motion's reaction on the base."""
     still = np.zeros(3)
     rows: list[Array] = [body.forces(*row, still)[3:6] for row in zip(*motion, strict=True)]
     return float(np.linalg.norm(rows, axis=1).max())
 
 
-# Widths over which a sign is smoothed: of velocity [rad/s], of power [W].
+# Widths over which the sign of a velocity [rad/s] and the sign of a power [W] are smoothed.
 _FRICTION_WIDTH = 0.03
 _POWER_WIDTH = 0.05
 
 
 class DriveTerm:
-    """Energy drawn from the supply [J], and a penalty of excessive torque.
+    """Cost term: energy drawn from the supply [J], and penalty of torques beyond their limits.
 
     The derivatives are analytic, from the derivatives of inverse dynamics. Dry friction and the
     onset of recuperation, where a motor begins to brake, are smoothed over small velocities and
@@ -213,7 +215,8 @@ class DriveTerm:
                 q[k], dq[k], ddq[k]
             )
         rotors = self._dynamics.rotor_inertia
-        load = rigid - rotors * ddq  # rotor torque is not transmitted by the gears
+        # the gears do not transmit the torque that accelerates the rotors
+        load = rigid - rotors * ddq
         tau = rigid + self._friction.torque(dq, load)
         value, by_tau, by_dq = self._density(tau, dq)
         friction_by_dq, friction_by_load = self._friction.slopes(dq, load)
@@ -224,7 +227,7 @@ class DriveTerm:
         return TermValue(dt * value, by_q, by_dq, by_ddq - by_load * rotors)
 
     def _density(self, tau: Array, dq: Array) -> tuple[float, Array, Array]:
-        """Return the summed cost per second, and its slopes by torque and velocity."""
+        """Return the cost per second of all drives, and its derivatives by torque and velocity."""
         drives = self._drives
         power = drives.electrical(tau, dq)
         # Power from the supply: power + (1 - recovery) max(-power, 0).
@@ -239,7 +242,7 @@ class DriveTerm:
 
 
 class SmoothnessTerm:
-    """Integral of the squared accelerations.
+    """Cost term: integral of the squared joint accelerations.
 
     The motion of a light joint hardly affects the energy. Without this term the search may
     therefore return very slow motions, in which dry friction keeps the joint away from its
@@ -262,19 +265,18 @@ class SmoothnessTerm:
 
 
 def prices_by_lightness(price: float, inertia: Array) -> Array:
-    """Return the price of acceleration for each joint, (n,) [J s^3/rad^2].
+    """Return each joint's price of squared acceleration, (n,) [J s^3/rad^2].
 
-    A torque error causes an acceleration inversely proportional to the joint's inertia, and a
-    tracking error as well, because computed torque control feeds back accelerations. The price is
-    therefore inversely proportional to the inertia. For light joints a high price costs little
-    energy.
+    A torque error causes an acceleration error, and under computed torque control a tracking
+    error, that are inversely proportional to the joint's inertia. The price is therefore
+    inversely proportional to the inertia. For light joints a high price costs little energy.
 
     Parameters
     ----------
     price : float
         Price of the joint with the largest inertia [J s^3/rad^2].
     inertia : (n,) ndarray
-        Inertia moved by each joint alone [kg m^2].
+        Inertia that each joint moves while the other joints are at rest [kg m^2].
     """
     lightness: Array = inertia.max() / inertia
     return price * lightness
@@ -290,7 +292,7 @@ class MotionCost:
     terms : sequence of CostTerm
         Cost terms to add.
     second : float
-        Price of a second, if the duration is free.
+        Price of a second of the motion, if its duration is free.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 
 
 @dataclass(frozen=True, slots=True)
 class PlanSettings:
-    """Objective of a motion, and usable fraction of the limits.
+    """Planner settings: objective of a motion, and usable fraction of the limits.
 
     Attributes
     ----------
@@ -26,8 +26,9 @@ class PlanSettings:
         'energy': least energy; 'time': shortest duration; 'quintic': straight in joint space, for
         comparison; 'disturbance': least peak moment on the base.
     duration : float
-        Duration [s]; 0 for the optimum: with an energy price, the duration at which a further
-        second saves less than it costs; for a quintic, the shortest.
+        Duration of the motion [s]; 0 lets the planner choose it. If energy is minimized, the
+        planner chooses the duration at which a further second saves less energy than
+        `time_price`; for a quintic, the shortest duration.
     time_price : float
         Price of a second in addition to the arm's energy [W], for example the drone's hover power.
     smoothness : float
@@ -75,12 +76,12 @@ class PlanSettings:
 
 @dataclass(frozen=True, eq=False)
 class MotionPlan:
-    """Planned motion from rest to rest within all limits.
+    """Planned motion from rest to rest, which keeps all limits.
 
     Attributes
     ----------
     balance : EnergyBalance
-        Predicted energy.
+        Predicted energy of the motion, by joint and cause.
     report : FeasibilityReport
         Margins at every control cycle; clearance also between cycles.
     """

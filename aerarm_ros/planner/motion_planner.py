@@ -42,24 +42,25 @@ from aerarm_ros.planner.motion_plan import (
 from aerarm_ros.planner.spline_basis import SplineBasis
 from aerarm_ros.planner.tool_postures import ToolPostures
 
-_SHORTEST, _LONGEST = 0.05, 60.0  # [s] bounds of the duration
+_SHORTEST, _LONGEST = 0.05, 60.0  # [s] bounds of a free duration
 # Penalties of violated limits [1/s], tried in order.
 _PENALTIES = (1e3, 3e4, 1e6)
 _ITERATIONS = 60
-_CHANGE = 1e-6  # relative change at which the search ends
-_QUICK = 1e3  # price of a second if nothing else counts
+_CHANGE = 1e-6  # relative change of the cost at which the search ends
+_QUICK = 1e3  # price of a second if only the duration is minimized
 _STRETCH = 1.02  # factor by which a motion of free duration is slowed per step
 _STRETCHES = 40
 _LEAST_MOMENT = 1e-3  # [Nm]
-_NOTHING_ELSE = 1e3  # [J/(Nm)^2/s] price of moments that makes energy negligible
+_NOTHING_ELSE = 1e3  # [J/(Nm)^2/s] price of moments that is so high that energy is negligible
 # Fraction of a peak above which moments cost, and the exponent: first for all large moments, so
 # that the search converges, then for the peak.
 _BLUNT, _SHARP = (0.5, 3), (0.9, 20)
-_LEAST_FREEDOM = (12, 48)  # points and instants of a motion with minimized peak
+# number of free points and instants for a motion with minimized peak moment
+_LEAST_FREEDOM = (12, 48)
 _GLANCES = 5  # postures on the straight path used to determine the joints' inertia
-# Blending factors towards the straight motion, for a motion that slightly violates a limit.
+# Fractions by which a motion that slightly violates a limit is moved towards the straight motion.
 _TOWARD_QUINTIC = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-_CANDIDATES = 2  # number of postures for which a motion is planned
+_CANDIDATES = 2  # number of goal postures to which motions are planned
 _TYPICAL = 2.0  # [s] assumed duration before it is known
 
 
@@ -85,7 +86,7 @@ class MotionPlanner:
         self._setup = setup
         rotors = model.dynamics.rotor_inertia
         self._body = WholeBodyDynamics(setup.robot, rotors)
-        # Use identified values for the check as well.
+        # The check uses the same friction as the planned energy.
         self._efforts = EffortModel(
             setup.robot, rotors, setup.torque_per_ampere, model.load_friction
         )
@@ -103,14 +104,14 @@ class MotionPlanner:
         self._basis = SplineBasis.of(*map(max, (settings.knots, settings.samples), least))
 
     def with_settings(self, **changes: object) -> MotionPlanner:
-        """Return a planner for the same arm and payload with other settings."""
+        """Return a planner for the same arm and payload, with other settings."""
         other = copy(self)
         other._set(replace(self.settings, **changes))  # type: ignore[arg-type]
         return other
 
     @property
     def limits(self) -> MotionLimits:
-        """Usable part of the limits."""
+        """Part of the limits that a planned motion may use."""
         return self._limits
 
     def carry(self, payload: ArrayLike) -> None:
@@ -122,9 +123,10 @@ class MotionPlanner:
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
     ) -> MotionPlan:
-        """Return a motion that moves the tool to a point, with the posture of least cost.
+        """Return a motion that moves the tool to a point, in the goal posture of least cost.
 
-        Motions are planned to the best postures of `ToolPostures`.
+        Motions to several goal postures (see `ToolPostures`) are planned, and the one with the
+        least cost is returned.
 
         Parameters
         ----------
@@ -239,7 +241,7 @@ class MotionPlanner:
             if self._checker.check(path, stop_early=True).feasible:
                 return self._made(path, self._checker.check(path))
         self._require(report, f'a motion of {duration:.3g} s', self._advice(q0, q1, duration))
-        raise AssertionError  # infeasible motions were rejected before
+        raise AssertionError  # motions that violate a limit were rejected before
 
     def _of_free_duration(self, q0: Array, q1: Array, second: float) -> MotionPlan:
         duration = 1.2 * self._quintic_duration(q0, q1)
@@ -263,7 +265,7 @@ class MotionPlanner:
     def _stretched(
         self, points: Array, q0: Array, q1: Array, duration: float
     ) -> tuple[PolynomialPath, FeasibilityReport]:
-        """Return the motion with the least duration, from this one on, that keeps the limits."""
+        """Return the motion slowed down, from the given duration on, until it keeps the limits."""
         for _ in range(_STRETCHES):
             path = self._basis.path(points, q0, q1, duration)
             report = self._checker.check(path, stop_early=True)
@@ -288,9 +290,9 @@ class MotionPlanner:
         return _NOTHING_ELSE if is_all else settings.disturbance_price
 
     def _terms_beside_energy(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
-        """Return terms for acceleration and for moments on the base, near a given motion.
+        """Return the cost terms of acceleration and of the moment on the base.
 
-        Sharp terms count only moments close to the peak.
+        If `sharp`, only moments close to the peak moment of the motion `near` have a cost.
         """
         smoothness, price = self.settings.smoothness, self._disturbance_price
         terms: list[CostTerm] = []
@@ -309,7 +311,7 @@ class MotionPlanner:
     def _searched(
         self, cost: MotionCost, points: Array, duration: float, is_free: bool = False
     ) -> tuple[Array, float]:
-        """Return the optimal points (K, n), and the optimal duration if it is free."""
+        """Return the optimal free points (K, n), and the optimal duration if it is free."""
         shape, size = points.shape, points.size
         bounds = list(
             zip(
@@ -343,7 +345,7 @@ class MotionPlanner:
         return MotionPlan(path, self._model.balance(path), report)
 
     def _advice(self, q0: Array, q1: Array, duration: float) -> str:
-        """Return a hint on the required duration, '' if the duration is not the obstacle."""
+        """Return a hint on the required duration, '' if a longer duration would not help."""
         try:
             quickest = self.with_settings(objective=TIME, duration=0.0).plan(q0, q1)
         except PlanError:

@@ -9,7 +9,8 @@ from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference
 
 _DEGREE = 5
-_AT_REST = 3  # control points at each end fixed by rest: position, velocity, acceleration
+# number of control points at each end that are fixed, because the motion starts and ends at rest
+_AT_REST = 3
 
 
 class SplineBasis:
@@ -28,7 +29,7 @@ class SplineBasis:
     Attributes
     ----------
     matrices : (3, M, K) ndarray
-        Maps from free points to positions and their first two derivatives by x = t / T.
+        Matrices that map free points to positions and their first two derivatives by x = t / T.
     """
 
     def __init__(self, free: int, samples: int) -> None:
@@ -40,7 +41,8 @@ class SplineBasis:
         ends = np.ones(_DEGREE)
         knots = np.concatenate([0.0 * ends, self._breaks, ends])
         self._spline = scipy.interpolate.BSpline(knots, np.eye(count), _DEGREE)
-        # Abscissas of the control points: points on a line at these x reproduce that line.
+        # Values of x for the control points: control points on a straight line over these x give
+        # this line.
         places = [knots[i + 1 : i + 1 + _DEGREE].mean() for i in range(count)]
         self._places = np.array(places[_AT_REST:-_AT_REST])
         middles = (np.arange(samples) + 0.5) / samples
@@ -50,11 +52,11 @@ class SplineBasis:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, free: int, samples: int) -> 'SplineBasis':
-        """Return the basis of a given size, cached."""
+        """Return the basis with the given numbers of points and samples, which is cached."""
         return cls(free, samples)
 
     def points_near(self, motion: PolynomialPath) -> Array:
-        """Return free points (K, n) of a spline close to a motion."""
+        """Return the free points (K, n) of a spline that approximates a motion."""
         return motion.evaluate(self._places * motion.duration).q
 
     def motion(self, points: Array, start: Array, end: Array, duration: float) -> JointReference:
@@ -80,7 +82,7 @@ class SplineBasis:
         return PolynomialPath.quintic(self._breaks * duration, q, dq, ddq)
 
     def _split(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return the contributions of start (3, len(x)), free points and end at x."""
+        """Return the contributions of start, free points and end to the spline at x."""
         rows = np.array([self._spline.derivative(d)(x) if d else self._spline(x) for d in range(3)])
         first, last = rows[:, :, :_AT_REST].sum(axis=2), rows[:, :, -_AT_REST:].sum(axis=2)
         return first, rows[:, :, _AT_REST:-_AT_REST], last
@@ -93,7 +95,7 @@ def _scaled(
     end: Array,
     duration: float,
 ) -> Array:
-    """Return position, velocity and acceleration (3, M, n) over time."""
+    """Return position, velocity and acceleration (3, M, n) of the motion over time."""
     first, matrices, last = parts
     rate = duration ** -np.arange(3.0)
     by_x = matrices @ points + first[:, :, np.newaxis] * start + last[:, :, np.newaxis] * end

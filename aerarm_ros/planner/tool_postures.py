@@ -17,7 +17,7 @@ _STEPS = 30
 _NEAR = 1e-4  # [m] tolerated distance of the tool from its target
 _DAMPING = 1e-3  # [m/rad] below which a singular value is ignored
 _LARGEST_STEP = 0.4  # [rad]
-_SAME = 0.05  # [rad] within which postures count as equal
+_SAME = 0.05  # [rad] largest difference of two postures that count as equal
 _TRAVEL_PRICE = 0.5  # [J/rad^2] assumed price of a path that is not planned yet
 # [W/rad^2] approximate largest curvature of the holding loss, for the step size
 _LOSS_CURVATURE = 20.0
@@ -27,8 +27,9 @@ _GLANCE = 24  # number of instants at which a path is evaluated
 class ToolPostures:
     """Inverse kinematics of a tool position with redundant joints.
 
-    Gauss-Newton steps lead from many random postures to the target. Each posture then moves along
-    its null space, down the gradient of holding loss and path cost.
+    From many random postures, Gauss-Newton steps move the tool to the target. Each resulting
+    posture is then improved by motions that keep the tool at the target and reduce holding loss
+    and path cost.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ class ToolPostures:
         self._hold_time = hold_time
 
     def holding(self, q: Array) -> float:
-        """Return the energy for holding q (n,) for the hold time [J]."""
+        """Return the energy [J] for holding the posture q (n,) during the hold time."""
         return self._hold_time * self._loss.watts(q)
 
     def find(self, point: ArrayLike, start: Array, duration: float) -> list[Array]:
@@ -74,7 +75,7 @@ class ToolPostures:
         if place.shape != (3,) or not np.isfinite(place).all():
             raise PlanError(f'tool goal needs three finite numbers [m], but has {place.tolist()}')
         low, high = self._range(start)
-        random = np.random.default_rng(0)  # equal goals give equal results
+        random = np.random.default_rng(0)  # fixed seed, so that equal goals give equal results
         seeds = [start, *random.uniform(low, high, (_SEEDS, len(start)))]
         found: list[Array] = []
         for seed in seeds:
@@ -89,7 +90,7 @@ class ToolPostures:
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 
     def _range(self, start: Array) -> tuple[Array, Array]:
-        """Return the position limits (n,), one turn about the start if unlimited."""
+        """Return the position limits (n,); one turn about the start for unlimited joints."""
         low, high = self._limits.position_min, self._limits.position_max
         return (
             np.where(np.isfinite(low), low, start - np.pi),
@@ -104,7 +105,7 @@ class ToolPostures:
         low: Array,
         high: Array,
     ) -> Array | None:
-        """Return the posture reached from a seed, None if the tool misses the goal."""  # fmt: skip
+        """Return the posture found from a seed posture, None if the tool misses its target."""
         q, error = np.array(seed), np.inf
         steepness = self._hold_time * _LOSS_CURVATURE + 2.0 * _TRAVEL_PRICE
         for step in range(_STEPS):
@@ -122,7 +123,7 @@ class ToolPostures:
         return q if error < _NEAR else None
 
     def _way(self, start: Array, q: Array, duration: float) -> float:
-        """Return an estimate of the straight path's cost [J]."""
+        """Return an estimate of the cost of the straight path from start to q [J]."""
         straight = PolynomialPath.rest_to_rest(start, q, duration)
         times = (np.arange(_GLANCE) + 0.5) * duration / _GLANCE
         power = self._model.drives.from_supply(self._model.power(straight, times))

@@ -30,9 +30,9 @@ _clock_nanosleep = getattr(ctypes.CDLL(None), 'clock_nanosleep', None)
 def sleep_until(deadline_ns: int) -> None:
     """Sleep until the monotonic clock reaches `deadline_ns` [ns].
 
-    A relative sleep is delayed by the time between reading the clock and falling asleep; this
-    sleep is not. Signal handlers run during the sleep; their exceptions (KeyboardInterrupt) end
-    it.
+    A relative sleep is late by the time between reading the clock and falling asleep; this absolute
+    sleep is not. Signal handlers run during the sleep; an exception in them (KeyboardInterrupt)
+    ends the sleep.
 
     Parameters
     ----------
@@ -61,15 +61,15 @@ class CycleSlack:
     """Let another thread start its work when a loop has just ended a cycle.
 
     Two Python threads use one interpreter. A loop that wakes while the other thread computes waits
-    for the interpreter after each system call. A short piece of work that starts with the slack
-    ends before the loop wakes.
+    for the interpreter after each system call. A short piece of work that starts at the end of a
+    cycle ends before the loop wakes.
     """
 
     def __init__(self) -> None:
         self._begun = Event()
 
     def begin(self) -> None:
-        """Signal the end of a cycle; takes the loop 0.1 us if no thread waits."""
+        """Signal the end of a cycle; the call takes 0.1 us if no thread waits."""
         if not self._begun.is_set():
             self._begun.set()
 
@@ -102,7 +102,7 @@ class SteadyClock:
     Attributes
     ----------
     may_step
-        Whether a large difference may be corrected at once.
+        Whether a large difference to the system time may be corrected at once.
     behind
         System time minus this clock's time at the last call [s].
     """
@@ -158,7 +158,7 @@ class PeriodicLoop:
     execution
         Duration of the function.
     interval
-        Time between two wake-ups; its mean is the actual period.
+        Time between two wake-ups of the loop; the mean is the actual period.
 
     Raises
     ------
@@ -221,12 +221,12 @@ class PeriodicLoop:
             deadline += (1 + behind) * period_ns
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
-        """Return a level of `timing_assessment`, and its reason.
+        """Return the level of the loop's timing (OK, WARN or ERROR), and its reason.
 
         Parameters
         ----------
         interval, execution
-            Summaries of the statistics of these names.
+            Summaries of the loop's statistics `interval` and `execution`.
         """
         return assess_timing(self.period_ns * 1e-9, interval, execution)
 
@@ -377,7 +377,7 @@ def assess_timing(
     execution: TimingSummary,
     thresholds: TimingThresholds | None = None,
 ) -> tuple[int, str]:
-    """Return the worst level and its reason.
+    """Return the worst timing level (OK, WARN or ERROR) and its reason.
 
     Parameters
     ----------
@@ -386,7 +386,7 @@ def assess_timing(
     interval, execution
         Measured periods and execution times.
     thresholds
-        ros2_control's by default.
+        Thresholds for warning and error; by default those of ros2_control.
     """
     limits = thresholds or TimingThresholds()
     if not interval.count:

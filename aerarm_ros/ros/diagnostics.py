@@ -24,8 +24,8 @@ class DiagnosticsPublisher:
     arm
         Name of the node's arm, '' if it is unknown.
     now_ns
-        Returns the time for the stamp [ns], None if unknown. Then, and without this argument, the
-        stamp is the node's clock.
+        Returns the time for the stamp [ns], None if unknown. If the time is unknown, or without
+        this argument, the stamp is the time of the node's clock.
 
     Attributes
     ----------

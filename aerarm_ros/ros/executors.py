@@ -90,7 +90,7 @@ class WaitedWaitable:
 
 
 def waited_entities(node: Node) -> Iterator[WaitedEntity | WaitedWaitable]:
-    """Yield the entities of a node whose callback group may run."""
+    """Yield the entities of a node whose callback group permits a callback now."""
     for kind, entities, run in (
         ('timer', node.timers, _run_timer),
         ('subscription', node.subscriptions, _run_subscription),

@@ -51,7 +51,7 @@ def is_emulated(node: Node, topic: str) -> bool:
     Parameters
     ----------
     node
-        Node whose place in the graph is used.
+        Node whose view of the ROS graph is used.
     topic
         Full name, for example of joint_states.
     """
@@ -71,7 +71,7 @@ def _is_of_one_node(one: TopicEndpointInfo, other: TopicEndpointInfo) -> bool:
 
 
 class SilencePatience:
-    """Longest silence of an arm; an emulated arm may be silent for longer.
+    """Longest accepted time without states of an arm, which is longer for an emulated arm.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class SilencePatience:
         self._is_emulated = False
 
     def limit(self, timeout: float) -> float:
-        """Return the longest silence [s] of this arm; `timeout` [s] applies to a real arm.
+        """Return the longest accepted silence [s]; for a real arm this is `timeout` [s].
 
         To be called while the arm is silent; checks the graph at most ten times per second. An
         ended bridge no longer publishes, so its limit is `timeout`.
@@ -98,7 +98,7 @@ class SilencePatience:
 
 
 class PublisherCheck:
-    """Compare publishers with subscriptions: the middleware does not report different types."""
+    """Find publishers that cannot reach a subscription, such as those of another type."""
 
     def __init__(self, node: Node, topics: Sequence[Topic]) -> None:
         self._node = node
@@ -252,7 +252,7 @@ class SolePublisher:
     Parameters
     ----------
     node
-        Node whose place in the graph is used.
+        Node whose view of the ROS graph is used.
     topic
         Topic that only one node should publish.
     """

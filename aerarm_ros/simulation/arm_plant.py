@@ -27,7 +27,7 @@ _OTHER_GEAR = 0.03
 
 @dataclass(frozen=True)
 class Spread:
-    """Largest deviations of a manufactured arm from its drawing, each uniform in +- its entry.
+    """Bounds of a manufactured arm's deviations, each uniform within plus or minus its entry.
 
     Attributes
     ----------
@@ -59,15 +59,15 @@ class PlantParameters:
     inertial_parameters
         (n, 10) in the order of thesis (3.3), about the links' frames.
     rotor_inertia
-        (n,) reflected to the joints, J_m / k_g^2 [kg m^2].
+        (n,) rotor inertia reflected to the joints, J_m / k_g^2 [kg m^2].
     viscous, coulomb
-        (n,) [Nms/rad], [Nm].
+        (n,) viscous [Nms/rad] and Coulomb friction [Nm] of the joints.
     load_friction
         (n,) Coulomb friction per transmitted torque [-].
     motor_torque_constant
-        (n,) K_i [Nm/A].
+        (n,) true torque constants K_i of the motors [Nm/A].
     motor_torque_constant_nominal
-        (n,) K_i of the configuration [Nm/A].
+        (n,) torque constants K_i in the configuration [Nm/A].
     seed
         Seed of the deviations, None for an arm as drawn.
     backlash
@@ -92,9 +92,9 @@ class PlantParameters:
 
     @classmethod
     def nominal(cls, config: ArmConfig, robot: Robot) -> 'PlantParameters':
-        """Return the parameters of URDF and configuration.
+        """Return the parameters of the arm's URDF and configuration.
 
-        Raises ValueError if the two do not name the same joints.
+        Raises ValueError if URDF and configuration do not name the same joints.
         """
         if config.joint_names != robot.joint_names:
             raise ValueError(
@@ -228,14 +228,15 @@ class ArmPlant:
 
         (B(q) + J_a) ddq + C(q, dq) dq + g(q) + f_v dq + friction = tau
 
-    The dry friction of joint i is at most ``f_s + c |tau_t|``. The torque ``tau_t`` is the one
-    that the gear transmitted in the previous sub-step. Dry friction is a constraint of the engine,
-    not a function of speed, so a joint rests under any smaller load.
+    The dry friction of joint i is at most ``f_s + c |tau_t|``. The torque ``tau_t`` is the one that
+    the gear transmitted in the previous sub-step. Dry friction is a constraint of the engine, not a
+    function of speed, so a joint at rest stays at rest under any smaller load.
 
     Parameters
     ----------
     robot
-        Kinematics, joint limits (the stops are slightly beyond) and gravity.
+        Kinematics, joint limits and gravity of the arm; the mechanical stops are slightly beyond
+        the limits.
     parameters
         True parameters of the arm.
     position
@@ -347,7 +348,7 @@ class ArmPlant:
         self.reset(position)
 
     def apply_effort(self, effort: ArrayLike) -> None:
-        """Set the motors' torques (n,) into the gears, at the joint side [Nm]."""
+        """Set the motors' torques (n,) into the gears, referred to the joint side [Nm]."""
         self._effort[:] = effort
 
     def scale_friction(self, factors: Sequence[float]) -> None:
@@ -358,7 +359,7 @@ class ArmPlant:
             row[2] = factor * coulomb
 
     def grasp(self, parameters: PlantParameters) -> None:
-        """Replace the last link's inertia, as of an arm that picks up a payload.
+        """Replace the last link's inertia, as when the arm picks up a payload.
 
         The motion continues, because the payload already moved with the arm.
 
@@ -383,7 +384,7 @@ class ArmPlant:
         self.parameters = replace(self.parameters, inertial_parameters=inertial)
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and place (3,) [m] of a moving link's frame in the world.
+        """Return rotation (3, 3) and position (3,) [m] of a moving link's frame in the world.
 
         Raises
         ------
@@ -418,15 +419,15 @@ class ArmPlant:
         return _fixed_base_model(robot, self.parameters)
 
     def _last_link(self) -> int:
-        """Return the engine's number of the last link."""
+        """Return the number of the last link in the physics engine."""
         return int(self._model.jnt_bodyid[-1])
 
     def _body_name(self, link: str) -> str:
-        """Return the engine's name of a link."""
+        """Return the name of a link in the physics engine."""
         return link
 
     def _set_gravity(self) -> None:
-        """Set the engine's gravity to the unsupported fraction."""
+        """Set the engine's gravity to the unsupported fraction of the arm's weight."""
         self._model.opt.gravity = (1.0 - self._support) * self._gravity
 
     def _place_base(self) -> None:

@@ -25,9 +25,10 @@ _ROTOR_BODY = 1e-6  # [kg], [kg m^2]; the joint's armature represents its inerti
 class BacklashPlant(ArmPlant):
     """An `ArmPlant` with backlash between rotors and links.
 
-    Rotor and link of a joint move independently, within `backlash` of each other; when they touch,
-    the gear transmits torque. Rotor inertia and all friction are on the rotors' side. Position and
-    velocity are those of the rotors, through the gears, as encoders on the motors measure them.
+    Rotor and link of a joint move independently, within `backlash` of each other. At either end of
+    the backlash the gear transmits torque. Rotor inertia and all friction are on the rotors' side.
+    Position and velocity are those of the rotors, through the gears, as encoders on the motors
+    measure them.
 
     Flanks wear in proportion to load times sliding distance (Archard: Contact and rubbing of flat
     surfaces, 1953): the backlash grows by `backlash_wear` per transmitted energy.
@@ -70,7 +71,7 @@ class BacklashPlant(ArmPlant):
         return np.array(self._data.qpos[: self.n])
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Set rotors and links, in the middle of the backlash, at rest by default."""
+        """Set rotors and links to a posture, in the middle of the backlash, at rest by default."""
         super().reset(position, velocity)
         self._data.qpos[: self.n] = position
         self._data.qvel[: self.n] = 0.0 if velocity is None else velocity

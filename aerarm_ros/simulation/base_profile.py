@@ -21,7 +21,7 @@ class BaseState(NamedTuple):
     quaternion : (4,) ndarray
         (w, x, y, z), base to world.
     angular_velocity, angular_acceleration : (3,) ndarray
-        In base axes [rad/s], [rad/s^2].
+        Angular velocity [rad/s] and acceleration [rad/s^2] in base axes.
     """
 
     position: Array
@@ -48,9 +48,9 @@ class BaseProfile:
     shift : (3,) ndarray
         Amplitude of the oscillating position [m].
     frequency, shift_frequency : float
-        [Hz]
+        Frequencies of the oscillating angle and of the oscillating position [Hz].
     ramp : float
-        [s]
+        Time in which the oscillations grow to their amplitude [s].
     """
 
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))

@@ -29,12 +29,12 @@ class Rotors:
     substep : float
         Time between two calls of `step` [s].
     timeout : float
-        Silence after which the rotors are stopped [s].
+        Time without commands after which the rotors are stopped [s].
 
     Attributes
     ----------
     thrust : (n,) ndarray
-        Present thrusts [N].
+        Present thrusts of the rotors [N].
     """
 
     def __init__(self, drone: DroneConfig, substep: float, timeout: float) -> None:
@@ -94,9 +94,9 @@ class BaseBody:
     Attributes
     ----------
     mass : float
-        [kg]
+        Mass of the body [kg].
     inertia : (3, 3) ndarray
-        About the centre of mass, in body axes [kg m^2].
+        Inertia about the centre of mass, in body axes [kg m^2].
     centre : (3,) ndarray
         Centre of mass in the body frame [m].
     mount, mount_rotation : (3,) and (3, 3) ndarray
@@ -136,7 +136,7 @@ class FreeBasePlant(ArmPlant):
 
     @property
     def base(self) -> BaseState:
-        """State of the body."""
+        """Pose and motion of the body that carries the arm."""
         data = self._data
         return BaseState(
             np.array(data.qpos[:3]),
@@ -283,9 +283,9 @@ _HELD = 1e6
 class FlyingPlant(FreeBasePlant):
     """An `ArmPlant` under a drone: one mechanism on a free joint, driven by rotors and gusts.
 
-    There is no ground. At first, the drone is held still and level. The drone is released once the
-    motors hold the arm and the rotors have been commanded for 0.3 s. Without commands it then
-    falls.
+    The simulation has no ground. At first, the simulation holds the drone still and level. The
+    drone is released once the motors hold the arm and the rotors have been commanded for 0.3 s.
+    Without commands it then falls.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ class FlyingPlant(FreeBasePlant):
     drone
         True parameters of the drone.
     rotor_timeout
-        Silence of rotor commands after which the rotors stop [s].
+        Time without rotor commands after which the rotors stop [s].
     gust
         Force of the wind on the drone's centre of mass in the world [N], updated once per
         millisecond; none by default.
@@ -328,8 +328,9 @@ class FlyingPlant(FreeBasePlant):
     def odometry(self) -> tuple[Array, Array, Array, Array]:
         """Pose and motion of the body.
 
-        Position (3,) in the world [m]; attitude (x, y, z, w), body to world; velocity (3,) of the
-        body frame's origin [m/s] and angular velocity (3,) [rad/s], both in body axes.
+        The position (3,) [m] is in the world, the attitude (x, y, z, w) rotates from body to world.
+        The velocity (3,) of the body frame's origin [m/s] and the angular velocity (3,) [rad/s] are
+        in body axes.
         """
         base = self.base
         velocity = rotation_of(base.quaternion).T @ base.velocity
@@ -353,7 +354,7 @@ class FlyingPlant(FreeBasePlant):
         self._hold(False)
 
     def push(self, twist: ArrayLike) -> None:
-        """Set the velocity (6,) of a released drone: in the world [m/s], in the body [rad/s]."""
+        """Set a released drone's velocity (6,): linear in the world, angular in body axes."""
         self._twist[:] = twist
 
     def touch(self, force: ArrayLike, link: str = '') -> None:
@@ -373,7 +374,7 @@ class FlyingPlant(FreeBasePlant):
         self._touched = (body, place, force) if force.any() else None
 
     def place_on(self, link: str) -> tuple[int, Array]:
-        """Return the engine's body of a link, and the link frame's place in that body [m].
+        """Return the engine's body of a link, and the link frame's position in that body [m].
 
         Raises
         ------

@@ -25,13 +25,13 @@ class GeometrySpread:
     Attributes
     ----------
     offset : float
-        Of the joints' zeros [rad].
+        Standard deviation of the joints' zeros [rad].
     length, tilt : float
-        Of a joint's place per axis [m], and of its direction [rad].
+        Standard deviations of a joint's position per axis [m], and of its direction [rad].
     mount_length, mount_tilt : float
-        Of the arm's base on its vehicle [m], [rad].
+        Standard deviations of position [m] and direction [rad] of the arm's base on its vehicle.
     imu_length, imu_tilt : float
-        Of the IMU on the drone [m], [rad].
+        Standard deviations of position [m] and direction [rad] of the IMU on the drone.
     """
 
     offset: float = 0.010
@@ -52,7 +52,7 @@ class MadeGeometry:
     robot : Robot
         Arm with displaced joints.
     offsets : (n,) ndarray
-        True position minus the position by the drawn configuration [rad].
+        True joint position minus the position computed with the drawn configuration [rad].
     mount_shift, mount_turn, imu_shift, imu_turn : (3,) ndarray
         Displacement [m] and rotation vector [rad] of the arm's base and the IMU on the vehicle.
     """
@@ -152,7 +152,7 @@ def rotation_about(vector: Array) -> Array:
 
 
 def angles_of(rotation: Array) -> Array:
-    """Return roll, pitch and yaw (3,) [rad] of a rotation, as in a URDF."""
+    """Return roll, pitch and yaw (3,) [rad] of a rotation matrix, as defined in URDF."""
     pitch = -np.arcsin(np.clip(rotation[2, 0], -1.0, 1.0))
     if abs(np.cos(pitch)) < 1e-9:
         return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
@@ -161,7 +161,7 @@ def angles_of(rotation: Array) -> Array:
 
 
 def _moved(pose: PoseConfig, shift: Array, turn: Array, size: tuple[float, ...]) -> PoseConfig:
-    """Return a displaced pose, as far as its part stays on the body."""
+    """Return a displaced pose, limited so that the part stays on the body."""
     half = 0.5 * np.array(size)
     place = np.clip(np.array(pose.position) + shift, -half, half)
     angles = angles_of(rotation_about(turn) @ pose.rotation)

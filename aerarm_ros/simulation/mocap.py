@@ -33,15 +33,15 @@ class Located(Protocol):
     """Interface of an object that returns the pose of a link."""
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and place (3,) [m] of a link in the world."""
+        """Return rotation (3, 3) and position (3,) [m] of a link in the world."""
 
 
 class Carried(Protocol):
-    """Interface of a plant on a body."""
+    """Interface of a simulated arm whose base is a moving body."""
 
     @property
     def base(self) -> BaseState:
-        """State of the body."""
+        """Pose and motion of the body that carries the arm."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ class MocapSettings:
 
 
 class EmulatedMocap:
-    """Motion capture of markers on a link, in its own frame.
+    """Motion capture of markers on a link, in the capture system's own frame.
 
-    A marker is visible if at least two of eight cameras on a ring are in front of it; its normal
-    points away from the link's axis.
+    A marker is visible if at least two of eight cameras on a ring are in front of it. The marker's
+    normal points away from the link's axis.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class EmulatedMocap:
         return position
 
     def read_body(self, plant: Carried) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and place (3,) [m] of the arm's vehicle, with noise.
+        """Return rotation (3, 3) and position (3,) [m] of the arm's vehicle, with noise.
 
         The noise is that of a rigid body of markers with a distance of 0.2 m.
         """
@@ -148,7 +148,7 @@ class CameraSettings:
     Attributes
     ----------
     focal_length : float
-        [px]
+        Focal length of the camera [px].
     pixel_noise : float
         Standard deviation of a corner's coordinates [px].
     side : float
@@ -163,8 +163,9 @@ class CameraSettings:
 class EmulatedCamera:
     """Camera that estimates the pose of an optical marker on a link, as ArUco's detector does.
 
-    The four corners are projected, their pixels get noise, and the reading is the pose with the
-    least reprojection error. So depth and tilt are as uncertain as with a real camera.
+    The class projects the marker's four corners and adds noise to their pixels. Its reading is the
+    pose with the least reprojection error. So depth and tilt are as uncertain as with a real
+    camera.
 
     Parameters
     ----------
@@ -190,9 +191,9 @@ class EmulatedCamera:
         self._fixed = _looking((0.9, -0.9, 0.5), (0.1, 0.0, 0.3))
 
     def read(self, plant: Located) -> tuple[Array, Array] | None:
-        """Return rotation (3, 3) and place (3,) [m] of the marker in the camera's frame.
+        """Return rotation (3, 3) and position (3,) [m] of the marker in the camera's frame.
 
-        None if the marker is turned away, or behind the camera.
+        The result is None if the marker is turned away from the camera, or behind it.
         """
         rotation, place = self.true_pose(plant)
         normal, view = rotation[:, 2], place / np.linalg.norm(place)
@@ -255,7 +256,7 @@ def _rotation_of(quaternion: Array) -> Array:
 
 
 def _looking(at: tuple[float, ...], towards: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return a pose at a place, with its z axis toward another place."""
+    """Return a pose at a point, with its z axis toward another point."""
     place = np.array(at)
     forward = np.array(towards) - place
     forward /= np.linalg.norm(forward)

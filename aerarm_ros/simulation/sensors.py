@@ -62,7 +62,7 @@ class DelayedSensor(Generic[Reading]):
         self._under_way: deque[tuple[int, int, Reading]] = deque()
 
     def restart(self) -> None:
-        """Read in the next cycle, and drop readings in transit."""
+        """Take a reading in the next cycle, and drop readings that have not arrived."""
         self._count = 0
         self._under_way.clear()
 
@@ -96,7 +96,7 @@ class RandomDrift:
     deviation : float
         Standard deviation of each axis, in any unit.
     correlation_time, period : float
-        [s]; the period is that of `update`.
+        Correlation time, and the time between two calls of `update` [s].
     random : numpy.random.Generator
     """
 
@@ -132,9 +132,9 @@ class BandLimitedNoise:
     deviation : float
         Standard deviation of each axis, in any unit.
     cutoff : float
-        [Hz]
+        Cut-off frequency of the filter [Hz].
     period : float
-        Period of `update` [s].
+        Time between two calls of `update` [s].
     random : numpy.random.Generator
     """
 
@@ -180,14 +180,14 @@ _ATTITUDE_TIME = 10.0  # [s] correlation time of an attitude filter's error
 
 @dataclass(frozen=True)
 class ImuErrors:
-    """Errors of an IMU, each the standard deviation per axis.
+    """Errors of an IMU; each value is a standard deviation per axis.
 
     Attributes
     ----------
     force_noise, rate_noise : float
-        White noise of a sample [m/s^2], [rad/s].
+        White noise of specific force [m/s^2] and angular velocity [rad/s] in a sample.
     force_bias, rate_bias : float
-        Constant error [m/s^2], [rad/s].
+        Constant error of specific force [m/s^2] and angular velocity [rad/s].
     attitude : float
         Slowly changing error of the attitude [rad].
     """
@@ -234,12 +234,12 @@ OdometryReading = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """White noise of an odometry's readings, each the standard deviation per axis.
+    """White noise of an odometry's readings; each value is a standard deviation per axis.
 
     Attributes
     ----------
     position, velocity, attitude, rate : float
-        [m], [m/s], [rad], [rad/s]
+        Standard deviations [m], [m/s], [rad], [rad/s].
     """
 
     position: float = 0.0

@@ -48,7 +48,7 @@ class BasePose(NamedTuple):
     Attributes
     ----------
     position, velocity : (3,) ndarray
-        Of the frame's origin in the world [m], [m/s].
+        Position [m] and velocity [m/s] of the base frame's origin in the world.
     rotation : (3, 3) ndarray
         Base to world.
     rate : (3,) ndarray
@@ -61,12 +61,12 @@ class BasePose(NamedTuple):
     rate: Array
 
     def to_world(self, place: Array) -> Array:
-        """Convert a place (3,) from the base frame to the world [m]."""
+        """Convert a point (3,) from the base frame to the world [m]."""
         moved: Array = self.position + self.rotation @ place
         return moved
 
     def to_base(self, place: Array) -> Array:
-        """Convert a place (3,) from the world to the base frame [m]."""
+        """Convert a point (3,) from the world to the base frame [m]."""
         moved: Array = self.rotation.T @ (place - self.position)
         return moved
 
@@ -78,9 +78,9 @@ class OdometryFrames:
     Attributes
     ----------
     base_position, imu_position : (3,) ndarray
-        [m]
+        Positions of the base frame and of the IMU in that frame [m].
     base_rotation, imu_rotation : (3, 3) ndarray
-        Base, or IMU, to that frame.
+        Rotation from the base frame, or from the IMU's frame, to that frame.
     """
 
     base_position: Array
@@ -100,7 +100,7 @@ class OdometryFrames:
 
 
 class _Predicted(NamedTuple):
-    """State at the IMU's place, at a time of the drone's clock."""
+    """State of the IMU at a time of the drone's clock."""
 
     time: float
     position: Array
@@ -109,39 +109,39 @@ class _Predicted(NamedTuple):
 
 
 class BasePoseEstimator:
-    """Predict the pose with the IMU and correct it with the odometry at each sample's stamp.
+    """Predict the base's pose with the IMU and correct it with the odometry at its stamps.
 
-    A Kalman filter estimates position and velocity of the IMU's place, and the accelerometer's
-    bias. At that place the accelerometer measures the motion without the angular acceleration. The
-    gyroscope rotates the attitude, which the odometry corrects within 0.5 s. Each odometry sample
-    is compared with the prediction for its stamp, and the correction applies to all later times.
-    So an old sample is as accurate as a new one, apart from the IMU's error. The remainder of the
-    comparison gives the noise of the odometry.
+    A Kalman filter estimates position and velocity of the IMU, and the accelerometer's bias. The
+    prediction of the IMU's own position does not need the angular acceleration. The gyroscope
+    rotates the attitude, which the odometry corrects within 0.5 s. Each odometry sample is compared
+    with the prediction for its stamp, and the correction applies to all later times. So an old
+    sample is as accurate as a new one, apart from the IMU's error. The scatter of the differences
+    gives the noise of the odometry.
 
     Without IMU samples the pose is extrapolated with the odometry's velocities.
 
-    Ages are measured by the drone's clock, which stamps odometry and IMU. The arm's clock may
-    differ; the arrival of IMU samples gives the offset.
+    The estimator measures ages by the drone's clock, which stamps odometry and IMU. The arm's clock
+    may differ; the arrival times of IMU samples give the offset between the clocks.
 
     Parameters
     ----------
     timeout : float
-        Age [s] of the newest valid odometry up to which the pose is used.
+        Largest age [s] of the newest valid odometry at which the pose is still used.
     jump_max : float
         Largest jump [m] of the odometry that is accepted.
     imu_latency : float
-        Age of an IMU sample at reception [s], if its clock is not the arm's.
+        Age of an IMU sample at reception [s], used if the drone's clock differs from the arm's.
 
     Attributes
     ----------
     age : float
-        Age of an odometry at reception, mean over 1 s [s]; NaN before the first.
+        Age of an odometry sample at reception, mean over 1 s [s]; NaN before the first sample.
     noise : (2,) ndarray
         Measured standard deviations of the odometry's position [m] and velocity [m/s].
     jumps : int
-        Number of accepted jumps.
+        Number of accepted jumps of the odometry.
     rejections : int
-        Number of rejected samples.
+        Number of rejected odometry samples.
     """
 
     def __init__(
@@ -235,7 +235,7 @@ class BasePoseEstimator:
             raise RejectedInputError(f'odometry: {error}') from None
 
     def pose(self, now: float) -> BasePose:
-        """Return the pose at `now` [s] of the arm's clock; call `problem` first."""
+        """Return the base's pose at `now` [s] of the arm's clock; call `problem` first."""
         state = self._state
         assert state is not None
         step = min(max(self._drone_time(now) - state.time, 0.0), self._timeout)
@@ -333,7 +333,7 @@ class BasePoseEstimator:
         self._correct(measured, now)
 
     def _measured(self, sample: OdometrySample) -> _Predicted:
-        """Return the state of the IMU's place according to a sample."""
+        """Return the state of the IMU according to an odometry sample."""
         rotation, lever = rotation_matrix(sample.attitude), self._frames.imu_position
         velocity = rotation @ (sample.velocity + cross(sample.rate, lever))
         return _Predicted(sample.stamp, sample.position + rotation @ lever, velocity, rotation)
@@ -398,7 +398,7 @@ class BasePoseEstimator:
         matrix = self._variance[:2, :2] + np.diag(self.noise**2)
         gain = self._variance[:, :2] @ np.linalg.inv(matrix)
         left = np.array([off @ off, faster @ faster]) / 3.0 - np.diag(self._variance)[:2]
-        # The remainder after a jump is not noise.
+        # The difference from the prediction after a jump is not noise.
         left = np.minimum(np.maximum(left, 0.0), _OUTLIER * np.maximum(self.noise, _NOISE) ** 2)
         variance = (1.0 - share) * self.noise**2 + share * left
         self.noise = np.sqrt(np.maximum(variance, _NOISE_MIN**2))
@@ -429,8 +429,9 @@ class BasePoseEstimator:
         self._state = corrected[-1]
 
     def _has_jumped(self, off: Array, turn: Array, now: float) -> bool:
-        """Process a jump; return whether it has stayed and can be accepted."""
-        # A doubtful sample also ends a silence, because a jump must not count as growing error.
+        """Process a jump; return whether it has persisted and can be accepted."""
+        # A doubtful sample also ends a time without samples, because a jump must not count as
+        # growing error.
         silent = min(max(self._interval, 0.0), _FORGOTTEN)
         spread = np.sqrt(self._variance[0, 0] + self.noise[0] ** 2)
         allowed = min(_JUMP + _DEVIATIONS * float(spread) + _GROWTH * silent, self._jump_max)

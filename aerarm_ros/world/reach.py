@@ -1,4 +1,4 @@
-"""Remaining reach of the arm under a moving drone, and the preferred place of the drone."""
+"""Remaining reach of the arm under a moving drone, and the preferred position of the drone."""
 
 from typing import NamedTuple
 
@@ -28,14 +28,14 @@ DIRECTIONS = np.vstack([np.eye(3), -np.eye(3)])
 
 
 class ReachMargin(NamedTuple):
-    """Possible motion of the base while the tool stays in place.
+    """Distances that the base can move while the tool stays in place.
 
     Attributes
     ----------
     along : (6,) ndarray
-        Distances along `DIRECTIONS`, up to 0.3 [m].
+        Possible motion of the base along each of `DIRECTIONS` [m], at most 0.3 m.
     least : float
-        The smallest of them [m].
+        Smallest of the distances in `along` [m].
     time : float
         Time until the end of the reach at the present velocity of the base, up to 60 [s].
     """
@@ -46,10 +46,10 @@ class ReachMargin(NamedTuple):
 
 
 class ArmReach:
-    """Find the places that the tool can reach, by inverse kinematics.
+    """Find the points that the tool can reach, by inverse kinematics.
 
-    The search starts at the present posture. A place beyond a singularity, which the arm could
-    only reach by another path, counts as out of reach.
+    The search starts at the present posture. A point beyond a singularity, which the arm could only
+    reach by another path, counts as out of reach.
 
     Parameters
     ----------
@@ -66,13 +66,13 @@ class ArmReach:
         self._inverse = DampedInverse(0.03, 0.02) if inverse is None else inverse
 
     def beyond(self, place: Array, q: Array) -> float:
-        """Return how far a place (3,) of the base frame is out of reach [m], 0 if reachable."""
+        """Return the distance [m] by which a point (3,) in the base frame is out of reach, or 0."""
         return self.beyond_any(place[np.newaxis], q)
 
     def beyond_any(self, places: Array, q: Array) -> float:
-        """Return the largest distance of places (M, 3) on a path out of reach [m], 0 if none.
+        """Return the largest distance [m] by which points (M, 3) of a path are out of reach, or 0.
 
-        At most 12 places are checked, each from the posture of the previous one.
+        At most 12 points are checked, each from the posture of the previous one.
         """
         looked = np.unique(np.linspace(0, len(places) - 1, _LOOKS).round().astype(int))
         farthest, iterations = 0.0, _ITERATIONS
@@ -82,7 +82,7 @@ class ArmReach:
         return 0.0 if farthest <= _REACHED else farthest
 
     def margin(self, q: Array, pose: BasePose, place: Array) -> ReachMargin:
-        """Return the base's possible motion while the tool is at a place (3,) of the world [m]."""
+        """Return the base's possible motion while the tool is at a point (3,) of the world [m]."""
         along = np.array([self._way(q, pose, place, direction) for direction in DIRECTIONS])
         speed, time = float(np.linalg.norm(pose.velocity)), _LONGEST
         if speed > _SLOW:
@@ -100,7 +100,7 @@ class ArmReach:
         return _FARTHEST
 
     def _approach(self, place: Array, q: Array, iterations: int) -> tuple[Array, float]:
-        """Return the posture nearest to a place, and the tool's distance from it [m]."""
+        """Return the posture nearest to a point, and the tool's distance from the point [m]."""
         for _ in range(iterations):
             error = place - self._kinematics.position(q)
             if error @ error < (0.1 * _REACHED) ** 2:
@@ -113,20 +113,21 @@ class ArmReach:
 
 
 class DroneRequest:
-    """Slow request of the drone's place for which the arm is in the middle of its reach.
+    """Slow request for the drone position at which the arm is in the middle of its reach.
 
-    The requested place depends on the tool's target and on the heading at the start of the
-    request. The request does not depend on the drone's place or the arm's posture, so it closes no
-    loop. Within `deadband` the request stays constant; beyond it, the request moves at `speed`.
+    The requested position depends on the tool's target and on the heading at the start of the
+    request. The request does not depend on the drone's position or the arm's posture, so it closes
+    no feedback loop. Once its goal is further away than `deadband`, the request moves to the goal
+    at `speed`; until then the request stays constant.
 
     Parameters
     ----------
     middle : (n,) array_like
         Posture in which the arm is in the middle of its reach [rad].
     speed : float
-        [m/s]
+        Speed at which the request moves [m/s].
     deadband : float
-        [m]
+        Distance of the request from its goal beyond which the request begins to move [m].
     """
 
     def __init__(
@@ -145,14 +146,14 @@ class DroneRequest:
         self.reset()
 
     def reset(self) -> None:
-        """Restart the request at the drone's next place."""
+        """Restart the request at the drone's next received position."""
         self._place: Array | None = None
         self._yaw = 0.0
         self._time = 0.0
         self._moves = False
 
     def update(self, now: float, target: Array, pose: BasePose) -> FlightTarget:
-        """Return the requested place at `now` [s], for a tool target (3,) in the world."""
+        """Return the requested position at `now` [s], for a tool target (3,) in the world."""
         body = pose.rotation @ self._to_mount.T
         if self._place is None:
             self._place, self._yaw, self._time = (

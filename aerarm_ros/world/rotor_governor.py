@@ -27,7 +27,7 @@ class PacedMotion(Protocol):
 
     @property
     def duration(self) -> float:
-        """Time after which the motion rests [s]."""
+        """Time at which the motion ends [s]."""
         ...
 
     def evaluate(self, time: float) -> JointReference:
@@ -38,17 +38,17 @@ class PacedMotion(Protocol):
 class RotorGovernor:
     """Slow a motion along its own path until all rotors keep a margin to their limits.
 
-    At the pace r with its rate r' [1/s], a point of a motion needs these thrusts of a level,
-    hovering drone::
+    The pace r is the speed relative to the given motion, and r' [1/s] is its rate. At a point of
+    the motion, a level, hovering drone needs these thrusts::
 
         W = M_bb (-g) + M_bj (ddq r^2 + dq r') + c_b(q, dq) r^2
         thrusts = A^+ W
 
-    with `c_b` of Coriolis and centrifugal forces. A drone with rotors in one plane tilts for the
-    horizontal part of the force, so that part is left out of W. `share` is the used fraction of
-    the distance from the middle of each rotor's range to its limits. The remainder is for
-    feedback, wind and tilt. The thrusts include the moment about the vertical, so a heading that
-    cannot be held shows as a rotor near its limit.
+    with the Coriolis and centrifugal wrench `c_b` on the base. A drone with rotors in one plane
+    tilts for the horizontal part of the force, so that part is left out of W. `share` is the used
+    fraction of the distance from the middle of each rotor's thrust range to its limits. The
+    remaining thrust is for feedback, wind and tilt. The thrusts include the moment about the
+    vertical, so a heading that cannot be held shows as a rotor near its limit.
 
     The pace is first computed with r' = 0 and smoothed over 0.2 s without exceeding it. Then the
     pace is lowered everywhere until the whole motion, with its r', respects the limits.
@@ -60,12 +60,12 @@ class RotorGovernor:
     gravity_in_base : (3,) array_like
         Gravity of a level drone [m/s^2].
     share : float
-        Used fraction of the rotors' range [-].
+        Used fraction of the rotors' thrust range [-].
 
     Attributes
     ----------
     last_stretch : float
-        Duration of the last motion over its original duration.
+        Duration of the last motion, divided by its original duration.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class RotorGovernor:
         self.last_stretch = 1.0
 
     def thrusts(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return the thrusts of a point of a motion: along, across, still (m,) [N].
+        """Return the thrusts `along`, `across` and `still`, (m,) [N] each, of a point of a motion.
 
         At the pace r with its rate r' the thrusts are `along r' + across r^2 + still`.
         """
@@ -102,9 +102,10 @@ class RotorGovernor:
         return rows[0], rows[1], rows[2]
 
     def _given(self, wrench: Array, com: Array) -> Array:
-        """Return the part of a wrench that the rotors give; a drone tilts about its centre of mass.
+        """Return the part of a wrench that the rotors of a level drone can give.
 
-        Without the horizontal force, the moment about the centre of mass stays constant.
+        The result lacks the horizontal force of a drone with rotors in one plane, and keeps the
+        moment about the centre of mass.
         """
         force = self._project @ wrench[:3]
         return np.concatenate([force, wrench[3:] + cross(com, force - wrench[:3])])
@@ -116,7 +117,7 @@ class RotorGovernor:
         return float((np.abs(wanted - self._middle) / self._half).max())
 
     def govern(self, motion: PacedMotion) -> PacedMotion:
-        """Return the motion, or its path at a lower pace.
+        """Return the motion unchanged, or its path at a lower pace.
 
         Raises
         ------

@@ -34,12 +34,12 @@ class WorldReference(NamedTuple):
     Attributes
     ----------
     p, dp, ddp : (3,) ndarray
-        Place in the world [m], its velocity [m/s] and acceleration [m/s^2].
+        Position of the tool in the world [m], its velocity [m/s] and acceleration [m/s^2].
     rotation : (3, 3) ndarray or None
         Desired orientation, tool to world; None for any orientation.
     base : BasePose or None
-        Pose of the base; None if the tool cannot be held in the world, so that the arm stops in
-        the base frame.
+        Pose of the base. None if the tool cannot be held in the world; then the arm stops in the
+        base frame.
     """
 
     p: Array
@@ -55,9 +55,10 @@ class WorldGains(NamedTuple):
     Attributes
     ----------
     kp, kd, ki : float
-        Gains of the tool's place [1/s^2], [1/s], [1/s^3].
+        Gains of the tool's position [1/s^2], [1/s], [1/s^3].
     orientation : float
-        Weight of the orientation over that of the posture in the null space of the place [-].
+        Weight of the orientation relative to the posture, in the null space of the tool's position
+        [-].
     posture_kp, posture_kd : float
         Gains of the posture in that null space [1/s^2], [1/s].
     joint_kp, joint_kd : float
@@ -80,7 +81,8 @@ class WorldGains(NamedTuple):
 class WorldLaw:
     """Computed torque of the tool in the world, by the generalized Jacobian.
 
-    Umetani and Yoshida 1989, for a base that rotors drive and that responds to the arm.
+    The generalized Jacobian is that of Umetani and Yoshida (1989), for a base that rotors drive and
+    that responds to the arm.
 
     All quantities are in base axes, about the origin of the base. `J_b` and `J_q` are the tool's
     Jacobians of base and joints, s is the base's specific force and angular acceleration, and `(w
@@ -94,26 +96,26 @@ class WorldLaw:
 
     a_0 is the tool's acceleration at ddq = 0, and `b` contains the velocity terms. `s_0` and the
     weight of the base's response come from `FreeBaseMotion`. On a base with known motion, J_g is
-    the ordinary Jacobian and s is measured. `J_g^#` is the damped inverse with its bounds. z leads
-    to the posture and, by a weighted least square, to the desired orientation. Joints respect
-    their limits of position, velocity and acceleration; other joints replace the motion of a
-    limited one.
+    the ordinary Jacobian and s is measured. `J_g^#` is the `DampedInverse`. The null-space
+    acceleration z leads to the posture and, by weighted least squares, to the desired orientation.
+    Joints respect their limits of position, velocity and acceleration; other joints replace the
+    motion of a limited one.
 
     Without a base pose the arm brakes and stays in the base frame.
 
     Parameters
     ----------
     kinematics : Kinematics
-        Kinematics of the held frame.
+        Kinematics of the tool frame that is held.
     posture : (n,) array_like or None
         Posture in the null space of the tool [rad]; by default that at the start of control.
     inverse : DampedInverse
-        Inverse with values of a Jacobian [m/rad].
+        Damped inverse of a Jacobian in m/rad.
 
     Attributes
     ----------
     posture : (n,) ndarray
-        May be replaced.
+        Posture in the null space of the tool [rad]; may be replaced.
     acceleration_max : (n,) ndarray
         Limits of the joints [rad/s^2]; a governor may replace them.
     error : (3,) ndarray
@@ -181,7 +183,7 @@ class WorldLaw:
         return self._command(state, self.ddq, motion)
 
     def _stay(self, state: ArmState, base: BaseMotion) -> JointCommand:
-        """Brake, and stay in the base frame."""
+        """Return the effort (n,) [Nm] that brakes the arm and holds it in the base frame."""
         if self._brake is None:
             start = JointReference(state.q, state.dq, np.zeros(self._limits.n))
             path = brake(start, _BRAKE_SHARE * self._limits.acceleration_max)
@@ -247,7 +249,7 @@ class WorldLaw:
         return ddq
 
     def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
-        """Return the base's acceleration (6,) without ddq, and its reduction by ddq (6, n).
+        """Return the base's acceleration (6,) at ddq = 0, and its reduction per ddq (6, n).
 
         The third result is the tool's angular acceleration (3,) from products of velocities.
         """
@@ -277,7 +279,7 @@ class WorldLaw:
     def _with_orientation(
         self, task: Array, place: Array, preferred: Array, turning: Array, spin: Array
     ) -> Array:
-        """Return the joint acceleration in the null space of the place.
+        """Return the joint acceleration in the null space of the tool's position.
 
         The result minimizes `weight |J_w ddq - spin|^2 + |z - preferred|^2` over z, with `ddq =
         J^# place + N z`, for posture and orientation.
@@ -316,9 +318,9 @@ def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> fl
     whole : WholeBodyDynamics
         Model of arm and drone.
     kinematics : Kinematics
-        Kinematics of the held frame.
+        Kinematics of the tool frame that is held.
     q : (n,) ndarray
-        [rad]
+        Posture of the arm [rad].
     """
     matrix = np.array(whole.inertia_matrix(q))
     _, com, inertia = whole.composite_inertia(q)

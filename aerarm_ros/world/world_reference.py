@@ -27,16 +27,17 @@ _STOPPED = WorldReference(_ORIGIN, _ORIGIN, _ORIGIN, None, None)
 
 
 class WorldPath:
-    """Quintics through places of the world; at the end the tool stays.
+    """Quintics through points of the world; at the end the tool stays.
 
     Parameters
     ----------
     times : (M,) array_like
         Times of the points from the start [s], rising, the first not negative.
     places : (M, 3) array_like
-        In the world [m].
+        Points of the tool in the world [m].
     velocities, accelerations : (M, 3) array_like, optional
-        [m/s], [m/s^2]; by default the slopes between neighbours, zero at both ends.
+        Velocities [m/s] and accelerations [m/s^2] at the points; by default slopes between the
+        neighbouring points, and zero at both ends.
     velocity_max, acceleration_max : float
         Limits of the tool [m/s], [m/s^2].
 
@@ -88,12 +89,12 @@ class WorldPath:
             )
 
     def at(self, time: float) -> TaskReference:
-        """Return place, velocity and acceleration `time` [s] after the start."""
+        """Return position, velocity and acceleration of the tool `time` [s] after the start."""
         return TaskReference(*self._path.evaluate(float(time - self._begin)))
 
 
 class _Goal(NamedTuple):
-    """A place, or a path with its start [s]; and the desired orientation."""
+    """A target point, or a path with its start [s], and the desired orientation of the tool."""
 
     place: Array
     path: WorldPath | None
@@ -121,12 +122,12 @@ class WorldToolReference:
     Parameters
     ----------
     kinematics : Kinematics
-        Kinematics of the held frame.
+        Kinematics of the tool frame that is held.
     followers : tuple of TargetFollower
-        Followers of the fast and of the slow offset.
+        Filters that compute the fast offset and the slow offset.
     reach : callable
-        Returns the largest distance out of reach [m] of places (M, 3) in the base frame, from a
-        posture (n,); 0 if all are reachable.
+        Returns the largest distance [m] by which points (M, 3) in the base frame are out of reach,
+        0 if none. The search starts at a posture (n,).
     error_max : float
         Largest error of the tool [m] before the arm stops.
 
@@ -137,9 +138,9 @@ class WorldToolReference:
     stops : int
         Number of stops in the base frame.
     error : float
-        Error of the tool [m].
+        Distance of the tool from its reference [m].
     reference : WorldReference or None
-        The last one, None while the arm is stopped.
+        The last computed reference, None while the arm is stopped.
     """
 
     def __init__(
@@ -160,7 +161,7 @@ class WorldToolReference:
         self.take_over(self._q)
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture and hold the tool at its present place."""
+        """Start at the present posture and hold the tool at its present position."""
         self._goal: _Goal | None = None
         self.reference: WorldReference | None = None
         self._off_since: float | None = None
@@ -333,21 +334,21 @@ def planned_joints(
     planned: list[TaskReference] | None,
     times: Array,
 ) -> JointReference:
-    """Return the joints' motion (M, n) for the tool's plan, assuming a base at rest.
+    """Return the joints' planned motion (M, n) for the tool's plan, assuming a base at rest.
 
-    The motion excludes the arm's reaction to the base, because its feedforward to the drone would
-    close a loop.
+    The motion excludes the arm's reaction to the base, because feedforward of this reaction to the
+    drone would close a feedback loop.
 
     Parameters
     ----------
     kinematics : Kinematics
-        Kinematics of the held frame.
+        Kinematics of the tool frame that is held.
     q : (n,) ndarray
         Present posture [rad].
     planned : list of TaskReference or None
-        In the world, at `times`; None for an arm that stays.
+        Tool motion in the world at `times`; None for an arm that stays where it is.
     times : (M,) ndarray
-        [s]
+        Times of the planned points [s].
     """
     still = np.zeros(len(q))
     if planned is None or pose is None:

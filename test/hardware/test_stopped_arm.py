@@ -124,7 +124,7 @@ def by_hand(rig, step: str) -> None:
                     motor.encoder.restart()  # what it turned meanwhile was not counted
     elif switched := re.fullmatch(r'switch the supply of board(\d) off and on', step):
         rig.inject('power_cycle', int(switched[1]))
-    elif step == 'bring the arm to its home configuration':
+    elif step == 'move the arm by hand to its home configuration':
         put_near_rest(rig)
     else:
         assert step == 'move the arm inside its limits by hand'
@@ -186,7 +186,8 @@ def test_motors_that_are_off_are_enabled() -> None:
 
 def test_what_lost_its_zero_or_will_is_homed() -> None:
     lost = way_out(StoppedArm(zero_unknown=True), emulated=False)
-    assert lost.endswith("bring the arm to its home configuration, 'arm clear_fault', 'arm home'")
+    by_hand = 'move the arm by hand to its home configuration'
+    assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")
     assert way_out(StoppedArm([(1, 'board1')]), emulated=True).endswith("'arm home'")
     kept = StoppedArm([(1, 'board1')], until_power_cycle=False)
     assert way_out(kept, emulated=False).endswith("'arm clear_fault', 'arm enable'")

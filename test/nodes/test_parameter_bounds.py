@@ -6,6 +6,8 @@ from importlib.metadata import entry_points
 import pytest
 from rclpy.parameter import Parameter as RosParameter
 
+from aerarm_ros.executables import command_modules
+
 NUMERIC = {
     RosParameter.Type.INTEGER,
     RosParameter.Type.DOUBLE,
@@ -27,7 +29,7 @@ def nodes() -> list[str]:
 
 @pytest.mark.parametrize('name', nodes())
 def test_every_number_has_both_bounds(name: str) -> None:
-    table = importlib.import_module(f'aerarm_ros.nodes.{name}').PARAMETERS
+    table = importlib.import_module(command_modules()[name]).PARAMETERS
     for parameter in table:
         if parameter.type in NUMERIC and not parameter.choices:
             bounded = parameter.minimum is not None and parameter.maximum is not None

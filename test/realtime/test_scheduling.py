@@ -114,7 +114,7 @@ def test_a_priority_out_of_range_is_a_mistake(priority: int) -> None:
         f'{_IMPORT}try:\n    scheduling.set_fifo({priority})\n'
         'except ValueError as error:\n    print(error)'
     )
-    assert 'between 2 and 99' in said
+    assert 'must lie in 2 .. 99' in said
 
 
 def test_the_garbage_collector_stays_off() -> None:

@@ -76,7 +76,7 @@ class ImuSample:
     Attributes
     ----------
     stamp : float
-        [s]
+        Time of the sample [s].
     attitude : (4,) ndarray or None
         Quaternion (x, y, z, w), from the IMU to a world with z up, normalized; None if the IMU has
         no attitude.
@@ -129,7 +129,7 @@ class BaseMotion(NamedTuple):
         Acceleration of the base's origin minus gravity [m/s^2], as an accelerometer measures it.
         At rest it is `-gravity`.
     angular_velocity, angular_acceleration : (3,) ndarray
-        [rad/s], [rad/s^2]
+        Angular velocity [rad/s] and angular acceleration [rad/s^2] of the base.
     """
 
     gravity: Array
@@ -155,7 +155,7 @@ class Mount:
     ----------
     rotation_imu_to_base : (3, 3) ndarray
     imu_position_in_base : (3,) ndarray
-        [m]
+        Position of the IMU in the arm's base frame [m].
     """
 
     rotation_imu_to_base: Array

@@ -130,7 +130,8 @@ class BaseMotionEstimator:
     to the configured gravity. When samples return, the result fades back.
 
     On a light drone, 'full' can excite oscillations. If the estimator detects them, it fades to
-    'attitude' permanently, because the open loop does not show whether they would return.
+    'attitude' permanently, because in mode 'attitude' the estimator cannot see whether the
+    oscillations would return.
 
     Parameters
     ----------
@@ -139,11 +140,11 @@ class BaseMotionEstimator:
     hold_time : float
         Age [s] up to which the last sample is extrapolated.
     fade_time : float
-        [s]
+        Duration [s] of fading between two sources of the motion.
     cutoff : float
         Cut-off frequency of the angular acceleration's low-pass [Hz].
     latency : float
-        Age [s] of a sample at reception, set by the user.
+        Age [s] of an IMU sample at reception, set by the user.
     watch : OscillationWatch, optional
         Detector of oscillations in mode 'full'.
 

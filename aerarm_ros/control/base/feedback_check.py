@@ -30,7 +30,7 @@ def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
     Parameters
     ----------
     whole : WholeBodyDynamics
-        Model of drone, arm and payload; a payload far out counts more than its mass.
+        Model of drone, arm and payload; a payload far from the base counts more than its mass.
 
     Raises
     ------
@@ -58,7 +58,8 @@ def largest_delay(gain: float, kp: float, kd: float) -> float:
     gain : float
         `WholeBodyDynamics.feedback_gain`; 0 for a fixed base.
     kp, kd : float
-        [1/s^2], [1/s]; if both are zero, there is no feedback and the result is infinite.
+        Gains of position [1/s^2] and velocity [1/s]; if both are zero, there is no feedback and the
+        result is infinite.
     """
     stiffness, damping = (1.0 + gain) * kp, (1.0 + gain) * kd
     half = 0.5 * damping**2
@@ -77,7 +78,7 @@ _TORQUE = 0.25  # RMS over effort_max; the noise of a cheap IMU causes less
 _EXPLAINED = 0.6  # explained fraction of the base's motion; about 0 for noise
 _LASTING = 0.1  # [s]
 _LONGEST_STEP = 0.1  # [s]
-# Motion of the base that counts as none, per axis [m/s^2], [rad/s].
+# Motion of the base below which it counts as still, per axis [m/s^2], [rad/s].
 _STILL = np.repeat([0.1, 0.01], 3)
 _RIDGE = 1e-3  # regularization: at half the IMU's rate two consecutive torques are collinear
 
@@ -99,12 +100,12 @@ class OscillationWatch:
     Parameters
     ----------
     effort_max : (n,) array_like
-        [Nm]
+        Torque limits of the drives [Nm].
 
     Attributes
     ----------
     found : str
-        Description of the detected oscillation, or ''. It stays.
+        Description of the detected oscillation, or ''. The text stays after the oscillation ends.
     """
 
     def __init__(self, effort_max: npt.ArrayLike) -> None:
@@ -128,7 +129,7 @@ class OscillationWatch:
             self._count += 1
 
     def add_sample(self, sample: ImuSample) -> None:
-        """Process the IMU sample after these torques."""
+        """Process the IMU sample that follows the torques added so far."""
         if self.found or self._count == 0:
             return
         n, step = self._n, sample.stamp - self._stamp

@@ -22,7 +22,7 @@ class FreeBaseMotion(BaseMotion):
     Parameters
     ----------
     wrench : (6,) ndarray
-        w, of the rotors on the base at its origin, in base axes [N], [Nm].
+        Wrench w of the rotors on the base, about the base's origin, in base axes [N], [Nm].
     share : (6,) ndarray
         Weight of the response in each component of the acceleration. With zero the base's motion
         does not depend on rotors and arm.
@@ -67,7 +67,8 @@ class AnswerCorrection:
       hovering drone's specific force is its weight.
     - `trust` is the least-squares factor from x to y between the cut-off frequency and 3 Hz over
       the last 10 s, per component, 0 to 1.3. If the prediction explains nothing (wrong inertia,
-      rotors that do not follow their commands), it fades out. Noise of y does not bias it.
+      rotors that do not follow their commands), `trust` goes to zero. Noise of y does not bias
+      `trust`.
 
     Parameters
     ----------
@@ -83,14 +84,14 @@ class AnswerCorrection:
     Attributes
     ----------
     cutoff : float
-        [Hz]
+        Cut-off frequency of the filter [Hz].
     sustained_cutoff : float
-        Cut-off frequency of the mean [Hz].
+        Cut-off frequency of the mean over 5 s [Hz].
     slow : (6,) ndarray
-        y_slow without bias, limited.
+        y_slow minus the estimated bias, limited.
     sustained : (6,) ndarray
-        The mean over 5 s without bias, limited. The filter uses this mean without a prediction,
-        because y_slow would then be the base's delayed response.
+        Mean of y over 5 s minus the estimated bias, limited. The filter uses this mean without a
+        prediction, because y_slow would then be the base's delayed response.
     predicted_slow : (6,) ndarray
         x_slow.
     disagreement : float
@@ -304,10 +305,10 @@ class FreeBaseEstimator:
     """Estimate `FreeBaseMotion` from rotor commands, IMU samples and joint states.
 
     A control law that used the IMU's acceleration directly would close a loop with the arm's own
-    reaction. The gain of that loop is about the arm's mass over the drone's. So the acceleration
-    is predicted (`WholeBodyDynamics`, with the rotors' wrench from their commands). The IMU
-    corrects the prediction far below the arm's bandwidth (`AnswerCorrection`). The gyroscope is
-    used directly, because angular velocity only enters the centrifugal forces.
+    reaction. The gain of that loop is about the arm's mass divided by the drone's mass. So the
+    acceleration is predicted (`WholeBodyDynamics`, with the rotors' wrench from their commands).
+    The IMU corrects the prediction far below the arm's bandwidth (`AnswerCorrection`). The
+    gyroscope is used directly, because angular velocity only enters the centrifugal forces.
 
     Without valid rotor commands the estimate is the IMU's slow part. Without IMU the base is
     assumed to hover level. Changes between these cases fade.
@@ -321,9 +322,9 @@ class FreeBaseEstimator:
     hold_time : float
         Age [s] up to which the last IMU sample is used.
     fade_time : float
-        [s]
+        Duration [s] of fading when an input is lost or returns.
     latency : float
-        Age [s] of a sample at reception.
+        Age [s] of an IMU sample at reception.
 
     Attributes
     ----------

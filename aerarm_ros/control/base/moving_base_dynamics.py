@@ -88,15 +88,15 @@ class MovingBaseDynamics:
         Parameters
         ----------
         q, dq, ddq : (n,) ndarray
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
         base : BaseMotion, optional
             Default: `still`.
         planned : (n,) ndarray, optional
             Joint acceleration to which the base responds [rad/s^2], by default `ddq`. Give the
             planned acceleration if `ddq` also contains the correction of an error. Then the
-            correction changes `xi` by B(q) of the fixed base, with the stiffness as there. The
-            error obeys `D dde + B (Kd de + Kp e) = 0` with the inertia D on the free base. The
-            error is stable, because B and D are positive definite.
+            correction acts through B(q) of the fixed base, with the same stiffness as on a fixed
+            base. The error obeys `D dde + B (Kd de + Kp e) = 0` with the inertia D on the free
+            base. The error is stable, because B and D are positive definite.
         """
         if not isinstance(base, FreeBaseMotion):
             return self._recursion(q, dq, ddq, base)[6:]
@@ -133,7 +133,7 @@ class MovingBaseDynamics:
         """Return the effective joint inertia (n, n) [kg m^2]: B(q) of thesis (2.5).
 
         On a base that responds, the inertia is smaller by the base's response. The weight of the
-        response is at most one, because beyond that no body has such an inertia.
+        response is limited to one, because no body has the inertia of a larger weight.
         """
         if not isinstance(base, FreeBaseMotion):
             return self.fixed.inertia_matrix(q)
@@ -145,8 +145,8 @@ class MovingBaseDynamics:
     def mobility_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:
         """Return the inverse of `inertia_matrix`, (n, n) [1/(kg m^2)].
 
-        On a base whose response has a weight between zero and one, the result is a mean of both
-        ends.
+        On a base whose response has a weight between zero and one, the result is a mean of the
+        results for weights zero and one.
         """
         fixed = self.fixed.mobility_matrix(q)
         if not isinstance(base, FreeBaseMotion):
@@ -188,10 +188,10 @@ class MovingBaseDynamics:
 class BaseReaction:
     """Wrench of the arm on the drone at the mount, and the arm's mass properties.
 
-    Only gravity and the drone's wrench move the arm, so the wrench follows from the arm's motion.
-    Contact of the arm with other bodies is not included. The motors' rotors are assumed to rotate
-    with their links: the moment `J_m ddq / k_g` that accelerates a rotor, some 10 mNm, is
-    neglected.
+    The model assumes that only gravity and the drone act on the arm, so their wrench follows from
+    the arm's motion. Contact of the arm with other bodies is not included. The motors' rotors are
+    assumed to rotate with their links: the moment `J_m ddq / k_g` that accelerates a rotor, some 10
+    mNm, is neglected.
 
     Parameters
     ----------
@@ -207,9 +207,9 @@ class BaseReaction:
     class ArmReaction(NamedTuple):
         """Wrench and mass properties in the base frame's axes, moments about its origin.
 
-        `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone; `static` is the part
-        due to gravity with all bodies at rest, `dynamic` the remainder. `mass` [kg], `com` (3,)
-        [m] and `inertia` (3, 3) about the centre of mass [kg m^2] describe the arm.
+        `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone. Its part `static` is due
+        to gravity with all bodies at rest; `dynamic` is the remainder. `mass` [kg], `com` (3,) [m]
+        and `inertia` (3, 3) about the centre of mass [kg m^2] describe the arm.
         """
 
         wrench: Array
@@ -230,7 +230,7 @@ class BaseReaction:
         Parameters
         ----------
         q, dq, ddq : (n,) ndarray
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
         base : BaseMotion, optional
             Default: still under the robot's own gravity.
         """

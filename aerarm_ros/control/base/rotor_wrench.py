@@ -35,8 +35,8 @@ _FROZEN = 0.5  # [s]; a controller in flight never repeats its numbers for so lo
 class RotorWrench:
     """Model of each rotor's saturation and first-order lag.
 
-    A command is valid from its arrival plus the latency until the next one, and the thrust follows
-    exactly: `T(t) = u + (T_0 - u) exp(-(t - t_0) / T_r)`.
+    A command acts from its arrival plus the latency until the next command acts. The thrust follows
+    the command exactly by `T(t) = u + (T_0 - u) exp(-(t - t_0) / T_r)`.
 
     Parameters
     ----------

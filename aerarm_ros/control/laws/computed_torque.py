@@ -15,7 +15,8 @@ class InverseDynamicsLaw:
     Parameters
     ----------
     integral : ErrorIntegral, optional
-        Its gain is in [1/s^3], its limit in [rad/s^2]: it acts through B(q).
+        Integral of the error, with gain in [1/s^3] and limit in [rad/s^2], because it acts through
+        B(q).
     """
 
     def __init__(
@@ -60,20 +61,20 @@ class ComputedTorque(InverseDynamicsLaw):
     the error can be added to `a` (the PID of thesis 2.6.2). Friction is compensated for the
     reference velocity.
 
-    The error equation assumes a torque that acts at once and a velocity without delay. With
-    `delay` the model is evaluated at the time when the torque acts, apart from the change of the
-    acceleration. With `velocity_lag` measured velocities are corrected for the lag of their
-    filter. The corrections by `delay` and `velocity_lag` use only the reference, so the feedback
-    loop does not change.
+    The error equation assumes a torque that acts at once and a velocity without delay. With `delay`
+    the model is evaluated at the time when the torque acts, with the acceleration assumed constant
+    until then. With `velocity_lag` measured velocities are corrected for the lag of their filter.
+    The corrections by `delay` and `velocity_lag` use only the reference, so the feedback loop does
+    not change.
 
     Parameters
     ----------
     kp : (n,) array_like
-        [1/s^2]
+        Gains Kp of the position error [1/s^2].
     kd : (n,) array_like
-        [1/s]; `2 sqrt(kp)` damps critically.
+        Gains Kd of the velocity error [1/s]; `2 sqrt(kp)` damps critically.
     integral : ErrorIntegral, optional
-        Its gain is in [1/s^3], its limit in [rad/s^2].
+        Integral of the error, with gain in [1/s^3] and limit in [rad/s^2].
     delay : float
         Time from a state to the middle of the interval in which its command acts [s].
     velocity_lag : float

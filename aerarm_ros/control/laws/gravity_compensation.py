@@ -16,22 +16,22 @@ class GravityCompensation:
     """Thesis (2.14): `u = g(q) + Kp (qd - q) + Kd (dqd - dq)` plus friction.
 
     With `hand_guiding` the gains fade to nearly zero. Gravity and part of the friction are still
-    compensated, so that a person can move the arm. Gains fade over `fade_time` both ways, so the
-    torque never jumps. A caller that ends hand guiding must let the reference start at the present
-    posture.
+    compensated, so that a person can move the arm. Gains fade over `fade_time` in both directions,
+    so the torque never jumps. A caller that ends hand guiding must let the reference start at the
+    present posture.
 
     Parameters
     ----------
     kp : (n,) array_like
-        [Nm/rad]
+        Gains Kp of the position error [Nm/rad].
     kd : (n,) array_like
-        [Nms/rad]
+        Gains Kd of the velocity error [Nms/rad].
     friction : FrictionCompensation, optional
         Compensation by the reference velocity: at rest it is zero and cannot chatter.
     hand_friction : FrictionCompensation, optional
         Compensation by the measured velocity during hand guiding; its fraction must be below one.
     fade_time : float
-        [s]
+        Time in which the gains fade from one mode to the other [s].
 
     Attributes
     ----------

@@ -34,8 +34,8 @@ class DampedInverse:
     threshold : float
         Singular value [m/rad] below which a direction is damped.
     damping : float
-        [m/rad]. Up to `threshold / sqrt(2)` the inverse is at most `1 / (sqrt(2) damping)`, for
-        larger values at most `1 / threshold`.
+        Largest damping [m/rad]. Up to `threshold / sqrt(2)` the inverse is at most `1 / (sqrt(2)
+        damping)`, for larger values at most `1 / threshold`.
 
     Raises
     ------
@@ -69,8 +69,8 @@ class VelocityResolution:
     """Inverse differential kinematics of a position task, thesis (2.8).
 
     The joint velocity gives the frame's origin the desired velocity. The remaining freedom moves
-    the arm toward a home configuration, and down an objective. Near its limits a joint approaches
-    them at most in proportion to the remaining distance (Faverjon, Tournassoud 1987). A joint at
+    the arm toward a home configuration, and reduces an objective. The speed of a joint toward a
+    limit is at most proportional to the remaining distance (Faverjon, Tournassoud 1987). A joint at
     that bound is fixed, and the other joints move instead (Flacco, De Luca, Khatib 2012). If a
     joint is then still too fast, all joints are scaled equally, so that the tool keeps its
     direction.
@@ -80,16 +80,16 @@ class VelocityResolution:
     rest : (n,) array_like
         Home configuration [rad].
     rest_gain : float
-        [1/s]
+        Gain of the motion toward the home configuration [1/s].
     limit_gain : float
-        [1/s]: speed toward a limit over the distance to it.
+        Largest speed of a joint toward a limit, divided by the distance to the limit [1/s].
     margin : float
         Distance [rad] to the limits that is kept.
     slope : callable, optional
         Returns the derivative (n,) of an objective at q (n,), such as the heat loss of holding the
         arm's weight [W/rad].
     slope_gain : float
-        Speed down the objective [rad/s] over its slope.
+        Joint speed that reduces the objective [rad/s], divided by the objective's slope.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class VelocityResolution:
         Parameters
         ----------
         q : (n,) ndarray
-            [rad]
+            Present posture [rad].
         velocity : (3,) ndarray
             Desired velocity of the frame's origin, in base axes [m/s].
         """
@@ -208,7 +208,7 @@ def resolve_within(
 
 
 class CartesianMotionControl:
-    """Figure 2.7: feedback by direct kinematics, `dq = J#(q) (dpd + K (pd - k(q)))`.
+    """Thesis figure 2.7: feedback by direct kinematics, `dq = J#(q) (dpd + K (pd - k(q)))`.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ class CartesianMotionControl:
 
 
 class JointMotionControl:
-    """Figure 2.6: the desired path in joint space, `dq = dqd + K (qd - q)`.
+    """Thesis figure 2.6: the desired path in joint space, `dq = dqd + K (qd - q)`.
 
     `qd` is the integral of `dqd = J#(qd) (dpd + drift_gain (pd - k(qd)))`, computed from the
     Cartesian path. The second term corrects the errors of integration and damping. Measured joint
@@ -253,7 +253,7 @@ class JointMotionControl:
     gain : (n,) array_like
         K [1/s]: the joint error decays as exp(-K t).
     drift_gain : float
-        [1/s]
+        Gain that corrects the errors of integration and damping [1/s].
 
     Attributes
     ----------

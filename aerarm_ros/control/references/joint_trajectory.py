@@ -20,13 +20,13 @@ class JointTrajectory:
     Parameters
     ----------
     names : sequence of str
-        Joints of the columns: the arm's, in any order.
+        Names of the columns' joints, which are all joints of the arm in any order.
     times : sequence of float
         Time of each point from the start [s], strictly increasing, not negative.
     positions : (M, n) sequence
-        [rad]
+        Joint positions at the points [rad].
     velocities, accelerations : (M, n) sequences, optional
-        [rad/s], [rad/s^2]; missing ones (or empty rows) are filled in by `path`.
+        Velocities [rad/s] and accelerations [rad/s^2]; `path` fills in missing ones and empty rows.
 
     Attributes
     ----------

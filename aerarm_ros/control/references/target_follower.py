@@ -29,7 +29,7 @@ class TargetFollower:
     frequency : float
         Natural frequency [rad/s].
     velocity_max, acceleration_max : float
-        [m/s], [m/s^2]
+        Limits of the tool's velocity [m/s] and acceleration [m/s^2].
     reach : float
         Largest distance [m] of a target from the base.
 
@@ -55,13 +55,13 @@ class TargetFollower:
         self.take_over(np.zeros(kinematics.robot.n))
 
     def take_over(self, q: Array) -> None:
-        """Stay at the tool's place at `q` (n,) [rad] until a target arrives."""
+        """Stay at the tool's position at `q` (n,) [rad] until a target arrives."""
         self.start(self._kinematics.position(q))
 
     def start(self, p: Array, velocity: Array | None = None, target: Array | None = None) -> None:
-        """Continue from a place (3,) [m] and a velocity (3,) [m/s], by default zero, to a target.
+        """Continue to a target from a position (3,) [m] and a velocity (3,) [m/s], by default 0.
 
-        Without a target the tool stays at the place.
+        Without a target the tool stays at that position.
         """
         self._p = p
         self._v = np.zeros(3) if velocity is None else velocity
@@ -72,12 +72,12 @@ class TargetFollower:
 
     @property
     def place(self) -> Array:
-        """Present place of the reference (3,) [m]."""
+        """Present position of the tool's reference (3,) [m]."""
         return self._p
 
     @property
     def velocity(self) -> Array:
-        """Present velocity of the reference (3,) [m/s]."""
+        """Present velocity of the tool's reference (3,) [m/s]."""
         return self._v
 
     def set_target(self, p: npt.ArrayLike, now: float) -> None:

@@ -35,7 +35,7 @@ class MotionEnd(Enum):
 
 @dataclass(frozen=True, eq=False)
 class FollowerTolerances:
-    """Tolerances of n joints, and times.
+    """Position tolerances of n joints, and time limits of a motion.
 
     Attributes
     ----------
@@ -46,9 +46,9 @@ class FollowerTolerances:
     goal : (n,) ndarray
         Error [rad] at which the goal counts as reached; positive, infinite for no check.
     goal_time : float
-        Time [s] after the end to reach the goal.
+        Time [s] after the end of the motion within which the arm must reach the goal.
     stream_timeout : float
-        Silence [s] after which a streamed reference brakes.
+        Time [s] without a new streamed point after which the reference brakes.
     """
 
     start: Array
@@ -97,8 +97,8 @@ class TrajectoryFollower:
 
     A new motion replaces the running one at any time, by a transition within the limits (see
     `find_transition`). A stop follows the path of the present motion, see `stop_along`. For a
-    stream, whose path is unknown, each joint brakes. After its end, and after an abort, the arm
-    holds. The caller passes all times [s], from any steady clock.
+    stream, whose path is unknown, each joint brakes. After the end of a motion, and after an abort,
+    the arm holds its position. The caller passes all times [s], from any steady clock.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ class TrajectoryFollower:
         Parameters
         ----------
         now : float
-            [s]
+            Present time [s].
         start : float, optional
             Time zero of the trajectory [s], by default `now`. The part before `now` is skipped.
         tolerances : FollowerTolerances, optional
@@ -227,7 +227,7 @@ class TrajectoryFollower:
         self._replace(self._govern(path), now, now, 'moving')
 
     def stop(self, now: float, reason: str, q: Array | None = None) -> None:
-        """Stop and hold: at `q` (n,) [rad], or as soon as the motion can stop on its path."""
+        """Stop and hold, at `q` (n,) [rad] or as soon as the motion can stop on its path."""
         if q is None:
             motion: FollowedMotion = self._stop(now)
         else:

@@ -40,12 +40,12 @@ def resolve_tolerances(
     path, goal
         Joints and their tolerances [rad], if they differ from the follower's.
     goal_time
-        [s]
+        Time [s] after the end of the motion within which the goal must be reached.
 
     Raises
     ------
     RejectedInputError
-        If a joint is not the arm's, or a value is neither positive nor 0 nor -1.
+        If a joint does not belong to the arm, or a value is neither positive nor 0 nor -1.
     """
     time = _resolve('goal_time_tolerance', own.goal_time, goal_time)
     return replace(
@@ -153,7 +153,7 @@ class TrajectoryGoals:
         goal : Hashable
             Identifier of the goal.
         trajectory, now, start, tolerances
-            As of `TrajectoryFollower.follow`.
+            Arguments of `TrajectoryFollower.follow`.
 
         Raises
         ------

@@ -39,7 +39,7 @@ class Posture(NamedTuple):
 
 
 def blend_duration(deviation: JointReference, limits: JointLimits) -> float:
-    """Return the time [s] to remove a deviation with a fraction of the limits."""
+    """Return the duration [s] of a blend that removes a deviation with a fraction of the limits."""
     needed = (
         np.abs(deviation.q) / (_SHARE * limits.velocity_max),
         np.sqrt(np.abs(deviation.q) / (_SHARE * limits.acceleration_max)),
@@ -54,9 +54,9 @@ class StreamedPoint:
     """Motion along a single streamed point until the next one, and the braking after it.
 
     The point is extrapolated with constant acceleration. The deviation of the present reference
-    from it goes to zero along a quintic, so that the reference never steps. After the time-out
-    each joint brakes. A joint brakes earlier if it would leave a limit, or could no longer stop
-    before a position limit.
+    from the extrapolated point goes to zero along a quintic, so that the reference never steps.
+    After the time-out each joint brakes. A joint brakes earlier if it would leave a limit, or could
+    no longer stop before a position limit.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Motor boards: encoding of references into frames and evaluation of the boards' answers.
+"""Exchange of motor references and measurements with the boards.
 
 Inputs are limited commands and received frames. Outputs are frames with motor references, joint
 positions, velocities and torques, motor powers, and faults of boards and encoders.

@@ -1,4 +1,4 @@
-"""Exchange of frames with one board, and its state."""
+"""Exchange of frames with one board, and the state of that board."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ from aerarm_ros.motion.signals import Array
 if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.hardware.transports.transport import Transport
 
-# How far a board's clock may be ahead of the host clock or jump back between two answers [s], ...
+# A board that did not restart has a clock that is at most this far ahead of the host clock, or
+# jumps back by at most this between two answers [s], ...
 _TICKS = 0.05
 _DRIFT = 0.01  # ... relative to the time between the answers
 
 
 class RestartWatch:
-    """Detect a restart of a board from its frames.
+    """Detects from the answers of a board that the board restarted.
 
-    A restart may happen between two answers or while the board does not answer; its encoder counts
-    start again. Three signs reveal it: an unexpected board time, a missing index pulse flag, or the
-    disappearance of an error that lasts until power-off.
+    A board may restart between two answers or while it does not answer; its encoders then count
+    from zero again. Three signs reveal a restart: an unexpected board time, a missing index pulse
+    flag, or the disappearance of an error that lasts until power-off.
 
     Parameters
     ----------
@@ -47,23 +48,25 @@ class RestartWatch:
         self._detected = (False, False)
 
     def saw(self, state: BoardState, longest: float) -> bool:
-        """Process an answer; return whether the board restarted since the previous one.
+        """Process an answer; return whether the board restarted since the previous answer.
 
         Parameters
         ----------
         state
             State that the board reports.
         longest
-            Longest possible time since the previous answer [s].
+            Longest possible time between the previous answer and this one [s].
         """
         detected = (bool(state.index_detected[0]), bool(state.index_detected[1]))
         restarted = False
         if self._timestamp is not None:
             ahead = (state.timestamp - self._timestamp) % TIMESTAMP_PERIOD
-            # The clock of a board without power lags behind the host clock; it never runs ahead.
+            # The clock of a board that was without power lags behind the host clock, but is never
+            # ahead.
             most = (1.0 + _DRIFT) * max(longest, 0.0) + _TICKS
             restarted = most < ahead < TIMESTAMP_PERIOD - _TICKS
-            # After a silence of one timestamp period or more, the clock gives no information.
+            # After a silence of 65.5 s or more, the period of the clock, the clock gives no
+            # information.
             restarted = restarted or most >= TIMESTAMP_PERIOD
             restarted = restarted or any(
                 before and not now for before, now in zip(self._detected, detected, strict=True)
@@ -79,14 +82,14 @@ _SATURATION_MIN = 0.5  # [A]
 
 
 class BoardLink:
-    """Exchange one frame per cycle with a board.
+    """Exchanges one frame per cycle with a board.
 
     Parameters
     ----------
     number, name
         Number of the board in the transport, and its name in messages.
     joints
-        Pairs of joint number and channel (0 or 1) of the motors in use.
+        Joint number and channel (0 or 1) of each motor in use.
     current_saturation
         Largest currents [A] of channels 0 and 1; 0 for an unused channel.
     profile, settings, transport
@@ -95,16 +98,16 @@ class BoardLink:
     Raises
     ------
     ValueError
-        If no frame can represent the time-out or a current limit.
+        If no frame can represent the time-out or a current limit of the settings.
 
     Attributes
     ----------
     monitor
-        State machine of the board.
+        State machine of the board, with counts of bad frames.
     state
-        Last valid state.
+        State in the last valid answer of the board.
     fresh
-        Whether `state` was received in the last exchange.
+        Whether the last exchange brought a valid answer.
     is_aligned
         Whether every motor in use was driven and aligned at the board's last answer.
     restarted
@@ -114,7 +117,7 @@ class BoardLink:
     interval
         Time between the last two valid answers [s]; inf before the second.
     interval_max
-        Upper bound of that time [s], including delays of the host between reading the clock and
+        Upper bound of `interval` [s], including delays of the host between reading the clock and
         exchanging a frame.
     """
 
@@ -149,7 +152,8 @@ class BoardLink:
         self._command = BoardCommand(
             timeout=settings.board_timeout, current_saturation=self._saturation.copy()
         )
-        # Detect values that no frame can represent now, not when the board is to be switched off.
+        # Values that no frame can represent are detected now, and not when the board has to be
+        # switched off.
         try:
             self._codec.encode(self._switched_off())
         except FrameError as error:
@@ -167,22 +171,22 @@ class BoardLink:
 
     @property
     def may_be_damped(self) -> bool:
-        """Whether the board may still damp its joints after a fault.
+        """Whether the board may stay on and damp its joints after a fault of the arm.
 
-        Otherwise it is switched off: a board that restarted must not align without a request. A
-        board that does not answer may still receive commands on a half-broken wire. Switching it
-        off would drop its joints; a board that receives nothing switches off after its own
-        time-out. If no frame was sent for that time-out, the board has switched off.
+        A board that restarted must be switched off, because it must not align without a request.
+        A board that does not answer may stay on: on a half-broken wire it may still receive
+        commands, and switching it off would drop its joints. A board that receives no frame
+        switches itself off after its time-out.
         """
         return self.is_aligned and not self.state.error and not self._lapsed
 
     @property
     def is_damped_unheard(self) -> bool:
-        """Whether the board receives damping commands but sends no valid frames."""
+        """Whether the board is sent damping commands although it sends no valid answers."""
         return self._command.enable_system and self.monitor.is_silent
 
     def drive_only(self, channel: int | None) -> None:
-        """Make `exchange` enable only one motor, or all motors in use if None."""
+        """Make `exchange` enable only the motor of one channel; None means all motors in use."""
         channels = [used for _, used in self.joints] if channel is None else [channel]
         self._used = [number in channels for number in (0, 1)]
         self.monitor.watch(channels)
@@ -191,8 +195,9 @@ class BoardLink:
     def exchange(self, references: MotorReferences, enable: bool, running: bool) -> None:
         """Send the references of the board's motors and store its measurements.
 
-        With `enable` False the board is commanded to switch off. References that no frame can
-        represent are a fault; the board's motors then get no current in this cycle.
+        If `enable` is False, the board is commanded to switch its motors off. If no frame can
+        represent the references, that is a fault, and the board's motors get no current in this
+        cycle.
         """
         command = self._command
         command.index = (command.index + 1) & 0xFFFF
@@ -221,7 +226,8 @@ class BoardLink:
             command.kp[channel] = motor.kp
             command.kd[channel] = motor.kd
             command.integral_gain[channel] = motor.integral_gain
-            # At least the smallest value that the frame does not round to 0, which means no limit.
+            # At least the smallest value that the frame does not round to 0, because 0 would mean
+            # no limit.
             least = max(motor.current_max, _SATURATION_MIN)
             command.current_saturation[channel] = min(self._saturation[channel], least)
 
@@ -251,9 +257,9 @@ class BoardLink:
             self.monitor.missed(enable, problem)
 
     def _time(self, earliest: float, latest: float, board_interval: float) -> None:
-        """Process the time bounds [s] of an answer, and the board's own elapsed time [s]."""
+        """Store an answer's time bounds, and the time elapsed on the board's clock [s]."""
         self.interval = latest - self._latest
-        # The board's clock is an independent measure; it also counts the age of the data.
+        # The board's clock is independent of delays of the host, and includes the age of the data.
         by_board = board_interval % TIMESTAMP_PERIOD
         if by_board > _BOARD_INTERVAL_MAX:  # the board restarted, or its clock went back by a tick
             by_board = 0.0
@@ -271,7 +277,7 @@ class BoardLink:
 def make_links(
     config: ArmConfig, profile: FrameProfile, settings: BridgeSettings, transport: Transport
 ) -> tuple[BoardLink, ...]:
-    """Return one link per board, with the joints and current limits of its motors."""
+    """Return one `BoardLink` per board, with the joints and current limits of its motors."""
     links = []
     for number, board in enumerate(config.boards):
         saturation = [0.0, 0.0]
@@ -288,18 +294,18 @@ def make_links(
 
 
 class MotorPower:
-    """Input power of each motor, thesis (4.1) with i_d = 0, and its time integral.
+    """Electrical input power and energy of each motor, thesis (4.1) with i_d = 0.
 
     If the boards report the quadrature voltage u_q, ``P = 3/2 u_q i_q``. Otherwise the power is the
     sum of Joule loss and mechanical power for constant current (thesis section 4.1),
-    ``P = 3/2 R i_q^2 + K_i i_q omega_m``, with the configuration's R and K_i.
+    ``P = 3/2 R i_q^2 + K_i i_q omega_m``, with the configured R and K_i.
 
     Parameters
     ----------
     config
         Resistances and torque constants.
     profile
-        Frame layout: which quantities the boards report.
+        Frame layout, which determines the quantities that the boards report.
 
     Attributes
     ----------
@@ -313,14 +319,15 @@ class MotorPower:
         self.source = 'voltage' if profile.sensor.has('quadrature_voltage') else 'model'
         self.watts = np.zeros(config.n)
         self.energy = np.zeros(config.n)
-        self._is_known = False  # stays true: the boards' last valid state remains available
+        # stays True, because the last valid state of each board remains available
+        self._is_known = False
         self._resistance = 1.5 * config.column('motor.resistance')
         self._torque_constant = config.column('motor.torque_constant')
 
     def update(self, current: Array, velocity: Array, voltage: Array, dt: float) -> None:
-        """Process (n,) motor currents [A], speeds [rad/s] and voltages [V], dt [s] after the last.
+        """Add the power of (n,) motor currents [A], speeds [rad/s], voltages [V] for dt [s].
 
-        Power and energy stay zero while an input is NaN, before the boards have answered.
+        Power and energy stay zero while an input is NaN because the boards have not answered yet.
         """
         if not self._is_known:
             if np.isnan(current).any():
@@ -335,7 +342,7 @@ class MotorPower:
 
 
 def resistance_by_boards(links: Sequence[BoardLink], n: int) -> Array:
-    """Return the phase resistance of each of n motors as their boards report it, (n,) [ohm].
+    """Return the phase resistances (n,) that the boards report for n motors [ohm].
 
     NaN where the frames carry no resistance or the board reports zero (unknown).
     """
@@ -346,7 +353,7 @@ def resistance_by_boards(links: Sequence[BoardLink], n: int) -> Array:
     return resistance
 
 
-# Range of reference hold times for which the torque correction is valid [s].
+# The torque correction is valid for reference hold times in this range [s].
 _HOLD_MIN, _HOLD_MAX = 1e-5, 5e-3
 
 Gains = Sequence[tuple[float, float]]
@@ -358,10 +365,11 @@ class ArmMeasurements:
     Attributes
     ----------
     q, dq, tau
-        (n,) joint positions [rad], velocities [rad/s], torques [Nm] as the mean of the last
-        cycle; NaN until the first good frame.
+        (n,) joint positions [rad], velocities [rad/s], and mean torques of the last cycle [Nm];
+        NaN until the first valid answer.
     motor_position, motor_velocity, motor_current, motor_voltage
-        (n,) motor positions from motor zero [rad], velocities [rad/s], currents [A], voltages [V].
+        (n,) motor positions relative to motor zero [rad], velocities [rad/s], quadrature currents
+        [A] and quadrature voltages [V].
     reported_position
         (n,) motor positions as counted by the boards [rad].
     index_toggle
@@ -369,11 +377,12 @@ class ArmMeasurements:
     fresh
         (n,) whether the motor's board answered in the last cycle.
     heard
-        (n,) False once a board has been silent for so long that it counts as not answering.
+        (n,) False once the motor's board has been silent for so long that it counts as not
+        answering.
     driven
-        (n,) whether the motor's board drove its motors, aligned, when it last answered.
+        (n,) whether the motor was aligned and driven when its board last answered.
     unconfirmed
-        n counts of commands sent since the command that the motor's board had used at its last
+        n numbers of commands sent after the command that the motor's board had used at its last
         answer; 0 while the board loses no command.
     interval, interval_max
         (n,) time between the last two measurements of each motor, and its upper bound [s]; see
@@ -401,10 +410,10 @@ class ArmMeasurements:
         self._believed = unknown()
 
     def believed(self, tells: Mask) -> tuple[Array, Array]:
-        """Return estimated positions [rad] and velocities [rad/s] of all joints, (n,) each.
+        """Return the best known positions [rad] and velocities [rad/s] of all joints, (n,) each.
 
-        A joint without a reliable position ((n,) `tells` is False) keeps its last estimate, because
-        its readings would falsify the loads of the other joints.
+        A joint whose encoder is unreliable ((n,) `tells` is False) keeps its last reliable
+        values, because wrong positions would falsify the computed loads of the other joints.
         """
         if tells.all():
             self._believed[:] = self.q
@@ -419,11 +428,12 @@ class ArmMeasurements:
         gains: Gains,
         lag: float | None = None,
     ) -> None:
-        """Read the last states of all boards.
+        """Compute joint positions, velocities and torques from the last states of all boards.
 
-        A board holds its references for one cycle while the motor turns. Its current therefore
-        falls by Kp times the angle change and Kd times the velocity change (4.4), and the frame
-        samples the current at the end of the hold. Without a correction every moving joint would
+        A board keeps its references for one cycle while the motor turns. The motor current
+        therefore falls by Kp times the change of the angle and Kd times the change of the
+        velocity (4.4), and the frame contains the current at the end of the cycle. The mean
+        current of the cycle is computed from it. Without this correction every moving joint would
         appear to have negative viscous friction and too little inertia.
 
         Parameters
@@ -433,7 +443,8 @@ class ArmMeasurements:
         gains
             Kp and Kd of each board's motors, n pairs, motor side [A/rad], [A s/rad].
         lag
-            Time constant of the boards' current loop [s]; None when reading the same states again.
+            Time constant of the boards' current loop [s]; None when the same states are read
+            again.
         """
         self._last_velocity[:] = self.motor_velocity
         for link in links:
@@ -459,22 +470,23 @@ class ArmMeasurements:
         self.tau[:] = self._drive.current_to_effort(self.motor_current + self._droop(gains, lag))
 
     def age(self, now: float, last: float) -> tuple[Array, Array]:
-        """Return the ages of the measurements and the times between the last two, (n,) each [s].
+        """Return each measurement's age, and the time between its last two measurements, (n,) [s].
 
-        Call once per cycle. `now` is the start of this cycle [s], `last` the start of the cycle
-        whose exchange `read` processed. The time between measurements is 0 if none has arrived
-        since the last call, and inf if there was no earlier measurement.
+        Call this method once per cycle. `now` is the start of this cycle [s], and `last` the
+        start of the cycle whose frames `read` has processed [s]. The time between measurements is
+        0 if none has arrived since the last call, and inf if there was no earlier measurement.
         """
-        if self.fresh.all():  # fast path with the same result
+        if self.fresh.all():  # faster computation of the same result
             between: Array = last - self._measured_at
             self._measured_at.fill(last)
             return np.full(len(between), max(now - last, 0.0)), between
         between = np.where(self.fresh, last - self._measured_at, 0.0)
         self._measured_at[self.fresh] = last
-        return np.maximum(now - self._measured_at, 0.0), between  # the clock may go back
+        # not negative, because the clock may go back
+        return np.maximum(now - self._measured_at, 0.0), between
 
     def _droop(self, gains: Gains, lag: float | None) -> list[float]:
-        """Return by how much the sampled currents lie below the mean over the cycle [A].
+        """Return mean current of the cycle minus sampled current, for each motor [A].
 
         Plain floats are used, because they are faster than arrays for four joints.
         """
@@ -485,12 +497,12 @@ class ArmMeasurements:
         for (kp, kd), velocity, last, interval in zip(
             gains, velocities, before, self.interval.tolist(), strict=True
         ):
-            # In the middle of the hold the current equals its mean; the current loop's lag already
+            # The current equals its mean in the middle of the cycle. The lag of the current loop
             # covers part of the time from there to the sample.
             longer = _HOLD_MIN if interval < _HOLD_MIN else interval
             hold = _HOLD_MAX if longer > _HOLD_MAX else longer
             share = max(0.5 * hold - lag, 0.0)
-            # no previous velocity at the first frame
+            # the first frame has no previous velocity
             change = velocity - last if last == last else 0.0
             droop.append(share * (kp * velocity + kd / hold * change))
         return droop

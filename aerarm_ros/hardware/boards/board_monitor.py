@@ -1,4 +1,4 @@
-"""State machine of a board, with counts of lost commands."""
+"""State machine of one board, and counter of commands lost on the way to the board."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -10,7 +10,7 @@ from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 
 
 class BoardMode(StrEnum):
-    """State of a board, from disconnected to driving motors; a fault stays until cleared."""
+    """Mode of a board, from disconnected to running; the mode fault stays until it is cleared."""
 
     DISCONNECTED = 'disconnected'
     IDLE = 'idle'
@@ -21,18 +21,18 @@ class BoardMode(StrEnum):
 
 
 _INDICES = 0x10000
-_MEMORY = 1000  # commands over which the loss rate is averaged
+_MEMORY = 1000  # number of commands over which the loss rate is averaged
 # A higher rate means a loss in the last few thousand commands; a single loss gives 1/1000.
 _RECENT_RATE = 1e-4
 _CHECK = 'check the MOSI wire, its connector, the ground wire and clock_hz'
 
 
 class CommandEcho:
-    """Count the commands that did not reach one board although its answers reach the host.
+    """Counts the commands that did not reach one board although its answers reach the host.
 
     A board answers before it reads the command of the same exchange, so an answer echoes the
-    previous command. A command is judged only if its own exchange and the next one brought valid
-    answers. A loss in both directions counts as a bad frame and not as a lost command.
+    previous command. A command is counted as lost only if its own exchange and the next exchange
+    brought valid answers. If the answer is lost as well, the exchange counts as a bad frame.
 
     Parameters
     ----------
@@ -41,18 +41,19 @@ class CommandEcho:
     settings
         Tolerances; this class uses `lost_commands_max` and `lost_commands_warning`.
     echoes
-        False if the board's frames carry no command index; then no command is judged.
+        False if the board's frames carry no command index; then no command counts as lost.
 
     Attributes
     ----------
     lost
-        Commands lost since start.
+        Number of commands lost since the start.
     lost_in_row
-        Commands lost since the last one that arrived.
+        Number of consecutive commands lost since a command last arrived.
     rate
         Fraction of lost commands, averaged over about the last 1000 commands.
     unconfirmed
-        Commands sent since the one that the board used at its last answer; 1 on good wires.
+        Number of commands sent after the command that the board had used at its last answer; 1
+        without losses.
     """
 
     def __init__(self, name: str, settings: BridgeSettings, echoes: bool = True) -> None:
@@ -62,7 +63,7 @@ class CommandEcho:
         self._name = name
         self._settings = settings
         self._echoes = echoes
-        self._answered = False  # in the previous exchange
+        self._answered = False  # command index of the previous exchange
 
     @property
     def is_losing(self) -> bool:
@@ -71,12 +72,12 @@ class CommandEcho:
 
     @property
     def is_cut(self) -> bool:
-        """Whether the number of consecutive lost commands is a fault."""
+        """Whether so many consecutive commands were lost that the wire counts as cut."""
         return self.lost_in_row >= self._settings.lost_commands_max
 
     @property
     def fault(self) -> str:
-        """Name of the fault of a cut wire, without the board name."""
+        """Description of the fault of a cut wire, without the name of the board."""
         return (
             f'{self.lost_in_row} consecutive commands did not reach the board over MOSI, '
             f'although its answers reach the host: {_CHECK}'
@@ -95,7 +96,7 @@ class CommandEcho:
         )
 
     def answered(self, echoed: int, sent: int) -> None:
-        """Process the echo of a valid answer; `sent` is the index of the previous exchange."""
+        """Process the command index that a valid answer echoes; `sent` was sent before it."""
         if not self._echoes:
             return
         behind = (sent - echoed) % _INDICES
@@ -104,7 +105,7 @@ class CommandEcho:
             self.lost += is_lost
             self.lost_in_row += 1
             self.rate += (is_lost - self.rate) / _MEMORY
-        # A command whose answer was lost may have arrived.
+        # A command may have arrived although the answer in its exchange was lost.
         self.lost_in_row = min(self.lost_in_row, behind)
         self.unconfirmed = behind + 1
         self._answered = True
@@ -119,15 +120,16 @@ _ADVICE = 'check supply, wires and SPI mode'
 
 
 class BoardMonitor:
-    """State machine of one board, driven by its frames; a fault is latched.
+    """State machine of one board, driven by the board's answers; a fault stays until cleared.
 
     A board goes from disconnected to idle once it answers reliably. When the system is enabled, it
     goes to aligning, and to ready once every motor in use is aligned. It is running while the arm
     follows a command, and returns to idle when the system is disabled. These conditions lead to
-    fault: an error code, too many bad frames, too many lost commands to a driven board, frozen
-    data, a slow bus, or motors that are no longer ready.
+    fault: an error code, too many bad frames, too many lost commands to a driven board, data that
+    no longer change, slow exchanges, or motors that are no longer ready.
 
-    Silence is measured in failed exchanges, because a delay of the host says nothing about a board.
+    A board counts as silent after a number of failed exchanges and not after a time, because the
+    host itself may have been delayed.
 
     Parameters
     ----------
@@ -136,20 +138,20 @@ class BoardMonitor:
     profile
         Frame layout with the meaning of error codes.
     channels
-        Motors in use, 0 and 1.
+        Channels (0, 1) of the motors in use.
     settings
         Tolerances.
 
     Attributes
     ----------
     mode
-        Present state.
+        Present mode of the board.
     fault
-        Fault and what to check; '' unless the mode is fault.
+        Description of the fault and what to check; '' unless the mode is fault.
     problem
         Description of the last bad frame, or what to check.
     good_frames, bad_frames, slow_exchanges
-        Numbers of frames and exchanges since start.
+        Numbers of valid frames, bad frames and slow exchanges since the start.
     echo
         Counter of lost commands.
     """
@@ -176,7 +178,7 @@ class BoardMonitor:
         self._enabled_since: float | None = None
 
     def watch(self, channels: Sequence[int]) -> None:
-        """Set the motors (0 and 1) that must be driven when the system is enabled."""
+        """Set the channels (0, 1) of the motors that must be driven when the system is enabled."""
         self._channels = tuple(channels)
 
     def sent(self, index: int) -> None:
@@ -184,7 +186,7 @@ class BoardMonitor:
         self._index = index
 
     def slow(self, duration: float) -> None:
-        """Check the duration of an exchange [s]."""
+        """Check the duration of an exchange [s]; too many slow ones in a row are a fault."""
         if duration <= self._settings.exchange_time_max:
             self._slow_in_row = 0
             return
@@ -198,14 +200,14 @@ class BoardMonitor:
             )
 
     def missed(self, enable: bool = False, problem: str = '') -> None:
-        """Record an invalid or missing frame.
+        """Record that the answer of the board was invalid or missing.
 
         Parameters
         ----------
         enable
             Whether the commands sent enable the board.
         problem
-            Description of the problem from the bus.
+            Problem that the transport reports; '' for none.
         """
         self.echo.missed()
         self.bad_frames += 1
@@ -221,7 +223,7 @@ class BoardMonitor:
             self.fail(f'{self._bad_in_row} consecutive frames were bad, {why}')
 
     def received(self, state: BoardState, now: float, enable: bool, running: bool) -> None:
-        """Process a valid frame.
+        """Process a valid answer of the board.
 
         Parameters
         ----------
@@ -257,13 +259,13 @@ class BoardMonitor:
             self._follow(state, now, enable, running)
 
     def fail(self, text: str) -> None:
-        """Enter the fault state of the board; the first fault stays."""
+        """Enter the mode fault with a description; an earlier fault keeps its description."""
         if self.mode is not BoardMode.FAULT:
             self.mode = BoardMode.FAULT
             self.fault = f'{self.name}: {text}'
 
     def counters(self) -> dict[str, int]:
-        """Return the frame and command counters by name."""
+        """Return the counters of frames and commands by name."""
         return {
             'good frames': self.good_frames,
             'bad frames': self.bad_frames,
@@ -272,7 +274,7 @@ class BoardMonitor:
         }
 
     def clear(self, state: BoardState) -> str:
-        """Leave the fault state; return the reason if this is impossible, or ''."""
+        """Leave the mode fault; return the reason if this is impossible, otherwise ''."""
         if self.mode is not BoardMode.FAULT:
             return ''
         silent = self.is_silent
@@ -289,7 +291,7 @@ class BoardMonitor:
 
     @property
     def is_silent(self) -> bool:
-        """Whether too many exchanges in a row have failed, or no answer was ever valid."""
+        """Whether too many consecutive exchanges have failed, or no answer was ever valid."""
         return self._bad_in_row >= self._settings.bad_frames_max or self.good_frames == 0
 
     def is_aligned(self, state: BoardState) -> bool:

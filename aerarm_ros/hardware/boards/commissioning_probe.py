@@ -1,8 +1,7 @@
-"""Commissioning functions: watch motors turned by hand, and drive one motor of an unknown arm.
+"""Commissioning functions: measure motors that a person turns, and drive one motor.
 
-A client repeats its request as long as the request is needed. The last answer therefore always
-belongs to the last request, a lost message does no harm, and a motor stops if its client falls
-silent.
+A client sends its request repeatedly, as long as the request is needed. A lost message therefore
+has no effect, and a motor stops if its client no longer sends the request.
 """
 
 from __future__ import annotations
@@ -23,7 +22,8 @@ from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 
 WATCH, DRIVE, OFF = KINDS = ('watch', 'drive', 'off')
 _LONGEST = 64  # characters of a name
-_LONGEST_REQUEST = 1024  # characters; a node with other tasks reads it
+# characters of a request, limited because the node that reads it has other tasks
+_LONGEST_REQUEST = 1024
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,11 @@ class ProbeRequest:
     Attributes
     ----------
     id
-        Client and number, for example 'a1b2:3'. A repeated id continues the running request.
+        Name of the client and number of the request, for example 'a1b2:3'. A repeated id
+        continues the running request.
     kind
         'watch' measures the rotation of motors that are off, starting with the first request.
-        'drive' turns one motor back and forth. 'off' ends both.
+        'drive' turns one motor back and forth. 'off' ends watching and driving.
     joint
         Name of the joint to drive.
     """
@@ -73,15 +74,15 @@ class ProbeRequest:
 
 @dataclass(frozen=True)
 class Stroke:
-    """Mean values of a motor's motion in one direction of its joint.
+    """Mean values of a driven motor while its joint turns in one direction.
 
     Attributes
     ----------
     requested, measured
-        Current requested by the board's control law, and measured current [A]. Positive values
-        drive the joint to larger angles by the configuration's sign.
+        Current requested by the board's control law, and measured current [A]. Positive currents
+        turn the joint to larger angles if the configured sign is right.
     speed
-        Joint speed by the configured gear ratio [rad/s].
+        Joint speed computed with the configured gear ratio [rad/s].
     """
 
     requested: float
@@ -108,16 +109,17 @@ class ProbeReport:
     boards
         Problem of each joint's board, '' if the board answers.
     travel, span
-        Motor angle travelled since the request began, and the range of angles [rad].
+        Change of each motor's angle since the request began, and difference of its largest and
+        smallest angle [rad].
     pulses
         Number of index pulses since the request began.
     pulse_angle
-        Mean angle of these pulses, counted as `travel` and modulo a motor turn [rad]; None without
-        a pulse.
+        Mean motor angle at these pulses, measured like `travel` and modulo a motor turn [rad];
+        None without a pulse.
     strokes
-        Results of a finished drive, in the positive and the negative direction.
+        Mean values of a finished drive, in positive and in negative direction of the joint.
     current_max
-        Largest current during a drive [A].
+        Largest current that a drive may request [A].
     emulated
         Whether the boards are emulated.
     """
@@ -181,23 +183,27 @@ def _object(text: str) -> dict[str, Any]:
 
 
 SPEED = 0.15  # [rad/s] speed of a driven joint, as in homing
-REACH = 0.12  # [rad] to either side of the initial angle
+REACH = 0.12  # [rad] travel of a driven joint to either side of its initial angle
 _SILENCE = 1.0  # [s] without a request after which a drive ends
-_WATCH_SILENCE = 10.0  # [s] after which a watch ends; motors are off, and a busy host may be late
-# Torque limit of a drive: several times the configured friction, plus the weight of an arm that is
-# tilted by more than the reach. The frame represents no current below 0.5 A.
+# [s] without a request after which watching ends; longer than for a drive, because all motors are
+# off and a client on a busy host may be late
+_WATCH_SILENCE = 10.0
+# Torque limit of a drive: several times the configured friction, plus the gravity torque of an
+# arm that is tilted by more than the reach. Smaller currents than 0.5 A are too coarse in a
+# frame.
 _FRICTION_FACTOR = 3.0
 _LOAD_SHARE = 0.15
 _CURRENT_MIN = 0.5  # [A]
-# Speed that ends a drive: a motor whose torque has the wrong sign accelerates.
+# A drive ends above this speed, because a motor whose torque has the wrong sign accelerates.
 _SPEED_FACTOR = 4.0
 _TRAVEL_FACTOR = 2.0
 _CURRENT_FACTOR = 2.0
-_ON = ('aligning', 'ready', 'homing', 'running', 'damping')  # modes in which motors are driven
+# modes of the bridge in which motors are driven
+_ON = ('aligning', 'ready', 'homing', 'running', 'damping')
 _AT_REST = 0.05  # [rad/s] largest speed of a joint before its motor is switched on
-_BLURRED = 3e-3  # [s] between two frames, above which the position of a pulse is unknown
-_SETTLING = 0.3  # [s] of a stroke before averaging begins
-# Direction and duration [s] of each part of a drive; a stroke of 1 goes to the reach.
+_BLURRED = 3e-3  # [s] longest time between two frames for which the angle of a pulse is known
+_SETTLING = 0.3  # [s] time of a stroke before averaging begins
+# Direction and duration [s] of each part of a drive; direction 1 moves by the reach.
 _STROKE = REACH / SPEED
 _PARTS = (
     (0, _SETTLING),
@@ -211,24 +217,26 @@ _PARTS = (
 
 
 class CommissioningProbe:
-    """Find out how motors, encoders and joints are connected, at low torque and speed.
+    """Measures how motors, encoders and joints are connected, at low torque and speed.
 
     No encoder zero is needed. In the watch phase all motors are off, and the probe counts the
     rotation and the index pulses of each motor. In the drive phase one motor is on and all others
     are off: the motor aligns, then turns its joint by 0.12 rad to either side at 0.15 rad/s.
 
-    A drive always ends with its motor off, even on failure, because damping drives a motor whose
-    encoder has the wrong sign. A drive fails if the client is silent for 1 s, on a board fault, on
-    an emergency stop, and if current, speed or travel exceed their limits.
+    At the end of every drive, also after a failure, the motor is switched off and not damped,
+    because damping would accelerate a motor whose encoder has the wrong sign. A drive fails if
+    the client is silent for 1 s, on a board fault, on an emergency stop, and if current, speed or
+    travel exceed their limits.
 
     Parameters
     ----------
     links, state, references
-        Links to the boards, their measurements, and their references.
+        Links to the boards, measurements of the boards, and motor references.
     loads
         Largest gravity torques of the joints.
     problem
-        Returns why no motor may be switched on, '' if allowed; see `FaultWatch.refusal`.
+        Function that returns why no motor may be switched on, '' if allowed; see
+        `FaultWatch.refusal`.
     """
 
     def __init__(
@@ -257,7 +265,7 @@ class CommissioningProbe:
         self._reduction: list[float] = (1.0 / config.column('gear.ratio')).tolist()
         self._count = _TravelCount(state)
         self._drive = _Drive(0.0)
-        # Reference that was active at the board's measurement [rad], [rad/s].
+        # Reference of the joint that was active when the board measured [rad], [rad/s].
         self._sent = self._next = (0.0, 0.0)
 
     @property
@@ -267,17 +275,17 @@ class CommissioningProbe:
 
     @property
     def refusal(self) -> str:
-        """Reason why no other request may switch on motors, or ''."""
+        """Reason why other requests may not switch motors on, while a drive runs; otherwise ''."""
         name = self._config.joint_names[self._joint]
         return f'{name} is being commissioned: end that procedure first' if self.is_driving else ''
 
     def ask(self, request: ProbeRequest, mode: str) -> ProbeReport:
-        """Process a request and return the answer; call between two cycles.
+        """Process a request and return the report that answers it; call between two cycles.
 
         Parameters
         ----------
         request
-            A request with a known id continues the running one.
+            Request of a client; the id of the running request continues it.
         mode
             Mode of the arm.
         """
@@ -301,7 +309,7 @@ class CommissioningProbe:
             self._phase = 'off'
 
     def drive(self, now: float, stop: str) -> BoardLink | None:
-        """Set the driven motor's reference; return its board's link, None if all motors are off.
+        """Set the reference of the driven motor; return its board's link, or None without a drive.
 
         Parameters
         ----------
@@ -332,7 +340,7 @@ class CommissioningProbe:
         return self._links[joint.board]
 
     def look(self, now: float) -> None:
-        """Process the boards' answers at `now` [s]; call once per cycle."""
+        """Process the last answers of the boards at the time `now` [s]; call once per cycle."""
         self._now = now
         if self._phase == 'watching':
             self._count.look()
@@ -423,7 +431,7 @@ def _board_problem(link: BoardLink) -> str:
 
 
 class _TravelCount:
-    """Rotation of each motor since the start of the count, and angles of its index pulses."""
+    """Rotation of each motor since counting began, and motor angles of its index pulses."""
 
     def __init__(self, state: ArmMeasurements) -> None:
         self._state = state
@@ -470,7 +478,7 @@ class _TravelCount:
 
 
 class _Drive:
-    """References of a motor driven back and forth, and means of its measurements."""
+    """References of a motor that turns its joint back and forth, and means of its measurements."""
 
     def __init__(self, start: float, begin: float = inf) -> None:
         self.start = start
@@ -478,7 +486,7 @@ class _Drive:
         self._sums = {1: [0.0] * 4, -1: [0.0] * 4}
 
     def reference(self, now: float) -> tuple[float, float]:
-        """Return the joint's displacement from its start [rad] and its speed [rad/s]."""
+        """Return the reference: joint displacement from the start [rad] and speed [rad/s]."""
         direction, since, offset = self._part(now)
         return offset + direction * SPEED * since, direction * SPEED
 
@@ -486,7 +494,7 @@ class _Drive:
         return now - self._begin > sum(duration for _, duration in _PARTS)
 
     def add(self, now: float, *values: float) -> None:
-        """Add requested and measured current [A] and speed [rad/s], with the joint's sign."""
+        """Add a sample of the joint's requested and measured current [A] and speed [rad/s]."""
         direction, since, _ = self._part(now)
         if direction and since > _SETTLING:
             sums = self._sums[direction]
@@ -494,14 +502,14 @@ class _Drive:
                 sums[i] += value
 
     def strokes(self) -> tuple[Stroke, ...]:
-        """Return the mean values in the positive and the negative direction."""
+        """Return the mean values of the strokes in positive and in negative direction."""
         return tuple(
             Stroke(*(value / max(count, 1.0) for value in values))
             for count, *values in (self._sums[1], self._sums[-1])
         )
 
     def _part(self, now: float) -> tuple[int, float, float]:
-        """Return direction, time in the present part [s] and its initial displacement [rad]."""
+        """Return direction, elapsed time [s] and initial displacement [rad] of the present part."""
         left, offset = now - self._begin, 0.0
         for direction, duration in _PARTS:
             if left <= duration:

@@ -1,4 +1,4 @@
-"""Detect implausible encoder readings."""
+"""Detection of implausible readings of the motor encoders."""
 
 from collections.abc import Sequence
 from math import copysign, inf, nan
@@ -10,16 +10,18 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.gate.command_intake import Mask
 from aerarm_ros.motion.signals import Array
 
-# A standstill is a fault once the joint must have turned by this angle [rad]: 90 encoder counts.
+# A standstill is a fault once the motor must have turned by this angle [rad], 90 encoder counts.
 _CLEARLY = 5e-3
-_LOOKS_MIN = 3  # consecutive checks without motion; a frame may arrive twice
-# A motor near its limit may not overcome friction, but no load holds it still for so long [s].
+# number of consecutive checks without motion, at least two because a frame may arrive twice
+_LOOKS_MIN = 3
+# A motor at its current limit may not overcome friction, but no load holds it still for longer
+# than this time [s].
 _STRAINED_SHARE = 0.9
 _STRAINED_MAX = 0.1
 # Observer gains that correct the speed [1/s] and the load [1/s^2]; they settle within 10 ms.
 _SPEED_RATE = 200.0
 _LOAD_RATE = 15e3
-_LOOKED = 4e-3  # [s] longer intervals give no larger correction
+_LOOKED = 4e-3  # [s] intervals longer than this give no larger correction
 _COUNTS = 3e-3  # [rad, motor side] two counts: the error of an angle change, ...
 _SHORTEST = 1e-4  # [s] ... and the shortest time that the change can take
 # A load changes by at most twice the joint's largest load per second, as base and arm turn.
@@ -27,23 +29,25 @@ _LOAD_TURNS = 2.0
 
 
 class ExpectedMotion:
-    """Estimate a moving motor's load, and the motion its current must cause at standstill.
+    """Estimates the load of a motor, and the motion that its current must cause at standstill.
 
     The estimate uses no model of the arm's weight. The torque that does not accelerate the motor is
-    its load, which includes any payload and any base orientation. While the angle stands still, the
-    motor's minimum motion is predicted from its current, that load and an upper bound of friction.
-    If the motor must have turned clearly although its angle has not changed by one count, the
-    encoder is wrong or the joint is blocked. The same holds if the full motor current does not
-    change the angle for a given time.
+    its load, which includes any payload and any base orientation. While the measured angle does
+    not change, the motor's minimum motion is predicted from its current, the estimated load and
+    an upper bound of friction. If this motion is large although the angle has not changed by one
+    count, the encoder is wrong or the joint is blocked. This also follows if the full motor
+    current does not change the angle for some time.
 
-    A slow motor changes its angle by one count in some checks and by none in others. Both kinds of
-    checks update the estimate; counts alone would overestimate the speed and bias the load.
+    The angle of a slow motor changes by one count in some checks and not at all in others. Both
+    kinds of checks update the estimate; changes of the angle alone would overestimate the speed
+    and falsify the load.
 
-    In doubt, the estimate assumes rest. An external force may carry a load to which the motor
-    yields, a changing load may explain a changing current, and pauses hide the motion.
+    The estimate assumes rest in three cases: an external force may hold a load to which the motor
+    yields, a changing load may explain a changing current, or the motion was not observed during
+    a pause.
 
-    Quantities are on the motor side. Plain floats are used, because they are faster than arrays for
-    four joints.
+    All quantities refer to the motor side. Plain floats are used, because they are faster than
+    arrays for four joints.
 
     Parameters
     ----------
@@ -83,13 +87,14 @@ class ExpectedMotion:
         self._clearly = _CLEARLY / ratio
         self._load = self._current = self._modelled = nan
         self._speed = self._seen_speed = self._turned = self._stood = self._strained = 0.0
-        # [rad/s] speed at the last change of angle, [A s] impulse since then
+        # [rad/s] speed at the last change of angle, and [A s] time integral of the excess current
+        # since then
         self._moved = self._impulse = 0.0
         self._looks = 0
         self._is_followed = True
 
     def restart(self) -> None:
-        """Reset the estimate: the motor is at rest, and its present current is its load."""
+        """Reset the estimate: assume a motor at rest, whose present current holds its load."""
         self._load = self._current = self._modelled = nan
         self._rest()
 
@@ -102,7 +107,7 @@ class ExpectedMotion:
         friction: float,
         modelled: float = 0.0,
     ) -> bool:
-        """Process a check; return whether the motor must have turned clearly since its last motion.
+        """Process a check; return whether the motor must have turned while its angle stood still.
 
         Parameters
         ----------
@@ -117,8 +122,8 @@ class ExpectedMotion:
         friction
             Current that friction can hold [A].
         modelled
-            Load by the arm's model [A]. Only its changes count, and they only widen the range of
-            possible loads, because the model ignores contacts.
+            Load computed with the arm's model [A]. The model ignores contacts, so only changes of
+            this load are used, to widen the range of possible loads.
         """
         if self._load != self._load:
             self._load, self._modelled = current, modelled
@@ -135,7 +140,7 @@ class ExpectedMotion:
         self._current = current
         drive = abs(current - self._load)
         if self._speed == 0.0 and drive <= friction and abs(current) <= self._strong:
-            # Fast path: most joints are at rest most of the time.
+            # Return early, because most joints are at rest most of the time.
             self._turned = self._strained = 0.0
             self._follow(current, elapsed)
             return False
@@ -148,8 +153,8 @@ class ExpectedMotion:
     def pause(self, change: float, elapsed: float, current: float) -> None:
         """Process a check after a time [s] without known currents; arguments as in `update`.
 
-        The speed is unknown afterwards, but a motor that stood still before and after counts as
-        standing.
+        The motor's speed is unknown after the pause, but a motor that stood still before and
+        after it counts as standing.
         """
         if change != 0.0 or not self._looks:
             self._rest()
@@ -168,7 +173,8 @@ class ExpectedMotion:
         elapsed += self._stood
         seen = change / elapsed
         if not self._is_followed or (self._stood and elapsed > _LOOKED):
-            self._speed = seen  # mean over a longer time than the currents are known for
+            # the angle change is a mean over a longer time than that of the known currents
+            self._speed = seen
         else:
             predicted = self._moved + (impulse - self._load * elapsed) * gain
             wrong = seen - predicted
@@ -186,15 +192,15 @@ class ExpectedMotion:
         seen, way = self._seen_speed, copysign(1.0, self._seen_speed)
         speed = min(abs(seen), max(way * self._speed, 0.0))
         speed -= _COUNTS / max(elapsed, _SHORTEST)
-        # The observed motion gives a mean speed; the braking torque reduced the final speed.
+        # The observed motion gives a mean speed; a braking torque made the final speed lower.
         braked = min(way * (self._current - self._load), 0.0) * gain * 0.5 * elapsed
         self._speed = way * max(speed + braked, 0.0)
         self._seen_speed = self._turned = 0.0
 
     def _lead(self, elapsed: float, current: float, gain: float, friction: float) -> None:
-        """Predict the least motion that the current must cause."""
+        """Predict the smallest motion that the motor current must cause."""
         load, speed = self._load, self._speed
-        # An external force may carry a load to which the motor yields.
+        # An external force may hold a load to which the motor yields.
         carried = min(max(current, min(load, 0.0)), max(load, 0.0))
         drive = current - carried
         if speed != 0.0:
@@ -217,40 +223,42 @@ class ExpectedMotion:
 
 _JUMP_VELOCITY_FACTOR = 2.0
 _JUMP_ALLOWANCE = 0.05  # [rad] motor side, 33 counts
-_JUMPS_MAX = 2  # jumps that may each be a single wrong reading
-# A joint at rest stays there while its torque changes by twice its dry friction; doubled again,
-# because friction is not known well.
+_JUMPS_MAX = 2  # number of jumps that may each be a single wrong reading
+# A joint at rest stays at rest while its torque changes by up to twice its dry friction. The
+# factor is doubled again, because friction is not known well.
 _FRICTION_FACTOR = 4.0
-_LOAD_SHARE = 0.2  # gear friction grows by a tenth of the transmitted torque, in both directions
-# Largest load of a joint at rest relative to the largest gravity load, because base and other
-# joints accelerate (decision 19).
+# gear friction grows with a tenth of the transmitted torque, in both directions of motion
+_LOAD_SHARE = 0.2
+# Largest load of a joint at rest, relative to its largest gravity load; it exceeds 1 because base
+# and other joints accelerate (decision 19).
 _LOAD_FACTOR = 1.5
-# Relative to the speed before a jump: a joint may brake harder, and one count adds speed.
+# Largest speed assumed after a jump, relative to the speed before the jump: the joint may brake
+# harder, and one count adds speed.
 _SPEED_FACTOR = 1.5
 _SPEED_ALLOWANCE = 5.0  # [rad/s]
-_PAUSE = 3e-3  # [s] between two checks: longer gaps hide the current
+_PAUSE = 3e-3  # [s] longest time between two checks for which the current between them is known
 
 
 class EncoderMonitor:
-    """Detect motor angles that jump, or stand still under a torque that must move them.
+    """Detects encoders whose angle jumps, or stands still under a torque that must move the motor.
 
-    A jump is a change faster than twice the joint's velocity limit. A standstill is implausible if
-    the angle does not change by a single count although the torque has changed by more than dry
-    friction can hold. Either the encoder is stuck or the joint is blocked; the bridge cannot
-    distinguish them.
+    A jump is a change faster than twice the joint's velocity limit. A standstill of an angle is
+    implausible if the angle does not change by one count although the torque has changed by more
+    than dry friction can hold. Either the encoder is stuck or the joint is blocked; the bridge
+    cannot distinguish them.
 
     On a drone the load changes with the base motion, and a controller that knows this motion can
     hold the joint without moving it by a count. Effort commands are therefore accepted as load, up
-    to the largest possible load torque. Board feedback is not accepted as load, because it acts
-    only on a difference between reference and angle. For a joint that the bridge brakes, the load
-    follows from the model.
+    to the largest possible load torque. Current from the boards' position feedback is not
+    accepted as load, because a difference between reference and angle causes it. For a joint that
+    the bridge brakes, the load is computed with the model.
 
-    A constant torque also moves a joint: a standstill is also implausible once the joint must have
-    turned clearly; see `ExpectedMotion`.
+    A standstill under a constant torque is also implausible once this torque must have turned the
+    joint; see `ExpectedMotion`.
 
-    One implausible reading stops the arm. Removing the damping of a joint lets it fall, so a second
-    reading must confirm the fault first. If the angle is plausible again, the joint stays damped. A
-    jump appears to the board as a speed, so damping would drive the joint. Between the two readings
+    One implausible reading stops the arm and damps its joints. The damping of the joint itself
+    ends only if a second reading confirms the fault, because a joint without damping falls. The
+    board sees a jump as a speed, so its damping would drive the joint. Between the two readings,
     damping is therefore limited to the speed before the jump.
 
     Parameters
@@ -260,18 +268,18 @@ class EncoderMonitor:
     stall_time
         Tolerated duration of an implausible standstill [s].
     load_max
-        (n,) or one for all: largest gravity torque [Nm], see `largest_gravity_load`. Zero means a
-        constant load.
+        (n,) or one for all: largest gravity torque [Nm], see `largest_gravity_load`. Zero means
+        that the load never changes.
 
     Attributes
     ----------
     trusted
-        (n,) False for motors whose encoder is doubted, until `clear`.
+        (n,) False for motors whose encoder had an implausible reading, until `clear`.
     tells_position
-        (n,) False for motors whose encoder has jumped or stands still implausibly. A motor that
-        moves again was not stuck: a load that changed with its current may have held it still.
+        (n,) False for motors whose encoder has jumped or stands still implausibly. It is True
+        again once the angle changes, because a changing load may have held the motor still.
     damping_speed
-        (n,) speeds [rad/s, motor side] up to which damping may use the encoders: inf for no limit,
+        (n,) largest motor speeds [rad/s] for which a board may damp its motor: inf for no limit,
         0 for no damping.
     """
 
@@ -297,7 +305,7 @@ class EncoderMonitor:
         self._encoders = [_Encoder(*row) for row in rows]
 
     def clear(self) -> None:
-        """Trust every encoder again, at its present angle."""
+        """Trust every encoder again, starting at its present angle."""
         self.trusted[:] = self.tells_position[:] = True
         self.damping_speed[:] = inf
         for encoder in self._encoders:
@@ -305,7 +313,7 @@ class EncoderMonitor:
 
     @property
     def lost(self) -> list[int]:
-        """Numbers of the joints whose count is wrong after a jump or a standstill."""
+        """Return the joints whose encoder count is wrong after a jump or a standstill."""
         return [number for number, encoder in enumerate(self._encoders) if encoder.is_lost]
 
     def check(
@@ -320,7 +328,7 @@ class EncoderMonitor:
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
-        """Check all encoders; return the text of a fault, or ''.
+        """Check all encoders; return the description of a fault, or ''.
 
         Parameters
         ----------
@@ -331,17 +339,18 @@ class EncoderMonitor:
         now
             Time [s].
         feed_forward
-            n, currents commanded as effort [A]; none if not given. Boards answer before they read a
-            command, so this is the effort of the previous cycle.
+            n motor currents commanded as effort in the previous cycle [A] (boards answer before
+            they read a command); by default no effort was commanded.
         braking_noise
-            n, currents caused by encoder quantization in joints that the bridge brakes [A]; 0 for
-            all other joints. By default no joint is braked.
+            n motor currents caused by encoder quantization in joints that the bridge brakes [A];
+            0 for all other joints. By default no joint is braked.
         interval_max
             (n,) longest time in which the angles can have changed since the last check [s]. By
-            default the difference of `now`, which is too small if the host was delayed.
+            default the time between the values of `now`, which is too short if the host was
+            delayed.
         inertias, loads
-            n joint inertias [kg m^2] and n model loads [Nm]; without them the check of expected
-            motion is skipped.
+            n joint inertias [kg m^2] and n loads computed with the model [Nm]; without both,
+            `ExpectedMotion` is not checked.
         """
         n = len(self._encoders)
         given = [0.0] * n if feed_forward is None else feed_forward
@@ -379,25 +388,25 @@ class EncoderMonitor:
 
 
 class _Encoder:
-    """Monitor state of one motor's encoder; quantities are on the motor side."""
+    """State of the monitor for one motor's encoder; all quantities refer to the motor side."""
 
-    # The first check sees a change (from NaN), which initializes everything that `feel` reads.
+    # The first check sees a change from NaN, which initializes all attributes that `feel` reads.
     __slots__ = (
         'anchor',  # [rad] angle before a jump that awaits confirmation, NaN without one
-        'change',  # [rad] since the previous check
+        'change',  # [rad] change of the angle since the previous check
         'doubted_for',  # [s] duration of a standstill that awaits confirmation, NaN without one
-        'elapsed',  # [s] since the previous check
-        'expected',  # estimate of expected motion
+        'elapsed',  # [s] time since the previous check
+        'expected',  # estimate of the motion that the current must cause
         'fastest',  # [rad/s] largest plausible speed
         'held',  # [A] current that dry friction may hold
-        'has_jumped',  # whether the angle jumped and did not come back
+        'has_jumped',  # whether the angle jumped and did not return
         'is_confirmed',
         'is_pause',
         'is_settling',  # whether the last check saw motion
         'jumps',
         'load',  # [A] largest load
         'model_scale',  # [A/Nm]
-        'moving_current',  # [A] at or just after the last change of angle
+        'moving_current',  # [A] motor current at or just after the last change of angle
         'moving_feedback',  # [A] part of that current that was not commanded as effort
         'moving_noise',  # [A] noise of that current, if the joint was braked
         'name',
@@ -429,8 +438,8 @@ class _Encoder:
         self.clear()
 
     def clear(self) -> None:
-        """Trust the encoder again, at its present angle."""
-        self.position = self.anchor = nan  # compares as no change, so no jump
+        """Trust the encoder again, starting at its present angle."""
+        self.position = self.anchor = nan  # NaN, so that the next angle does not count as a jump
         self.stood_at = nan
         self.jumps = 0
         self.has_jumped = self.is_confirmed = False
@@ -438,7 +447,7 @@ class _Encoder:
 
     @property
     def tells_position(self) -> bool:
-        """Whether the joint position is reliable."""
+        """Whether the joint position computed from this encoder is reliable."""
         return not self.jumps and self.stood_at != self.stood_at
 
     @property
@@ -456,7 +465,7 @@ class _Encoder:
         return inf
 
     def look(self, position: float, now: float, interval: float) -> str:
-        """Check an angle [rad] at a time [s]; it changed within at most `interval` [s]."""
+        """Check a motor angle [rad] at a time [s], which changed within at most `interval` [s]."""
         jump = self._jump(position, interval)
         self.change = position - self.position
         self.elapsed, self.is_pause = min(now - self.seen, interval), interval > _PAUSE
@@ -473,7 +482,7 @@ class _Encoder:
         if not change > self.fastest * time + _JUMP_ALLOWANCE:
             if doubted and change > self._slowly(time):
                 self.has_jumped = True
-            is_known = change == change and time > 0.0  # not the first look
+            is_known = change == change and time > 0.0  # not at the first check
             self.speed = change / time if is_known else 0.0
             return ''
         self.jumps += 1
@@ -488,11 +497,11 @@ class _Encoder:
         )
 
     def _slowly(self, time: float) -> float:
-        """Return how far the speed before a jump can move the motor in a time [s]."""
+        """Return the largest motion [rad] in a time [s] at about the speed before a jump."""
         return (_SPEED_FACTOR * self.speed + _SPEED_ALLOWANCE) * time + _JUMP_ALLOWANCE
 
     def feel(self, current: float, commanded: float, noise: float, stall_time: float) -> str:
-        """Check currents [A] at the last angle; return why a standstill is implausible, or ''."""
+        """Check the motor's currents [A]; return why its standstill is implausible, or ''."""
         feedback = current - commanded
         if self.change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
@@ -504,7 +513,8 @@ class _Encoder:
         elif self.is_pause:
             return ''
         elif self.is_settling:
-            # The last check may have included a braking current that vanishes at rest.
+            # The current at the last check may have included a braking current, which vanishes at
+            # rest.
             self.is_settling = False
             if abs(current) < abs(self.moving_current):
                 self.moving_current, self.moving_feedback = current, feedback
@@ -528,7 +538,7 @@ class _Encoder:
         )
 
     def expect(self, current: float, noise: float, inertia: float, load: float) -> str:
-        """Check standstill by inertia [kg m^2] and load [Nm]; return why the joint must move.
+        """Return why inertia [kg m^2] and load [Nm] mean that the joint must have moved, or ''.
 
         Call after `feel` with the same currents [A]; a NaN inertia means unknown.
         """
@@ -553,7 +563,7 @@ class _Encoder:
         )
 
     def _doubt(self) -> None:
-        """Start waiting for the second reading of a standstill."""
+        """Record an implausible standstill, and wait for the second reading."""
         if self.doubted_for != self.doubted_for:
             self.doubted_for = 0.0
             self.stood_at = self.position

@@ -1,4 +1,4 @@
-"""Homing: find the encoders' zeros by their index pulses."""
+"""Homing: search for the encoders' zeros with their index pulses."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from aerarm_ros.hardware.gate.command_intake import CommandBuffer, Mask
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
-# Largest start error of homing, in motor turns, for which the right pulse is identified.
+# Largest error of the motor angle at the start of homing, in motor turns, for which the right
+# pulse is identified.
 REST_SHARE = 1.0 / 3.0
 _TURN = 2.0 * np.pi
 
 
 class EncoderZeros:
-    """Store for each joint whether its zero is known, and the home configuration.
+    """Record of the joints whose encoder zero is known.
 
     An incremental encoder counts from its angle at power-on, so its zero is initially unknown.
     Homing finds the zero by index pulses, one per motor turn. The home configuration, into which
-    the user moves the arm, determines the turn. The zero is lost if the board restarts, the encoder
-    jumps, or the encoder stood still while its joint turned. Then limits and loads are unknown
-    until the arm is homed again.
+    the user moves the arm, determines the number of the turn. The zero is lost if the board
+    restarts, the encoder jumps, or the encoder stood still while its joint turned. Joint angles,
+    and with them limits and loads, are then unknown until the arm is homed again.
 
     An absolute encoder knows its angle after power-on, so the configured zero is valid initially
     and after each restart.
@@ -33,18 +34,18 @@ class EncoderZeros:
     Parameters
     ----------
     encoders
-        Encoder type for boards whose configuration names none; the frame profile provides it.
+        Encoder type of boards whose configuration names none, from the frame profile.
 
     Attributes
     ----------
     rest
         (n,) motor angles of the home configuration [rad].
     absolute
-        n flags: whether each joint has an absolute encoder.
+        n flags, True for a joint with an absolute encoder.
     names
-        n names of the joints.
+        Names of the n joints.
     changes
-        Number of times that a zero became known or unknown.
+        Number of times that the zero of a joint became known or unknown.
     """
 
     def __init__(self, config: ArmConfig, encoders: str = 'incremental') -> None:
@@ -60,17 +61,17 @@ class EncoderZeros:
 
     @property
     def are_lost(self) -> bool:
-        """Whether the zero of a joint is unknown."""
+        """Whether the encoder zero of any joint is unknown."""
         return bool(self._lost)
 
     @property
     def known(self) -> list[bool]:
-        """Whether the zero of each of n joints is known."""
+        """For each of n joints, whether its encoder zero is known."""
         return [joint not in self._lost for joint in range(len(self.names))]
 
     @property
     def unknown(self) -> list[str]:
-        """Names of the joints whose zero is unknown."""
+        """Names of the joints whose encoder zero is unknown."""
         return [self.names[joint] for joint in sorted(self._lost)]
 
     def known_only(self, q: Array) -> Array:
@@ -82,19 +83,19 @@ class EncoderZeros:
         return known
 
     def restarted(self, joints: Iterable[int], reason: str) -> None:
-        """Record that the joints' boards restarted, and read absolute encoders again."""
+        """Record a restart of the joints' boards; only absolute encoders keep their zeros."""
         joints = list(joints)
         self.found(joint for joint in joints if self.absolute[joint])
         self.lose((joint for joint in joints if not self.absolute[joint]), reason)
 
     def lose(self, joints: Iterable[int], reason: str) -> None:
-        """Record that the zeros of joints are unknown from now on; the first reason stays."""
+        """Record that the zeros of joints are unknown from now on; an earlier reason is kept."""
         for joint in joints:
             self.changes += joint not in self._lost
             self._lost.setdefault(joint, reason)
 
     def explain(self, joints: Iterable[int], reason: str) -> None:
-        """Record why unknown zeros are still unknown."""
+        """Record the reason why the zeros of joints are still unknown."""
         self._lost.update((joint, reason) for joint in joints if joint in self._lost)
 
     def found(self, joints: Iterable[int] | None = None) -> None:
@@ -104,7 +105,7 @@ class EncoderZeros:
 
     @property
     def problem(self) -> str:
-        """Names of unknown zeros with the reason and the remedy; '' if all are known."""
+        """Joints with unknown zeros, the reason, and what to do; '' if all zeros are known."""
         if not self._lost:
             return ''
         reasons = dict.fromkeys(self._lost.values())
@@ -114,10 +115,10 @@ class EncoderZeros:
         )
 
     def refusal(self, motor_position: Array) -> str:
-        """Return why an arm at motor angles (n,) [rad] may not be homed where it is, or ''.
+        """Return why the arm may not be homed at its motor angles (n,) [rad], or ''.
 
-        Each joint with a known zero must be at its home configuration; for the other joints only
-        the user can ensure it.
+        Each joint with a known zero must be at its home position. For all other joints the user
+        must ensure this.
         """
         turns = (np.abs(motor_position - self.rest) / _TURN).tolist()
         rows = zip(self.names, turns, self.known, strict=True)
@@ -131,11 +132,11 @@ class EncoderZeros:
         )
 
     def expected(self, motor_position: Array) -> Array:
-        """Return the expected motor angles (n,) [rad]; absolute encoders report their own."""
+        """Return the expected motor angles (n,) [rad]: measured if absolute, otherwise at home."""
         return np.where(self.absolute, motor_position, self.rest)
 
     def vouched(self) -> str:
-        """Return a description of the assumed home configuration."""
+        """Return a description of the home configuration in which the arm is assumed to be."""
         return f'homing assumes that the arm is at its home configuration, {self._posture()}'
 
     def _posture(self) -> str:
@@ -147,54 +148,58 @@ def _in_words(names: Sequence[str], angles: Sequence[float]) -> str:
     return ', '.join(f'{name} {angle:.4g}' for name, angle in rows) + ' rad'
 
 
-# In motor turns: a pulse farther than this from its expected angle belongs to no known turn.
+# [motor turns] A pulse farther than this from its expected angle cannot be assigned to a turn.
 RESIDUAL_MAX = 1.0 / 3.0  # decision 76
 
 _SPEED = 0.25  # [rad/s] joint speed while the zero is unknown
-_RETURN_SPEED, _RETURN_GAIN = 0.3, 15.0  # [rad/s] at the joint, [1/s]
-_RETURNED = 5e-4  # [rad] at the joint
-_REACH = 1.05  # motor turns in which a pulse must come
-_SAME_PULSE = 0.25  # motor turns from the first pulse: the motor passes that pulse again
-_SPACING_ERROR = 0.02  # motor turns by which the distance of two pulses may differ from one
-_BLURRED = 6e-4  # [rad] joint motion between two frames; the pulse lies somewhere within it
-_REPEATS_MAX = 10  # per joint
-# Motor turns that two pulses require: on both sides of the home configuration, or on one side.
+# [rad/s] largest joint speed of the return to home, [1/s] its gain
+_RETURN_SPEED, _RETURN_GAIN = 0.3, 15.0
+_RETURNED = 5e-4  # [rad] joint distance from home at which a return ends
+_REACH = 1.05  # motor turns within which a pulse must come
+# motor turns from the first pulse within which a pulse is the first pulse, passed again
+_SAME_PULSE = 0.25
+# tolerated difference between the distance of two pulses and one turn, in motor turns
+_SPACING_ERROR = 0.02
+_BLURRED = 6e-4  # [rad] largest joint motion between two frames, within which the pulse lies
+_REPEATS_MAX = 10  # number of repetitions per joint
+# Motor turns of free travel that two pulses require: on both sides of the home configuration, or
+# on one side.
 _ROOM_BOTH_SIDES = _REACH + RESIDUAL_MAX
 _ROOM_ONE_SIDE = 2.0 * _REACH + RESIDUAL_MAX
 
 
 class Homing:
-    """Turn every motor slowly to two index pulses, which determine the encoder's zero.
+    """Turns every motor slowly to two index pulses, which determine the zero of its encoder.
 
     An incremental encoder counts from its angle at power-on; its index pulse comes once per motor
-    turn, at a known angle within the turn. The posture determines the turn: the arm must start
-    within a third of a motor turn (about 4 degrees at the joint) of its home configuration. Each
-    motor turns to the nearest expected pulse, and then back to the pulse one turn before it. So no
-    motor leaves its start by more than one turn. A joint whose position limit is too near continues
-    to the next pulse instead. At the end each joint moves to its home configuration, so the arm can
-    be homed again from there.
+    turn, at a known angle within the turn. The number of the turn is known only if every motor
+    starts within a third of a turn (about 4 degrees at the joint) of its home angle. Each motor
+    turns to the nearest expected pulse, and then back to the pulse one turn before it. No motor
+    moves farther than one turn from its start. A joint whose position limit is too near for the
+    return continues to the next pulse instead. At the end each joint moves to its home
+    configuration, so the arm can be homed again from there.
 
     Homing fails if a pulse lies farther than `RESIDUAL_MAX` from its expected angle, or if the two
-    pulses are not one turn apart. A posture that is wrong by two thirds of a turn or more looks
-    like a posture near the next turn; the pulses alone cannot reveal this error.
+    pulses are not one turn apart. Pulses cannot reveal a motor angle that is wrong by two thirds
+    of a turn or more, because it looks like an angle near the next turn.
 
     The boards' own index offset compensation is not used, because a position jump in the running
     control law jerks the motor. The host records the position at the pulse, to within the 1 ms
-    between two frames, and corrects it afterwards. Two pulses passed from opposite sides cancel
-    that delay. If the host was delayed during a pulse, the pulse angle is uncertain, and the motor
-    searches again in the other direction at half the speed. The repetitions end when the speed is
-    so low that the longest delay does not matter. A joint that passes its home configuration during
-    a delay also returns at half the speed. Homing fails if a motor moves by more than a quarter of
-    a turn between two frames.
+    between two frames, and corrects it afterwards. The mean of two pulses passed in opposite
+    directions is free of this error. If the host was delayed during a pulse, the pulse angle is
+    uncertain, and the motor searches again in the other direction at half the speed. The
+    repetitions end at a speed at which even the longest delay does not matter. A joint that
+    passes its home configuration during a delay also returns at half the speed. Homing fails if a
+    motor moves by more than a quarter of a turn between two frames.
 
     Parameters
     ----------
     position
         (n,) motor angles as reported at the start [rad].
     toggles
-        (n,) index bits at the start; each bit flips at a pulse.
+        (n,) index bits of the encoders at the start; each bit flips at an index pulse.
     expected
-        (n,) motor angles at the start, accurate to a third of a turn [rad].
+        (n,) expected motor angles at the start, accurate to a third of a turn [rad].
     pulse_offset
         (n,) or one for all: motor angle of an index pulse modulo one turn [rad], measured at
         commissioning. The configuration's `offset` assumes 0.
@@ -202,11 +207,11 @@ class Homing:
     Attributes
     ----------
     command
-        Present joint command.
+        Present command for all joints.
     fault
         Reason of a failure, or ''.
     doubted
-        Joints whose pulses contradict their known zeros.
+        Numbers of joints whose index pulses contradict their known zeros.
     """
 
     def __init__(
@@ -224,39 +229,42 @@ class Homing:
         self._sign = config.column('sign')
         self._ratio = config.column('gear.ratio')
         self._start = position.copy()
-        # [rad] from this angle a pulse must come within `_REACH`
+        # [rad] motor angle from which the next pulse must come within `_REACH`
         self._reach_from = position.copy()
         self._toggles = toggles.copy()
-        self._shift = expected - position  # from the reported to the expected motor angle
+        # [rad] difference between expected and reported motor angle
+        self._shift = expected - position
         self._offset: Array = np.zeros(config.n) + np.asarray(pulse_offset, np.float64)
         self._side = roomy_side(config) * self._sign
         ahead = (self._offset - expected) / _TURN
         nearest = np.where(ahead >= np.round(ahead), 1.0, -1.0)
         self._direction = np.where(self._side == 0.0, nearest, self._side)
         self._first = np.full(config.n, np.nan)  # reported angle of the first pulse [rad]
-        self._pulse = np.zeros(config.n)  # mean of the two pulses, reduced to the turn of the first
+        # mean angle of the two pulses, shifted to the turn of the first pulse
+        self._pulse = np.zeros(config.n)
         self._home = DriveTrain(config).joint_to_motor_position(np.array(config.rest_position))
         self._found = np.zeros(config.n, dtype=bool)
         self._returned = np.zeros(config.n, dtype=bool)
         self._speed = np.full(config.n, _SPEED)
         self._last = position.copy()
-        self._away = np.full(config.n, np.nan)  # [rad] distance from home of joints that return
+        # [rad] distance from home of the joints that return
+        self._away = np.full(config.n, np.nan)
         self._repeats = 0
 
     @property
     def is_done(self) -> bool:
-        """Whether all zeros are found and all joints are back, or the search has failed."""
+        """Whether homing has ended, by success or by failure."""
         return bool(self._returned.all()) or bool(self.fault)
 
     @property
     def zero(self) -> Array:
-        """(n,) reported angles [rad] at which the motor angles are zero."""
+        """Reported angles (n,) [rad] at which the motor angles are zero."""
         turn, _ = self._turn_and_residual(self._pulse)
         return self._pulse - self._offset - _TURN * turn
 
     @property
     def pulse_offset(self) -> Array:
-        """(n,) motor angles of the detected pulses [rad], 0 to 2 pi, assuming an exact start."""
+        """Motor angles (n,) of the detected pulses, 0 to 2 pi [rad], for an exact start."""
         return (self._pulse + self._shift) % _TURN
 
     def update(self, position: Array, toggles: Mask) -> None:
@@ -272,7 +280,8 @@ class Homing:
         moved = self._ratio * np.abs(position - self._last)
         self._last[:] = position
         self._give_up_after_a_long_hold_up(moved / self._ratio / _TURN)
-        from_first = np.abs(position - self._first) / _TURN  # NaN before the first pulse
+        # comparison is False before the first pulse, because the angle is NaN
+        from_first = np.abs(position - self._first) / _TURN
         flipped = (toggles != self._toggles) & ~self._found
         if flipped.any():
             self._toggles[flipped] = toggles[flipped]
@@ -291,7 +300,8 @@ class Homing:
     def _return_speed(self, position: Array) -> Array:
         """Return the joint speeds (n,) [rad/s] that move joints with known zeros home."""
         away = self._ratio * (self.zero + self._home - position)
-        passed = away * self._away < 0.0  # home position passed while the host was delayed
+        # the joint passed its home position while the host was delayed
+        passed = away * self._away < 0.0
         self._speed[passed] *= 0.5
         self._away = np.where(self._found, away, np.nan)
         self._returned |= self._found & (np.abs(away) < _RETURNED)
@@ -351,7 +361,7 @@ class Homing:
             )
 
     def _give_up_after_a_long_hold_up(self, moved: Array) -> None:
-        """Fail if a motor moved by so many turns (n,) between frames that pulses are ambiguous."""
+        """Fail if a motor moved so many turns (n,) between frames that a pulse is ambiguous."""
         joint = int(np.argmax(moved))
         if moved[joint] > _SAME_PULSE:
             self._fail(
@@ -362,7 +372,8 @@ class Homing:
             )
 
     def _search_again(self, blurred: Mask, position: Array) -> None:
-        self._reach_from[blurred] = position[blurred]  # the delay took the motor past the reach
+        # the motor turned past the reach during a delay of the host
+        self._reach_from[blurred] = position[blurred]
         self._direction[blurred] *= -1.0
         self._speed[blurred] *= 0.5
         self._repeats += 1
@@ -379,7 +390,7 @@ class Homing:
 
 
 def roomy_side(config: ArmConfig) -> Array:
-    """Return the direction in which each joint turns to its pulses, from its position limits.
+    """Return the sides of the home configuration with room for the pulses of each joint.
 
     Returns
     -------
@@ -397,7 +408,7 @@ def roomy_side(config: ArmConfig) -> Array:
 
 
 def motion_in_words(config: ArmConfig) -> str:
-    """Return a description of the homing motion with the largest travel [rad]."""
+    """Return a description of the homing motion for the user, with the largest travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
     one_sided = roomy_side(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'
@@ -408,7 +419,7 @@ def motion_in_words(config: ArmConfig) -> str:
 
 
 def no_room(config: ArmConfig) -> str:
-    """Return why the position limits prevent homing, '' if homing is possible."""
+    """Return why a joint's position limits leave too little room for homing, or ''."""
     tight = np.isnan(roomy_side(config))
     if not tight.any():
         return ''
@@ -423,7 +434,7 @@ def no_room(config: ArmConfig) -> str:
 
 
 class ZeroSearch:
-    """Start `Homing` immediately or when the motors are aligned, and run it.
+    """Starts `Homing`, immediately or when the motors are aligned, and updates it in each cycle.
 
     Parameters
     ----------
@@ -457,7 +468,7 @@ class ZeroSearch:
         return self._waits or self._homing is not None
 
     def begin(self, expected: Array) -> Homing:
-        """Start now, with motor angles (n,) [rad] accurate to a third of a turn."""
+        """Start homing now, with motor angles (n,) [rad] that are accurate to a third of a turn."""
         state = self._state
         homing = Homing(
             self._config,
@@ -470,15 +481,15 @@ class ZeroSearch:
         return homing
 
     def wait(self) -> None:
-        """Start at the next update, from zeros that are known to a third of a motor turn."""
+        """Start homing at the next update; zeros must be known to a third of a motor turn."""
         self._waits = True
 
     def end(self) -> None:
-        """Stop the search."""
+        """Stop the search for the zeros."""
         self._homing, self._waits = None, False
 
     def update(self) -> Homing:
-        """Process the last measurements of aligned motors; return the running homing."""
+        """Process the last measurements of aligned motors; return the `Homing` that runs."""
         state = self._state
         homing = self._homing or self.begin(state.motor_position)
         homing.update(state.reported_position, state.index_toggle)

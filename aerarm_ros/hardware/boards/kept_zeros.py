@@ -1,4 +1,4 @@
-"""Encoder zeros that survive a restart of the bridge, and checks that they are still valid."""
+"""Storage of encoder zeros over a restart of the bridge, and checks that they are still valid."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD
 from aerarm_ros.hardware.heat_watch import KeptHeat
 from aerarm_ros.motion.signals import Array
 
-if TYPE_CHECKING:  # import cycle
+if TYPE_CHECKING:  # imported only for annotations, because of an import cycle
     from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 
 # Longest time without an answer [s] after which a board's clock, which wraps every 65.5 s, still
 # proves that the board stayed on.
-AWAY_MAX = 60.0  # decision 74, as for all following values
-# Largest clock difference of board and host: a tick, a frame's age, a host delay [s],
+AWAY_MAX = 60.0  # see decision 74, also for the following values
+# Largest difference of board clock and host clock [s] (a tick, a frame's age, a host delay), ...
 _TICKS = 0.01
-_DRIFT = 5e-4  # ... relative to the elapsed time; crystals are five times better
+_DRIFT = 5e-4  # ... plus this fraction of the elapsed time; quartz crystals are five times better.
 # Largest speed of a falling joint with its motor off, relative to its speed limit, ...
 _FALL_FACTOR = 2.5
 _TURNED = 0.02  # [rad] ... plus this tolerance
@@ -41,22 +41,22 @@ _STOPS = 0.35
 _PULSE = 0.05
 _SAME_PULSE = 1e-6  # [rad]
 _TURN = 2.0 * pi
-_SUSPENDED = 0.05  # [s] by which readings of the two clocks differ between calls
-LONGEST = 65536  # characters of a file that may be read
+_SUSPENDED = 0.05  # [s] largest time between reading the two clocks of the host
+LONGEST = 65536  # largest number of characters of a file that is read
 
 
 class KeptZerosError(ValueError):
-    """Kept encoder zeros that cannot be used; the message gives the reason."""
+    """Stored encoder zeros that cannot be used; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class KeptJoint:
-    """Joint with a known zero: motor angles [rad] and index bits.
+    """Stored state of a joint with a known encoder zero.
 
     Attributes
     ----------
     zero, position
-        Reported angle at motor angle zero, and last reported angle.
+        Reported motor angle at motor angle zero, and last reported motor angle [rad].
     pulse_offset
         Motor angle of the index pulse used to find the zero, see `Homing`.
     """
@@ -71,7 +71,7 @@ class KeptJoint:
 
 @dataclass(frozen=True)
 class KeptBoard:
-    """Last answer of a board: host time [s, monotonic], board time [s] and error."""
+    """Stored last answer of a board: host time [s, monotonic], board time [s] and error code."""
 
     name: str
     time: float
@@ -99,7 +99,7 @@ class HostClock:
 
 @dataclass(frozen=True)
 class KeptZeros:
-    """Stored state of a bridge: arm, clock, boards with encoders, and motor temperatures."""
+    """Stored state of a bridge: arm, host clock, encoder zeros by board, and motor temperatures."""
 
     arm: str
     host: HostClock
@@ -107,12 +107,12 @@ class KeptZeros:
     heat: KeptHeat | None = None
 
     def text(self) -> str:
-        """Return the zeros as file content with a digest."""
+        """Return the stored state as file content with a digest."""
         return sealed(json.dumps(self, default=vars))
 
     @staticmethod
     def parse(text: str) -> KeptZeros:
-        """Parse file content; raises KeptZerosError if it is incomplete."""
+        """Parse file content; raises KeptZerosError if the content is incomplete or changed."""
         try:
             if len(text) > LONGEST:
                 raise ValueError
@@ -146,7 +146,7 @@ class KeptZeros:
             raise KeptZerosError('is incomplete or was written by another program') from None
 
     def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
-        """Return itself; raises KeptZerosError for another arm, host start or time.
+        """Return this state; raises KeptZerosError if it is from another arm or host start.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class KeptZeros:
 
 
 def sealed(kept: str) -> str:
-    """Return a text with its digest, by which `KeptZeros.parse` detects changes."""
+    """Return a text preceded by its digest, with which `KeptZeros.parse` detects changes."""
     return json.dumps({'sha256': hashlib.sha256(kept.encode()).hexdigest(), 'kept': kept})
 
 
@@ -189,23 +189,24 @@ def arm_identity(config: ArmConfig) -> str:
 
 
 class ZeroRecall:
-    """Accept a board's kept zeros at its first answer, if its clock and counts are consistent.
+    """Decides at a board's first answer whether its stored encoder zeros are still valid.
 
-    The flag `index detected` alone is no evidence, because it stays set. Board time and host time
-    must agree. Errors that last until a power cycle and detected index pulses must still be
-    reported. Each count must be reachable by the unpowered joint within its stops. Each index bit
-    must have flipped once per pulse in between.
+    The board's flag `index detected` alone is not sufficient, because it stays set. The times
+    elapsed on the board's clock and on the host clock must agree. The board must still report
+    detected index pulses, and errors that last until a power cycle. The unpowered joint must have
+    been able to move to each reported angle within its mechanical stops. Each index bit must have
+    flipped once per pulse between the stored angle and the reported angle.
 
     Parameters
     ----------
     zeros
-        State of the zeros; reasons against the kept ones are recorded there.
+        State of the zeros, in which the reasons for rejecting stored zeros are recorded.
     links
         Links to the arm's boards.
     zero
         (n,) reported angles [rad] at motor angle zero; accepted zeros are written into it.
     kept
-        Kept zeros, or the reason why they cannot be used; None without any.
+        Stored state, or the reason why it cannot be used; None without stored state.
     pulse_offset
         (n,) or one for all: motor angles of the index pulses modulo one turn [rad].
 
@@ -237,11 +238,11 @@ class ZeroRecall:
 
     @property
     def is_on(self) -> bool:
-        """Whether a board with kept zeros has not answered yet."""
+        """Whether a board with stored zeros has not answered yet."""
         return bool(self._waiting)
 
     def look(self) -> bool:
-        """Judge the connected boards; return whether a zero has changed."""
+        """Check the stored zeros of newly connected boards; return whether a zero has changed."""
         changed = False
         for link in self._links:
             board = self._waiting.get(link.monitor.name)
@@ -262,7 +263,7 @@ class ZeroRecall:
         return changed
 
     def take_pulse_offset(self, pulse_offset: ArrayLike, motors_are_off: bool) -> str:
-        """Set new motor angles of the index pulses, n or one for all [rad].
+        """Set new motor angles of the index pulses [rad], n angles or one for all motors.
 
         The zeros of joints homed with different angles become unknown. Returns why the old angles
         stay, or ''.
@@ -279,7 +280,7 @@ class ZeroRecall:
         return ''
 
     def keep(self, arm: str, host: HostClock) -> KeptZeros | None:
-        """Return the zeros to store; None while kept zeros are not judged yet."""
+        """Return the state to store; None while stored zeros have not been checked yet."""
         if self._waiting:
             return None
         zero = self._zero.tolist()
@@ -288,7 +289,7 @@ class ZeroRecall:
         return KeptZeros(arm, host, tuple(board for board in boards if board is not None))
 
     def _problem(self, board: KeptBoard, link: BoardLink) -> str:
-        """Return why a board's kept zeros cannot be used, or ''."""
+        """Return why the stored zeros of a board cannot be used, or ''."""
         state, away = link.state, link.answered_at - board.time
         if away < 0.0:
             return 'answered before its zero was stored'
@@ -316,7 +317,7 @@ class ZeroRecall:
     def _went_on(
         self, number: int, kept: KeptJoint, position: float, toggled: bool, away: float
     ) -> bool:
-        """Return whether a joint can have moved from its kept angle to a reported angle [rad]."""
+        """Return whether a joint can have moved from its stored angle to a reported angle [rad]."""
         joint = self._config.joints[number]
         before, after = kept.position - kept.zero, position - kept.zero
         q = joint.sign * joint.gear.ratio * after + joint.offset
@@ -339,7 +340,7 @@ def _from_pulse(angle: float) -> float:
 def _to_keep(
     link: BoardLink, zeros: EncoderZeros, zero: Sequence[float], pulses: Sequence[float]
 ) -> KeptBoard | None:
-    """Return the storable state of a board's known zeros at its last answer."""
+    """Return the known zeros of a board at its last answer, in the form to store."""
     state, known = link.state, zeros.known
     joints = tuple(
         KeptJoint(
@@ -359,7 +360,7 @@ def _to_keep(
 
 
 def _heat(entry: dict[str, Any] | None) -> KeptHeat | None:
-    if entry is None:  # written by a bridge that stored no temperatures
+    if entry is None:  # the file was written by a bridge that stored no temperatures
         return None
     rows = [tuple(map(_number, entry[key])) for key in ('windings', 'housings')]
     return KeptHeat(_number(entry['time']), *rows)
@@ -391,11 +392,11 @@ def _text(path: Path) -> str:
 
 
 class ZeroFile:
-    """Write the known zeros once per second, and immediately when one is found or lost.
+    """Writes the known zeros to a file once per second, and immediately when one is found or lost.
 
-    The cycle's thread formats the text in its idle time and another thread writes it, so no disk
-    access delays a cycle. The file is not synchronized to disk, because a restart of the host
-    invalidates it.
+    The thread of the bridge cycle formats the text in its idle time, and another thread writes
+    it, so the disk cannot delay a cycle. The file is not synchronized to disk, because a restart
+    of the host invalidates it.
 
     Parameters
     ----------
@@ -405,7 +406,7 @@ class ZeroFile:
     Attributes
     ----------
     problem
-        Why the file cannot be written, or ''.
+        Reason why the file cannot be written, or ''.
     """
 
     def __init__(self, path: Path | None, config: ArmConfig) -> None:
@@ -422,7 +423,7 @@ class ZeroFile:
         self._thread: threading.Thread | None = None
 
     def read(self, now: float) -> KeptZeros | str | None:
-        """Return the kept zeros, the reason why they are unusable, or None if there is no file.
+        """Return the stored state, or the reason why it cannot be used, or None without a file.
 
         Parameters
         ----------
@@ -443,7 +444,7 @@ class ZeroFile:
             return f'the state file {self._path} cannot be used, because it {reason}'
 
     def update(self, cycle: BridgeCycle, now: float) -> None:
-        """Write the cycle's zeros if they have changed or writing is due at `now` [s]."""
+        """Write the bridge's zeros at `now` [s] if they have changed or a second has passed."""
         if self._host is None or (now < self._due and cycle.zeros.changes == self._changes):
             return
         kept = cycle.recall.keep(self._arm, self._host)

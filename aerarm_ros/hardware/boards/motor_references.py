@@ -14,14 +14,16 @@ from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
-# references; a board continues alone for at most 0.255 s, and a cycle lasts at least 0.5 ms
+# number of stored references; without frames a board continues for at most 0.255 s, and a cycle
+# lasts at least 0.5 ms
 _SENT_KEPT = 512
 
 
 class MotorReference:
     """Reference and gains of one motor for the board's control law (4.4).
 
-    Plain floats are used, because they are faster than arrays for four joints; NaN means unused.
+    NaN means an unused value. Plain floats are used, because they are faster than arrays for four
+    joints.
 
     Parameters
     ----------
@@ -43,13 +45,14 @@ class MotorReference:
     position, velocity, current, kp, kd, integral_gain
         As in `BoardCommand`: [rad], [rad/s], [A], [A/rad], [A s/rad], [A/(rad s)].
     believed
-        Current that a load explains without motion [A]: the commanded effort, or the load of a
+        Current that may hold a load without moving it [A]: the commanded effort, or the load of a
         braked joint.
     noise
         Current that encoder quantization causes in a braked joint [A]; 0 if the joint is not
         braked.
     current_max
-        Largest motor current, a further limit in addition to that of the board [A].
+        Largest motor current that a reference may request [A], in addition to the board's current
+        limit.
     effort_limit
         Largest joint torque that a reference may request [Nm]; braking may use the full
         `effort_max`.
@@ -59,7 +62,7 @@ class MotorReference:
         Estimated contribution of the board's integral term to the current [A], from references and
         measured angles; 0 without integral gain.
     joint_position
-        Position reference at the joint [rad], NaN if there is none.
+        Position reference at the joint [rad], NaN without a position reference.
     """
 
     __slots__ = (
@@ -128,7 +131,7 @@ class MotorReference:
         self._reach = reach
 
     def set_zero(self, zero: float) -> None:
-        """Change `zero` [rad] without moving the motor; the joint angle changes instead."""
+        """Change `zero` [rad]; the motor stays where it is, so the joint angle changes."""
         self.joint_position += (self.zero - zero) / self._slope
         self.zero = zero
 
@@ -142,22 +145,22 @@ class MotorReference:
         self._integrates = False
 
     def damp(self, speed_max: float = inf) -> None:
-        """Brake the joint to rest, with at most the current for a motor speed [rad/s]."""
+        """Brake the joint to rest, with at most the damping current of a motor speed [rad/s]."""
         self.release()
         self.kd = self._board_kd
         if speed_max < inf:
             self.current_max = self.kd * speed_max
 
     def torque(self, q: float, dq: float) -> float:
-        """Return the joint torque [Nm] of the board's law for a joint at q [rad], dq [rad/s]."""
+        """Return the joint torque [Nm] that the board's law requests at q [rad], dq [rad/s]."""
         return self._limited(self._law(self._reference(), q, dq))
 
     def note_sent(self) -> None:
-        """Record the references that a frame carries to the board."""
+        """Store the reference that the frame of this cycle carries to the board."""
         self._sent.append(self._reference())
 
     def kept_torque(self, q: float, dq: float, unconfirmed: int) -> float:
-        """Return the joint torque [Nm] if the last commands do not arrive.
+        """Return the joint torque [Nm] that the board requests if the last commands were lost.
 
         The board then keeps the command that is `unconfirmed` commands older than the last.
         """
@@ -165,16 +168,17 @@ class MotorReference:
         return self._limited(self._law(sent[-1 - min(unconfirmed, len(sent) - 1)], q, dq))
 
     def wind_up(self, q: float, duration: float) -> None:
-        """Update the estimated board integral over a time [s] with mean joint angle q [rad]."""
+        """Update the estimated integral term over a time [s] at mean joint angle q [rad]."""
         if self.integral_gain:
             most = abs(self._current_per_effort) * self._effort_max
             wound = self.integral + self.integral_gain * self._error(q) * duration
             self.integral = min(max(wound, -most), most)
 
     def track(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Follow a limited joint reference [rad], [rad/s], [Nm]; NaN where unused.
+        """Set the motor's references from limited joint references [rad], [rad/s], [Nm].
 
-        The joint is at q [rad], `dt` is the time since the last call [s].
+        References are NaN where unused. The joint is at q [rad], and `dt` is the time since the
+        last call [s].
         """
         stiff = position == position or velocity == velocity
         speed = velocity if velocity == velocity else 0.0
@@ -186,7 +190,9 @@ class MotorReference:
         elif stiff:
             reference = self._integrated(speed * dt, q)
         else:
-            reference = q  # no stiffness, but a value that any frame can represent
+            # the position has no effect without stiffness, but any frame must be able to
+            # represent it
+            reference = q
         self.joint_position = reference if stiff else nan
         self.kp = self._board_kp if stiff else 0.0
         self.kd = self._board_kd if stiff else 0.0
@@ -198,15 +204,17 @@ class MotorReference:
         self.believed, self.noise = self.current, 0.0
 
     def keep_within(self, barrier: JointBarrier) -> bool:
-        """Brake the joint if the references request more torque than a barrier allows.
+        """Brake the joint if the references request more torque than its barrier allows.
 
-        A pure torque reference that is allowed now, but too large if the host were delayed, gets
-        damping about the joint speed expected at the next frame. The same applies to other
-        references whose stiffness would make the joint too fast by then.
+        A pure torque reference may be allowed for one cycle, but make the joint too fast if the
+        host is delayed. Such a reference gets additional damping about the joint speed expected
+        at the next frame. Other references get the same damping if their stiffness would make the
+        joint too fast during such a delay.
 
-        Otherwise the barrier's torque replaces the reference, expressed as a speed that the board
-        damps to. This form needs no feed-forward current, and while the frame is held, the joint's
-        own speed reduces the torque.
+        If the requested torque exceeds the barrier's bounds, the nearest bound replaces the
+        reference. It is sent as a damping gain with a reference speed, so it needs no
+        feed-forward current, and the torque falls as the joint accelerates while the frame is
+        held.
 
         Returns
         -------
@@ -222,17 +230,20 @@ class MotorReference:
                 self.kd = gap
                 self.velocity = self._slope * barrier.mean_filtered(asked) if gap else 0.0
             elif gap:
-                # The torque falls as the joint accelerates, as under the original law.
+                # The torque falls as the joint accelerates, as it would with the original
+                # reference.
                 self.kp = self.integral_gain = self.current = 0.0
                 self.kd = max(gap, self.kd)
                 self.velocity = self._slope * dq + asked * self._current_per_effort / self.kd
             return False
         allowed = barrier.highest if asked > barrier.highest else barrier.lowest
-        if self._most < self._effort_max:  # a reduced torque is no reason to exceed a limit
+        # `effort_limit` may be below the barrier's torque, but a joint must not exceed a position
+        # or speed limit
+        if self._most < self._effort_max:
             self._most, self.current_max = self._effort_max, inf
         torque = self._limited(allowed)
         if self._integrates and self.kp > 0.0:
-            # The integral of a velocity reference must not wind up.
+            # The integral of a velocity reference must not grow while the joint is braked.
             excess = (asked - torque) * self._current_per_effort / (self.kp * self._slope)
             self.joint_position -= excess
         self.kp = self.kd = self.integral_gain = self.current = 0.0
@@ -246,7 +257,7 @@ class MotorReference:
         return True
 
     def _gap_kd(self, barrier: JointBarrier, torque: float, law: float) -> float:
-        """Return the board's damping [A s/rad] for a torque [Nm] while the host is delayed."""
+        """Return the damping gain [A s/rad] of a torque [Nm] in case the host is delayed."""
         per_gain = self._per_gain
         damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
         return min(damping / per_gain, self._kd_max)
@@ -258,7 +269,7 @@ class MotorReference:
     def _law(
         self, reference: tuple[float, float, float, float, float, float], q: float, dq: float
     ) -> float:
-        """Return the joint torque [Nm] of the board's law under a reference, without limits."""
+        """Return the joint torque [Nm] of the board's law for a reference, without limits."""
         position, velocity, current, kp, kd, integral_gain = reference
         error = position - self.zero - self._slope * q - self._intercept
         current += kp * error + kd * (velocity - self._slope * dq)
@@ -273,11 +284,11 @@ class MotorReference:
         return -most if torque < -most else torque
 
     def _error(self, q: float) -> float:
-        """Return the motor's distance from its reference [rad] with the joint at q [rad]."""
+        """Return motor reference minus motor angle [rad], with the joint at q [rad]."""
         return self.position - self.zero - self._slope * q - self._intercept
 
     def _integrated(self, step: float, q: float) -> float:
-        """Return the last reference advanced by a step [rad], within reach and limits."""
+        """Return the last position reference advanced by a step [rad], within reach and limits."""
         last = self.joint_position
         wanted = (last if last == last else q) + step
         least, most = q - self._reach, q + self._reach
@@ -286,26 +297,26 @@ class MotorReference:
 
 
 class MotorReferences:
-    """References and gains of the n motors, in the joints' order.
+    """References and gains of the n motors, in the order of the joints.
 
     If a joint is commanded by velocity only, the velocity is integrated into a position reference.
-    With it the boards' proportional and derivative gains act as the integral and proportional gains
-    of the PI velocity loop, thesis (4.5). The integrated reference stays within the position limits
-    and so close to the measured position that its torque does not exceed the joint's effort limit
-    (anti-windup).
+    The proportional and derivative gains of the boards then act as the integral and proportional
+    gains of the PI velocity loop, thesis (4.5). The integrated reference stays within the
+    position limits and so close to the measured position that its torque does not exceed the
+    joint's effort limit (anti-windup).
 
     Parameters
     ----------
     config
         Configuration with gains, limits and drive train.
     profile
-        Frame layout, which determines the representable gains.
+        Frame layout, which determines the gains that a frame can represent.
     reach_max
         Largest distance of an integrated reference from the measured angle [rad].
 
     damping_min
-        (n,) or one for all: least damping that kd may give a joint [Nms/rad], so that a stopped arm
-        does not fall; see `JointLoads`.
+        (n,) or one for all: smallest joint damping that the gain kd may cause [Nms/rad], so that
+        a stopped arm does not fall; see `JointLoads`.
 
     Raises
     ------
@@ -351,7 +362,7 @@ class MotorReferences:
 
     @property
     def gains(self) -> list[tuple[float, float]]:
-        """Kp and Kd of the boards at present, n pairs, motor side [A/rad], [A s/rad].
+        """Present gains Kp and Kd of the boards, n pairs, motor side [A/rad], [A s/rad].
 
         Both gains are zero while the joint is controlled by torque.
         """
@@ -359,17 +370,17 @@ class MotorReferences:
 
     @property
     def integrates(self) -> bool:
-        """Whether the boards' integral terms are active."""
+        """Whether a board's integral term is active."""
         return any(motor.integral_gain for motor in self.motors)
 
     @property
     def feed_forward(self) -> list[float]:
-        """N motor currents [A] commanded as effort, or of a braked joint's load."""
+        """Motor currents, n [A], commanded as effort or for the load of a braked joint."""
         return [motor.believed for motor in self.motors]
 
     @property
     def braking_noise(self) -> list[float]:
-        """N currents that quantization causes in braked joints [A]; 0 for all others."""
+        """Motor currents, n [A], that quantization causes in braked joints; 0 for others."""
         return [motor.noise for motor in self.motors]
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
@@ -387,10 +398,10 @@ class MotorReferences:
     def check_gains(
         self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0
     ) -> list[Array]:
-        """Return the three gains as (n,); raises ValueError where `set_gains` would."""
+        """Return the three gains as (n,) arrays; raises ValueError if `set_gains` would."""
         named = zip(('kp', 'kd', 'integral_gain'), (kp, kd, integral_gain), strict=True)
         gains = [self._checked(name, gain) for name, gain in named]
-        # The value as rounded by the frame counts, because a field may be coarse.
+        # The gain is checked as rounded by the frame, because a frame field may be coarse.
         count = self._profile.command.count_of('kd')
         damping = np.round(gains[1] / count) * count
         for name, given, least in zip(
@@ -404,7 +415,7 @@ class MotorReferences:
         return gains
 
     def set_zero(self, zero: Array) -> None:
-        """Change `zero` (n,) [rad] without moving the motors; the joint angles change instead."""
+        """Change `zero` (n,) [rad]; the motors stay where they are, so the joint angles change."""
         self.zero[:] = zero
         for motor, angle in zip(self.motors, zero.tolist(), strict=True):
             motor.set_zero(angle)
@@ -416,30 +427,30 @@ class MotorReferences:
             motor.integral = 0.0
 
     def wind_up(self, q: Array, duration: float) -> None:
-        """Update the estimated board integrals over a time [s], with mean joint angles q (n,)."""
+        """Update the estimated integral terms, for a time [s] at mean joint angles q (n,) [rad]."""
         for motor, angle in zip(self.motors, q.tolist(), strict=True):
             motor.wind_up(angle, duration)
 
     def torques(self, q: Array, dq: Array) -> Array:
-        """Return the torques (n,) [Nm] of the boards' laws for joints at q, dq (n,)."""
+        """Return the joint torques (n,) [Nm] that the boards' laws request at q, dq (n,)."""
         rows = zip(self.motors, q.tolist(), dq.tolist(), strict=True)
         return np.array([motor.torque(angle, speed) for motor, angle, speed in rows])
 
     def note_sent(self) -> None:
-        """Record the references of this cycle's frames."""
+        """Store the references that the frames of this cycle carry to the boards."""
         for motor in self.motors:
             motor.note_sent()
 
     def kept_torques(self, q: Array, dq: Array, unconfirmed: Sequence[int]) -> list[float]:
-        """Return the torques, n [Nm], of boards that continue with an older command.
+        """Return the n joint torques [Nm] that boards request if they still use an older command.
 
         Parameters
         ----------
         q, dq
-            (n,) joints [rad], [rad/s].
+            (n,) joint positions [rad] and velocities [rad/s].
         unconfirmed
-            n counts of commands since the command that the board had used at its last answer; 0 for
-            a board that loses no command, whose torque is NaN.
+            n numbers of commands sent after the command that the board had used at its last
+            answer. For a board that loses no command the number is 0, and the torque NaN.
         """
         if not any(unconfirmed):
             return [nan] * len(self.motors)
@@ -455,7 +466,7 @@ class MotorReferences:
         Parameters
         ----------
         trusted
-            (n,) False for joints whose encoder is doubted; these joints have no barrier.
+            (n,) False for joints with an implausible encoder reading, which have no barrier.
 
         Returns
         -------
@@ -467,7 +478,7 @@ class MotorReferences:
         return True in braked
 
     def damp(self, speed_max: Array) -> None:
-        """Damp the joints to rest, with at most the currents for (n,) motor speeds [rad/s].
+        """Damp the joints to rest, with at most the damping currents of (n,) motor speeds [rad/s].
 
         A joint with speed 0, because its encoder is unreliable, gets no current.
         """

@@ -1,5 +1,6 @@
-"""Emulated motor boards that drive a simulated arm.
+"""Emulated motor boards, whose motors drive a simulated arm.
 
 The boards receive the bridge's frames and answer with frames like real boards; their motors drive
-the arm of a physics engine. `make_emulated_transport` creates them. Faults can be injected.
+the arm of a physics engine. `make_emulated_transport` creates them. Faults of boards and encoders
+can be injected.
 """

@@ -29,15 +29,16 @@ class BoardFaults:
     bit_error_rate
         Fraction of frames, in each direction, in which one to three bits flip.
     lost_frame_rate
-        Fraction of exchanges that the board misses: it reads nothing, and the line stays low.
+        Fraction of exchanges that the board misses: it reads no frame, and its answer consists of
+        zeros.
     lost_command_rate
         Fraction of commands that do not reach the board although its answers reach the host.
     dead
-        No supply: the line stays low and the motors are free.
+        The board has no supply: its answers consist of zeros, and its motors give no torque.
     deaf
-        The board sends but receives nothing, so its time-out expires.
+        The board answers but receives no commands, so its time-out expires.
     mute
-        The board receives commands, but its line to the host stays low.
+        The board receives commands, but its answers consist of zeros.
     answer_bytes
         Number of bytes of an answer that reach the host.
     exchange_time
@@ -60,22 +61,24 @@ def _of_both(value: float) -> list[float]:
 
 @dataclass(slots=True)
 class BoardWiring:
-    """Wiring and assembly errors of one board and its two motors; none by default.
+    """Wiring and assembly errors of one board and its two motors; without errors by default.
 
     A power cycle does not remove these errors. Lists have one entry per channel.
 
     Attributes
     ----------
     swapped
-        Whether the two motors, with their encoders, are plugged into each other's channel.
+        Whether each of the two motors, with its encoder, is connected to the channel of the other
+        motor.
     direction
         -1 for a motor that turns its joint against the configuration's sign, otherwise 1.
     reduction
         Motor turns per joint turn; 0 for the configured gear ratio.
     delivery
-        Fraction of the requested current that the driver delivers; the measured current is correct.
+        Delivered current as a fraction of the requested current; the current is measured
+        correctly.
     friction
-        Factor of the dry friction of the joint that the motor drives.
+        Factor by which the dry friction of the driven joint is multiplied.
     """
 
     swapped: bool = False
@@ -85,19 +88,19 @@ class BoardWiring:
     friction: list[float] = field(default_factory=lambda: _of_both(1.0))
 
 
-_RESISTANCE = 0.05  # [ohm] battery and leads
+_RESISTANCE = 0.05  # [ohm] resistance of battery and leads
 _VOLTAGE = 24.0  # [V]
 
 
 class EmulatedSupply:
-    """Battery with lead resistance, or board capacitors on a supply that cannot sink current.
+    """Emulated supply of a board: a battery with leads, or a supply that cannot absorb current.
 
     Attributes
     ----------
     source
         Open-circuit voltage [V].
     capacitance
-        Board capacitance [F] if the supply cannot sink current; 0 for a battery.
+        Capacitance of the board [F] if the supply cannot absorb current; 0 for a battery.
     voltage
         Voltage at the board [V].
     """
@@ -107,7 +110,7 @@ class EmulatedSupply:
         self.capacitance = 0.0
 
     def step(self, power: float, duration: float) -> None:
-        """Advance by a duration [s] with the power [W] drawn by the motors."""
+        """Compute the voltage after a duration [s] in which the motors draw a power [W]."""
         loaded = self.source - _RESISTANCE * power / self.source
         if not self.capacitance or power > 0.0 and self.voltage <= self.source:
             self.voltage = loaded
@@ -124,14 +127,14 @@ ROLLOVER_ERROR = 5
 DRIVER_ERROR = 7
 
 _ROLLOVER = 128.0 * 2.0 * np.pi  # [rad] end of the position field's range
-_CURRENT_NOISE = 0.02  # [A] standard deviation
+_CURRENT_NOISE = 0.02  # [A] standard deviation of the current measurement
 _NOISE_LENGTH = 8192
 _LINE_LOW = bytes(FRAME_BYTES)
 _SLOW_STEPS = 8  # sub-steps between two updates of heat and supply
 
 
 class EmulatedBoard:
-    """Emulate the firmware of a frame profile at its SPI interface.
+    """Board with the behaviour of the real firmware at its SPI interface.
 
     The transport advances the motors by `step` together with the plant; frames pass through
     `exchange` at any time in between. An error switches the motors off. With
@@ -156,7 +159,7 @@ class EmulatedBoard:
     absolute
         Whether the encoders of the two motors are absolute.
     pulse_offsets
-        True angles [rad] of the two motors at an index pulse, modulo one turn.
+        True angles [rad] of the two motors at their index pulses, modulo one turn.
 
     Attributes
     ----------
@@ -213,10 +216,10 @@ class EmulatedBoard:
 
     @property
     def has_let_go(self) -> bool:
-        """Whether all motors are without torque until the next command.
+        """Whether both motors give no torque until the next command arrives.
 
-        True if the board is switched off, or its time-out has expired after a command of zero
-        current, which is not an error.
+        This is the case if the board is switched off, or if its time-out has expired after a
+        command of zero current (which is not an error of the board).
         """
         is_silent = 0.0 < self._command.timeout < self._silence
         return not self.system_enabled or (is_silent and not self._is_driving())
@@ -236,7 +239,7 @@ class EmulatedBoard:
         return self._with_bit_errors(answer)[: faults.answer_bytes]
 
     def prepare(self) -> None:
-        """Prepare the frame of the next exchange, as the firmware does after each control loop."""
+        """Prepare the answer of the next exchange, as the firmware does after each control loop."""
         self._prepared = self._sensor_frame()
 
     def step(self, angle_1: float, angle_2: float) -> None:
@@ -255,7 +258,7 @@ class EmulatedBoard:
         self._check()
 
     def _warm(self) -> None:
-        """Update heat and supply for the sub-steps since the last update."""
+        """Update motor temperatures and supply voltage for the sub-steps since the last update."""
         duration = self._steps * self._substep
         power = 0.0
         for i, motor in enumerate(self.motors):
@@ -268,7 +271,7 @@ class EmulatedBoard:
         self._steps = 0
 
     def raise_error(self, code: int) -> None:
-        """Stop with an error code; the first error stays."""
+        """Stop the motors with an error code; an earlier error is kept."""
         self._prepared = None
         if self.error == 0:
             self.error = code
@@ -276,7 +279,7 @@ class EmulatedBoard:
             motor.forget_alignment()
 
     def power_cycle(self) -> None:
-        """Switch the supply off and on; clears errors, faults, alignment, counts and commands."""
+        """Switch the supply off and on: clears errors, faults, alignment, counts and commands."""
         self.faults = BoardFaults()
         self.error = 0
         self._prepared = None
@@ -288,7 +291,7 @@ class EmulatedBoard:
             motor.forget_alignment()
 
     def cut_power(self) -> None:
-        """Remove the supply until `power_cycle`."""
+        """Switch the supply off until `power_cycle` is called."""
         self.faults.dead = True
         for motor in self.motors:
             motor.forget_alignment()
@@ -320,7 +323,7 @@ class EmulatedBoard:
                 motor.enable(command.enable_motor[i])
 
     def _check(self) -> None:
-        """Raise the errors that the firmware checks in every loop."""
+        """Check for the errors that the firmware detects in every control loop."""
         command = self._command
         if command.timeout and self._silence > command.timeout and self._is_driving():
             self.raise_error(TIMEOUT_ERROR)

@@ -12,7 +12,7 @@ from aerarm_ros.description.drive_config import JointConfig, MotorConfig
 
 @dataclass(frozen=True)
 class AlignmentTiming:
-    """Alignment of a rotor: a magnetic field turns one electrical turn forward and back.
+    """Alignment of a rotor by a magnetic field that turns one electrical turn forward and back.
 
     Attributes
     ----------
@@ -41,18 +41,20 @@ class AlignmentTiming:
 COUNTS_PER_TURN = 4096
 RAD_PER_COUNT = 2.0 * pi / COUNTS_PER_TURN
 _COUNTS_PER_RAD = COUNTS_PER_TURN / (2.0 * pi)
-_VELOCITY_BANDWIDTH = 2.0 * pi * 100.0  # [rad/s] low-pass filter of the firmware
+# [rad/s] cut-off of the firmware's low-pass filter of the speed
+_VELOCITY_BANDWIDTH = 2.0 * pi * 100.0
 
 
 class EmulatedEncoder:
-    """Motor encoder with quantized angle, filtered speed and one index pulse per turn.
+    """Emulated motor encoder with quantized angle, filtered speed and one index pulse per turn.
 
     Parameters
     ----------
     substep
         Time between two samples [s].
     zero
-        True motor angle [rad] at count zero; None for the angle at the first sample.
+        True motor angle [rad] at which the encoder counts zero; None for the angle at the first
+        sample.
     absolute
         Whether the encoder knows its angle after a restart; otherwise its count restarts at zero.
     pulse_offset
@@ -65,7 +67,7 @@ class EmulatedEncoder:
     index_detected, index_toggle
         Flag set at the first index pulse; bit that flips at each pulse.
     stuck
-        Fault: the count no longer changes.
+        Whether the fault is active in which the count no longer changes.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class EmulatedEncoder:
         self._substep = substep
         self._gain = 1.0 - exp(-_VELOCITY_BANDWIDTH * substep)
         self._shift = 0.0 if zero is None else -zero
-        self._begins = zero is None  # count from the first sampled angle
+        self._begins = zero is None  # the encoder counts from the first sampled angle
         self._shift_absolute = self._shift if absolute else None
         self._pulse_offset = pulse_offset
         self._angle: float | None = None
@@ -109,7 +111,7 @@ class EmulatedEncoder:
         self.position = position
 
     def place(self, angle: float) -> None:
-        """Set a true motor angle [rad], as if the motor had turned between two samples."""
+        """Set the true motor angle [rad], as if the motor had turned between two samples."""
         if self._begins:
             self._shift, self._begins = -angle, False
         self._angle = angle
@@ -118,9 +120,9 @@ class EmulatedEncoder:
         self.velocity = 0.0
 
     def remount(self, angle: float) -> None:
-        """Continue counting on another shaft at an angle [rad]."""
+        """Continue counting on the shaft of another motor, which is at an angle [rad]."""
         if self._angle is None:
-            return  # counting has not begun
+            return  # the encoder has not begun to count
         self._shift += self._angle - angle
         self._angle = angle
         self._turn = self._turns(angle)
@@ -145,7 +147,7 @@ class EmulatedEncoder:
         self.index_toggle = not self.index_toggle
 
     def _turns(self, angle: float) -> int:
-        """Return the number of index pulses between the offset and a true motor angle [rad]."""
+        """Return the number of index pulses between `pulse_offset` and a true motor angle [rad]."""
         return floor((angle - self._pulse_offset) / (2.0 * pi))
 
     def _quantised(self, angle: float) -> float:
@@ -157,7 +159,8 @@ CRITICAL = 130.0
 """Temperature of a winding at which an emulated board reports its error [degC]."""
 # Temperature at which copper resistance extrapolates to zero [degC] (IEC 60034-1).
 _ABSENT = -234.5
-# Copper's fraction of the thermal resistance to the housing and of the heat capacity.
+# Fraction of the winding's thermal resistance to the housing, and of its heat capacity, that
+# belongs to the copper.
 _COPPER_RESISTANCE, _COPPER_CAPACITY = 0.12, 0.35
 # Iron losses at this speed [rad/s] are this fraction of the continuous copper loss.
 _IRON_SPEED, _IRON_SHARE = 150.0, 0.1
@@ -165,11 +168,12 @@ _IRON_SPEED, _IRON_SHARE = 150.0, 0.1
 # capacities, and copper resistance.
 _SPREAD = 0.1
 _COPPER_SPREAD = 0.05
-_SHORTEST = 5.0  # steps in the shortest time constant, for a stable explicit integration
+# integration steps in the shortest time constant, for a stable explicit integration
+_SHORTEST = 5.0
 
 
 class EmulatedHeat:
-    """Thermal model of copper, stator iron and housing in series, in air at 25 degC.
+    """Thermal model of a motor: copper, stator iron and housing in series, in air at 25 degC.
 
     It shares no code with the estimator of `hardware.heat_watch`: it has more bodies, iron losses,
     another numerical method (explicit midpoint) and, with a seed, other parameters.
@@ -216,7 +220,7 @@ class EmulatedHeat:
 
     @classmethod
     def of_joint(cls, joint: JointConfig, arm_seed: int | None) -> EmulatedHeat:
-        """Return the thermal model of a joint's motor for an arm's seed; None for nominal data."""
+        """Return the thermal model of a joint's motor; the arm's seed determines deviations."""
         if arm_seed is None:
             return cls(joint.motor)
         return cls(joint.motor, 2 * (1000 * arm_seed + joint.board) + joint.channel)
@@ -263,11 +267,12 @@ class EmulatedHeat:
 
 
 _CURRENT_BANDWIDTH = 2.0 * pi * 1000.0  # [rad/s] bandwidth of the closed current loop
-_TRAVEL_TOLERANCE = 0.3  # electrical turns of travel error above which the alignment has failed
+# error of the rotor's travel, in electrical turns, above which the alignment has failed
+_TRAVEL_TOLERANCE = 0.3
 
 
 class EmulatedMotor:
-    """Motor with alignment, control law (4.4), current loop and encoder.
+    """Emulated motor with alignment, control law (4.4), current loop and encoder.
 
     The model advances in equal sub-steps. The board writes the references and gains, named as in
     `BoardCommand`, and reads the measurements.
@@ -279,7 +284,7 @@ class EmulatedMotor:
     delivery
         Fraction of the target current that the driver delivers.
     ready, alignment_failed
-        Result of the alignment.
+        Whether the motor is aligned, and whether its alignment has failed.
     heat
         Thermal model of the motor.
     """
@@ -325,7 +330,7 @@ class EmulatedMotor:
 
     @property
     def quadrature_voltage(self) -> float:
-        """Voltage [V] that reproduces Joule loss plus mechanical power in (4.1)."""
+        """Voltage [V] for which (4.1) gives the sum of Joule loss and mechanical power."""
         back_emf = 2.0 / 3.0 * self._motor.torque_constant * self.encoder.velocity
         return self.heat.resistance * self.measured_current + back_emf
 
@@ -335,14 +340,14 @@ class EmulatedMotor:
         return 1.5 * self.quadrature_voltage * self.measured_current
 
     def enable(self, enabled: bool) -> None:
-        """Drive the motor, after an alignment if needed, or stop driving it."""
+        """Begin to drive the motor, after an alignment if needed, or stop driving it."""
         if enabled and not self._enabled and not self.ready:
             self._aligning_for = 0.0
         self._enabled = enabled
         self._integral = 0.0 if not enabled else self._integral
 
     def forget_alignment(self) -> None:
-        """Switch off, so that the next enabling aligns the motor again."""
+        """Switch the motor off, so that it is aligned again when it is enabled next."""
         self._enabled = self.ready = self.alignment_failed = False
         self._integral = 0.0
 
@@ -373,7 +378,7 @@ class EmulatedMotor:
         return self._integral
 
     def _align(self, angle: float) -> None:
-        """Turn a field of known direction; the rotor magnet follows the field."""
+        """Compute one sub-step of the alignment: a field of known direction turns the rotor."""
         timing, before = self._alignment, self._aligning_for
         self._aligning_for = now = before + self._substep
         if now < timing.forward:

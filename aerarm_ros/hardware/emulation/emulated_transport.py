@@ -1,4 +1,4 @@
-"""Emulated boards on a simulated arm, synchronized with the caller's time."""
+"""Transport to emulated boards on a simulated arm, simulated up to the caller's time."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from aerarm_ros.hardware.emulation.emulated_motor import EmulatedMotor
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant
 
-_LAG_MAX = 20  # states; with a larger lag the bridge would reject the command as too old
+_LAG_MAX = 20  # [states] with a larger lag the bridge would reject the command as too old
 
 
 class AnswerWatch:
-    """Track which state a controller answered last, and whether to wait for its next answer.
+    """Decides whether the simulation waits for a controller's answer to a state.
 
     A controller stamps a command with the stamp of the state that it answers. After the first
     answer, every further answer is expected at most `lag` states later. If an answer does not
-    arrive in time, waiting stops until the controller answers again. From then on the allowed lag
-    is larger, because the controller may answer only every tenth state. A command with its own
-    stamp is not an answer and causes no waiting.
+    arrive in time, waiting stops until the controller answers again. From then on a larger lag is
+    allowed, because a controller may answer only every tenth state. A command whose stamp is not
+    that of a state is not an answer, so no answer is waited for.
 
     Parameters
     ----------
     period_ns
         Time between two states [ns].
     lag
-        Number of states that may remain unanswered.
+        Number of the newest states that may remain unanswered.
     """
 
     def __init__(self, period_ns: int, lag: int) -> None:
@@ -41,7 +41,7 @@ class AnswerWatch:
 
     @property
     def expects(self) -> bool:
-        """Whether a controller answers states."""
+        """Whether a controller currently answers states."""
         return self._expects
 
     def note(self, stamp_ns: int, newest_ns: int) -> None:
@@ -55,21 +55,21 @@ class AnswerWatch:
         return 0 <= states <= _LAG_MAX and rest == 0
 
     def awaits(self, newest_ns: int) -> bool:
-        """Whether an answer to the state with this stamp [ns], or a recent one, is due."""
+        """Whether a controller must still answer this state (stamp in ns) or a recent one."""
         return self._expects and newest_ns - self._answered_ns > self._lag * self._period_ns
 
     def give_up(self) -> None:
-        """Stop waiting until the next answer, and allow a larger lag from then on."""
+        """Stop waiting until the controller answers again, and allow a larger lag from then on."""
         self._expects = False
         self._lag = min(4 * self._lag + 1, _LAG_MAX)
 
     def forget(self) -> None:
-        """Reset after the last controller has stopped."""
+        """Forget all answers, after the last controller has stopped."""
         self._expects = False
         self._lag = self._first_lag
 
 
-_SPEED = 0.6  # [rad/s] speed of the turning hand
+_SPEED = 0.6  # [rad/s] speed at which the emulated hand turns a joint
 _STIFFNESS = 150.0  # [Nm/rad]
 _DAMPING = 3.0  # [Nms/rad]
 _STRENGTH = 12.0  # [Nm] largest torque of a hand
@@ -107,7 +107,7 @@ def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
 
 
 class EmulatedHand:
-    """Turn a joint slowly to an angle with a small placement error, then release it.
+    """Emulated hand that turns a joint slowly to an angle, with a small error, then releases it.
 
     Parameters
     ----------
@@ -126,11 +126,11 @@ class EmulatedHand:
 
     @property
     def is_done(self) -> bool:
-        """Whether the hand has released the joint."""
+        """Whether the hand has released the joint at its target."""
         return self._left <= 0.0
 
     def effort(self, q: float, dq: float, duration: float) -> float:
-        """Return the torque [Nm] on the joint at q [rad], dq [rad/s], and advance by a time [s]."""
+        """Return the hand's torque [Nm] at q [rad], dq [rad/s], and advance by a time [s]."""
         self._left -= duration
         step = _SPEED * duration
         away = self._target - self._reference
@@ -140,28 +140,28 @@ class EmulatedHand:
 
 
 _CATCH_UP = 0.010  # [s] longest simulated time per call
-_RELEASE_TIME = 0.5  # [s] in which the person who carries the arm releases it
+_RELEASE_TIME = 0.5  # [s] time in which the person who carries the arm releases it
 
 
 class EmulatedTransport:
-    """A `Transport` whose boards drive an `ArmPlant`.
+    """Transport to emulated boards whose motors drive a simulated arm (`ArmPlant`).
 
-    `advance(now)` simulates boards and arm in whole sub-steps up to `now`. After a gap of more than
-    10 ms the rest of the gap is skipped. A delayed host thus causes neither a burst of sub-steps
-    nor board time-outs. The simulation may be ahead of the next exchange, like real boards;
-    `advance` to an earlier time then does nothing.
+    `advance(now)` simulates boards and arm in whole sub-steps up to `now`. If `now` is more than
+    10 ms later than the simulation, only 10 ms are simulated, so that a delayed host causes
+    neither a long computation nor time-outs of the boards. If `now` is earlier than the
+    simulation, nothing happens.
 
-    A person carries a real arm until its motors hold it, because unpowered motors cannot lift it
-    during alignment. The simulated arm's weight is likewise supported at first, and released within
-    0.5 s once every motor is ready. `carry` supports the arm at its present position, `put_back` at
-    its initial position, `put_at_rest` in its home configuration.
+    A person carries a real arm during the alignment of its motors, which cannot hold the arm yet.
+    Likewise, the weight of the simulated arm is supported at first, and released within 0.5 s
+    once every motor is ready. `carry` supports the arm in its present posture, `put_back` moves
+    it to its initial posture, and `put_at_rest` to its home configuration.
 
     Parameters
     ----------
     boards
-        One board per board of the configuration.
+        Emulated boards, one per board of the configuration.
     plant
-        Plant of the arm.
+        Simulation of the arm.
     config
         Connections of joints to boards, signs, offsets and gear ratios.
     """
@@ -184,8 +184,8 @@ class EmulatedTransport:
 
     def _connect(self) -> None:
         """Connect joints to boards according to the configuration and the boards' wiring errors."""
-        # Per joint: list that receives the motor angle, its index, the motor, its gear and its
-        # zero.
+        # For each joint: the list that receives the motor angle, the index in this list, the
+        # motor, its gear ratio and its zero.
         self._drives: list[tuple[list[float], int, EmulatedMotor, float, float]] = []
         self._effort_per_current: list[float] = []
         constants = self.plant.parameters.motor_torque_constant.tolist()
@@ -200,7 +200,7 @@ class EmulatedTransport:
             self._effort_per_current.append(torque_constant * joint.gear.efficiency * ratio)
 
     def _rewire(self) -> None:
-        """Apply the boards' wiring errors; encoders continue from their counts."""
+        """Apply the boards' wiring errors; all encoders continue from their present counts."""
         self._connect()
         for (_, _, motor, ratio, offset), q in zip(
             self._drives, self.plant.position.tolist(), strict=True
@@ -217,8 +217,8 @@ class EmulatedTransport:
     def turn(self, joint: int, angle: float) -> float:
         """Turn a joint by hand to an angle [rad] while its motors are off.
 
-        The hand supports the weight of the arm from now on. Returns the duration of the motion [s];
-        raises ValueError if a motor is driven or a hand cannot reach the angle.
+        From this call on, the arm's weight is supported by hand. Returns the duration of the
+        motion [s]; raises ValueError if a motor is driven or a hand cannot reach the angle.
         """
         if any(board.system_enabled for board in self.boards):
             raise ValueError('the motors are driven: disable the arm first')
@@ -261,14 +261,14 @@ class EmulatedTransport:
         return self._carried
 
     def carry(self) -> None:
-        """Stop the arm by hand and support its weight until every motor is ready."""
+        """Stop the arm by hand, and support its weight until every motor is ready."""
         self.plant.reset(self.plant.position)
         self._carried = True
         self.plant.support = 1.0
         for _, _, motor, _, _ in self._drives:
             motor.encoder.velocity = 0.0
         for board in self.boards:
-            board.prepare()  # the previously prepared frame describes a moving arm
+            board.prepare()  # because the frame that was prepared before describes a moving arm
 
     def put_back(self) -> None:
         """Move the arm to its initial position and support it; required before enabling."""

@@ -1,4 +1,4 @@
-"""Factory of emulated boards on a simulated arm."""
+"""Functions that create emulated boards, with a simulated arm on a fixed or moving base."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 def mount_on_base(
     transport: EmulatedTransport, robot: Robot, profile: BaseProfile
 ) -> MovingBasePlant:
-    """Mount the emulated arm, in its present state, on a base that follows a motion profile.
+    """Replace the simulated arm by one in the same state, on a base that follows a motion profile.
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ def mount_on_base(
     robot
         Nominal robot model.
     profile
-        Motion of the base; its time starts with the plant's `start`.
+        Motion of the base as a function of the time since the call of `start` of the plant.
 
     Returns
     -------
     MovingBasePlant
-        New plant of the transport, with the parameters of the previous plant.
+        New simulation of the transport, with the arm parameters of the previous one.
     """
     before = _without_play(transport)
     plant = MovingBasePlant(robot, before.parameters, before.position, profile)
@@ -52,7 +52,7 @@ def mount_on_drone(
     rotor_timeout: float,
     gust: RandomDrift | BandLimitedNoise | None = None,
 ) -> FlyingPlant:
-    """Mount the emulated arm, in its present state, under a drone.
+    """Replace the simulated arm of a transport by one in the same state under a drone.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def mount_on_drone(
     Returns
     -------
     FlyingPlant
-        New plant of the transport, with the arm parameters of the previous plant.
+        New simulation of the transport, with the arm parameters of the previous one.
     """
     before = _without_play(transport)
     plant = FlyingPlant(robot, before.parameters, before.position, drone, rotor_timeout, gust)
@@ -74,7 +74,7 @@ def mount_on_drone(
 
 
 def _without_play(transport: EmulatedTransport) -> ArmPlant:
-    """Return the transport's plant; raises an error for backlash, which needs a fixed base."""
+    """Return the simulation of a transport; raises an error if its gears have backlash."""
     plant = transport.plant
     if plant.parameters.backlash is not None:
         raise ValueError(
@@ -107,15 +107,16 @@ def make_emulated_transport(
     config, robot
         Nominal configuration and robot model.
     seed
-        Seed of noise and of the arm's deviations from its model; None for a nominal arm.
+        Seed of the noise and of the arm's deviations from its nominal model; None for a nominal
+        arm.
     position
         Initial joint angles (n,) [rad]; by default the home configuration.
     spread
-        Bounds of the deviations.
+        Bounds of the arm's deviations from its nominal model.
     alignment
         Durations of the boards' alignment.
     encoder_zeros
-        True motor angles (n,) [rad] at which the encoders count zero, in joint order. By default
+        True motor angles (n,) [rad], in joint order, at which the encoders count zero. By default
         incremental encoders count from the arm's position at power-on, and absolute encoders from
         the zero given by the configured offsets.
     pulse_offset

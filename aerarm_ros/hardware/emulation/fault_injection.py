@@ -1,4 +1,4 @@
-"""Faults of emulated boards by name, for parameters, services and tests."""
+"""Faults of emulated boards, selected by name in parameters, services and tests."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from math import inf, isfinite, pi
 from typing import TYPE_CHECKING, NamedTuple
 
-if TYPE_CHECKING:  # listing the faults loads neither boards nor physics engine
+# imported only for annotations, so that listing the faults loads neither boards nor physics
+# engine
+if TYPE_CHECKING:
     from aerarm_ros.hardware.emulation.emulated_board import EmulatedBoard
     from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport
 
@@ -18,9 +20,9 @@ class Fault(NamedTuple):
     Attributes
     ----------
     meaning
-        Description, with the unit of the strength.
+        Description of the fault, with the unit of its strength.
     apply
-        Function that applies the fault to a board and motor with a strength.
+        Function that applies the fault with a strength to a board and a motor.
     default, least, most
         Default strength and its bounds; None for a fault without strength.
     """
@@ -179,7 +181,7 @@ def _high_friction(board: EmulatedBoard, motor: int, value: float) -> None:
 
 _SHARE_OF_FRAMES = (0.05, 0.0, 1.0)
 
-# The last entry clears all other faults.
+# The last entry of the table clears all other faults.
 FAULTS: dict[str, Fault] = {
     'bit_errors': Fault(
         'fraction of frames with flipped bits, in each direction', _bit_errors, *_SHARE_OF_FRAMES

@@ -1,5 +1,5 @@
 """Layout of the 34-byte SPI frames, with encoding and decoding.
 
 A frame profile (a YAML file) defines the layout. Encoding converts a board command into a frame.
-Decoding converts a frame into a board state, or None if its checksum is wrong.
+Decoding converts a frame into a board state, or into None if the checksum of the frame is wrong.
 """

@@ -17,17 +17,17 @@ class BoardCommand:
     """Content of one command frame in SI units, motor side; lists hold motors 1 and 2.
 
     The board computes ``iq = kp (position - theta) + kd (velocity - omega) + current`` (thesis
-    (4.4)) and saturates it. A frame profile with an integral gain adds ``integral_gain`` times the
-    integral of the position error, as in the thesis.
+    (4.4)) and saturates it. If the frame profile has an integral gain, the board adds
+    ``integral_gain`` times the integral of the position error, as in the thesis.
 
     Attributes
     ----------
     enable_system, enable_motor
         A motor is driven only if both are set. Setting both aligns the motor, which moves it.
     position_rollover_error
-        Whether the board stops with an error when a position leaves the field's range.
+        Whether the board stops with an error when a position leaves the range of its frame field.
     index_offset_compensation
-        Whether the position jumps to the encoder's index at the index pulse; only for homing.
+        Whether the position is reset at the encoder's index pulse; not used outside homing.
     timeout
         Time without a valid frame after which the board stops [s]; never 0.
     position, velocity, current
@@ -69,9 +69,10 @@ class BoardState:
     Attributes
     ----------
     system_enabled, motor_enabled, motor_ready
-        Flags; a motor is ready once it is aligned.
+        Whether the board is enabled, and whether each motor is enabled and ready (aligned).
     index_detected, index_toggle
-        Whether an index pulse was detected since power-on; bit that flips at each pulse.
+        Whether the encoder has detected an index pulse since power-on, and a bit that flips at
+        each pulse.
     error
         Error code of the board, 0 for none; see `FrameProfile.error_text`.
     timestamp
@@ -83,7 +84,7 @@ class BoardState:
     quadrature_voltage, bus_voltage
         Quadrature voltage and supply voltage [V], if the profile contains them.
     index
-        Number of the last command that the board accepted.
+        Number of the last command that the board accepted before this answer.
     """
 
     system_enabled: bool = False

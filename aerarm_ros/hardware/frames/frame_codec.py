@@ -1,4 +1,4 @@
-"""Conversion between board records and SPI frames."""
+"""Conversion between SPI frames and the records `BoardCommand` and `BoardState`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Record = BoardCommand | BoardState
 def unrolled_encoder(
     fields: Iterable[FrameField], slots: Mapping[int, int], packer: Struct
 ) -> Callable[[Record], bytes | None]:
-    """Return a function that packs a record whose values all fit their fields.
+    """Return a function that converts a record to a payload, if all values fit their fields.
 
     The function returns None if a value does not fit, is not a number, or is a forbidden 0; the
     caller then finds the faulty value.
@@ -61,7 +61,7 @@ def unrolled_encoder(
 def unrolled_decoder(
     fields: Iterable[FrameField], slots: Mapping[int, int], packer: Struct
 ) -> Callable[[Record, bytes], None]:
-    """Return a function that writes a payload's values into a record; see `unrolled_encoder`."""
+    """Return a function that writes the values of a payload into a record."""
     used = sorted({slots[field.word] for field in fields})
     names = [f'i{slot}' if slot in used else '_' for slot in sorted(set(slots.values()))]
     lines = ['def fill(record, payload):', f' {", ".join(names)}, = unpack(payload)']
@@ -80,7 +80,7 @@ def unrolled_decoder(
 
 
 def _lists(record: str, fields: Iterable[FrameField]) -> list[str]:
-    """Return source lines that look up each list of the record once."""
+    """Return source lines that look up each list attribute of a record once."""
     names = dict.fromkeys(field.name for field in fields if field.motor)
     return [f' {name} = {record}.{name}' for name in names]
 
@@ -92,8 +92,8 @@ def _value(field: FrameField) -> str:
 
 def _made(name: str, lines: list[str], known: Mapping[str, object]) -> Callable[..., Any]:
     """Compile source lines and return the function `name`; `known` holds its globals."""
-    # The source contains only integers and attribute names of the records from a profile's text;
-    # `load_profile` has checked both.
+    # From the text of a frame profile, the source contains only integers and attribute names of
+    # the records; `load_profile` has checked both.
     scope: dict[str, Any] = dict(known)
     exec('\n'.join(lines), scope)  # noqa: S102
     made: Callable[..., Any] = scope[name]
@@ -110,9 +110,9 @@ class FrameError(ValueError):
 
 
 class FrameCodec:
-    """Encode and decode the frames of one profile, on the host's and on the board's side.
+    """Codec for the frames of one profile, for the host and for emulated boards.
 
-    Encoding saturates a value that its field cannot represent, unless saturation is dangerous. A
+    Encoding limits a value that its field cannot represent, unless a limited value is dangerous. A
     position out of range, a non-finite value, and a time-out or current saturation of zero or less
     raise FrameError. Decoding never raises an exception.
     """
@@ -162,12 +162,12 @@ class _LayoutCodec:
         self._fill = unrolled_decoder(layout.fields, self._slots, self._struct)
 
     def encode(self, record: Record) -> bytes:
-        """Return the frame of a record, or raise FrameError."""
+        """Return the frame that contains a record, or raise FrameError."""
         payload = self._pack(record) or self._pack_limited(record)
         return payload + _CRC.pack(self._crc(payload))
 
     def _pack_limited(self, record: Record) -> bytes:
-        """Return the payload of a record, with out-of-range values limited."""
+        """Return the payload of a record, with values limited to their fields' ranges."""
         items = [0] * len(self._slots)
         for entry in self._fields:
             value = getattr(record, entry.name)
@@ -197,11 +197,11 @@ class _LayoutCodec:
         return payload if check == self._crc(payload) else None
 
     def fill(self, record: Record, payload: bytes) -> None:
-        """Write the fields of a checked payload into a record."""
+        """Write the values of a payload with a valid CRC into a record."""
         self._fill(record, payload)
 
     def _crc(self, payload: bytes) -> int:
-        """Return the CRC in wire order, as a big-endian word."""
+        """Return the CRC of a payload as a big-endian word, in the order of transmission."""
         crc = crc32_mpeg2(payload)
         return (crc & 0xFFFF) << 16 | crc >> 16 if self._swap_crc else crc
 
@@ -221,7 +221,7 @@ def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
 
 
 def _limited(count: int, value: float, entry: FrameField) -> int:
-    """Return the count limited to the field's range, or raise FrameError."""
+    """Return the count limited to the range of its field, or raise FrameError."""
     lowest, highest = entry.count_range
     if entry.nonzero and count <= 0:
         raise FrameError(

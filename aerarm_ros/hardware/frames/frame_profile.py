@@ -14,7 +14,7 @@ from aerarm_ros.hardware.frames.board_messages import BoardCommand, BoardState
 
 _KRPM = 1000.0 * 2.0 * pi / 60.0
 
-# SI value of one unit, for each unit that a profile may use.
+# Value of each unit that a profile may use, in the SI unit of its quantity.
 UNITS: dict[str, float] = {
     '1': 1.0,
     'turn': 2.0 * pi,
@@ -46,7 +46,7 @@ class ProfileError(ValueError):
 
 @dataclass(frozen=True)
 class FrameField:
-    """Position and scale of one quantity in a frame.
+    """Position and scale of one quantity in a 34-byte SPI frame.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class FrameField:
     lsb
         Value of one count [unit].
     unit
-        Key of `UNITS`; values are converted to and from SI units.
+        Unit of `lsb`, a key of `UNITS`; values are converted to and from SI units.
     overflow
         'saturate' limits an out-of-range value, 'refuse' raises an error.
     nonzero
@@ -155,20 +155,20 @@ PAYLOAD_WORDS = 15
 FRAME_BYTES = 2 * PAYLOAD_WORDS + 4
 CRC_ORDERS = ('high_first', 'low_first')
 
-_MOST_EXTENDED = 8  # profiles in a chain of `extends`
+_MOST_EXTENDED = 8  # largest number of profiles in a chain of `extends`
 _POWER_OF_TWO = re.compile(r'2\^(-?\d{1,3})')
 _FIELD_KEYS = frozenset(item.name for item in fields(FrameField))
 
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """Layout of one transfer direction: its fields and the order of the CRC's two words."""
+    """Layout of the frames of one transfer direction: fields, and order of the CRC's two words."""
 
     fields: tuple[FrameField, ...]
     crc_words: str
 
     def __post_init__(self) -> None:
-        """Check that the fields fit and do not overlap; raises ProfileError."""
+        """Check that the fields fit into the frame and do not overlap; raises ProfileError."""
         if self.crc_words not in CRC_ORDERS:
             raise ProfileError(f'crc_words is {self.crc_words!r}: choose one of {CRC_ORDERS}')
         owners: dict[int, FrameField] = {}
@@ -188,12 +188,12 @@ class FrameLayout:
         return any(entry.name == name for entry in self.fields)
 
     def largest(self, name: str) -> float:
-        """Return the largest SI value of a quantity in the frame, 0 if the frame lacks it."""
+        """Return the largest SI value that a frame can represent, 0 if it lacks the quantity."""
         sizes = [e.count_range[1] * e.si_per_count for e in self.fields if e.name == name]
         return min(sizes, default=0.0)
 
     def count_of(self, name: str) -> float:
-        """Return the SI value of one count of a quantity, 0 if the frame lacks it."""
+        """Return the SI value of one count of a quantity, 0 if the frame lacks the quantity."""
         return max((e.si_per_count for e in self.fields if e.name == name), default=0.0)
 
 
@@ -206,7 +206,7 @@ class FrameProfile:
     command, sensor
         Layouts from host to board and from board to host.
     errors
-        Name and advice for each error code.
+        Meaning of each error code, and what to check.
     errors_until_power_cycle
         Whether the board keeps an error until its supply is switched off and on.
     encoders
@@ -232,7 +232,7 @@ class FrameProfile:
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
 
     def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
-        """Return the profile with another scale for a quantity, in both directions.
+        """Return the profile with another value `lsb` of one count of a quantity.
 
         Raises ProfileError if the profile does not contain the quantity.
         """
@@ -282,7 +282,7 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
 
 
 def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
-    """Return a profile's document after resolving the profiles that it extends."""
+    """Return the content of a profile file, merged with the profiles that it extends."""
     if depth > _MOST_EXTENDED:
         raise ProfileError(
             f"frame profile {name_or_path} extends itself, or the chain of 'extends' is too long"
@@ -313,7 +313,7 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
-    """Return `base` overridden by `document`; its fields replace fields on the same bits."""
+    """Return `base` overridden by `document`, whose fields replace fields on the same bits."""
     merged = {**base, **document}
     merged['errors'] = {**base.get('errors', {}), **document.get('errors', {})}
     for direction in ('command', 'sensor'):
@@ -360,7 +360,7 @@ def _field(entry: Mapping[str, Any]) -> FrameField:
 
 
 def _bits(entry: FrameField) -> range:
-    """Return the numbers of the bits that a field occupies, counted over all words."""
+    """Return the numbers of the bits that a field occupies, counted from the start of the frame."""
     first = 16 * entry.word
     if entry.is_bits:
         return range(first + entry.bit, first + entry.bit + entry.width)

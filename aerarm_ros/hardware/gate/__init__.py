@@ -1,5 +1,5 @@
 """Safety gate between joint commands and motors.
 
-The gate validates each received command. It returns a command within the limits of position,
-velocity, effort and effort rate, or the reason why the arm is stopped.
+The gate validates each received command and limits it to the allowed positions, velocities,
+efforts and effort rates, or it stops the arm for a reason.
 """

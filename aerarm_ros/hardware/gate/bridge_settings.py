@@ -21,45 +21,47 @@ class BridgeSettings:
     board_timeout
         Time without a valid frame after which a board switches its motors off [s].
     bad_frames_max
-        Number of consecutive bad frames of a board that is a fault.
+        Number of consecutive bad answers of a board at which a fault stops the arm.
     lost_commands_max
-        Number of consecutive commands lost on the way to an answering board that is a fault.
+        Number of consecutive commands, lost on the way to a board that still answers, at which a
+        fault stops the arm.
     lost_commands_warning
-        Fraction of such lost commands, over the last second, that causes a warning.
+        Fraction of commands lost in this way, over the last second, above which a warning appears.
     state_age_max
-        Time without a change of a board's state, in consecutive valid frames, that is a fault [s].
+        Time [s] after which identical data in all valid answers of a board are a fault.
     exchange_time_max, slow_exchanges_max
-        Duration above which an exchange is slow [s]; number of consecutive ones that is a fault.
+        Duration above which an exchange counts as slow [s], and number of consecutive slow
+        exchanges at which a fault stops the arm.
     connect_frames
         Number of consecutive valid frames after which a board counts as connected.
     alignment_timeout
         Longest time a board may take to align its motors [s].
     soft_zone
-        Distance over which the speed towards a position limit falls from the velocity limit to
-        zero, unless braking needs a longer distance [rad].
+        Distance from a position limit [rad] within which the allowed speed towards the limit
+        falls from the velocity limit to zero; longer if braking needs a longer distance.
     position_tolerance
         Distance beyond a position limit at which the arm is stopped [rad].
     velocity_factor, effort_factor
-        Factors of the velocity and effort limits at which the arm is stopped.
+        The arm is stopped if a velocity or effort exceeds its limit by this factor.
     position_error_max
         Distance between position reference and arm at which the arm is stopped [rad].
     velocity_lag
         Time constant of the boards' low-pass filter of the motor speeds [s].
     current_lag
-        Time constant of the boards' current loop, for the mean torque of a cycle [s].
+        Time constant of the boards' current loop [s], used to compute the mean torque of a cycle.
     stall_time
-        Duration of a standstill under a torque that must move the joint, after which it is a fault
-        [s].
+        Time [s] after which a joint that stands still under a torque that must move it is a
+        fault.
     ambient_temperature
         Temperature of the air around the motors [degC].
     start_temperature
         Assumed temperature of the motors when the bridge starts [degC].
     BOUNDS
-        Smallest and largest allowed value of each setting, by name.
+        Smallest and largest allowed value of each setting, by the setting's name.
     """
 
-    # Wide enough for another light arm, a busy host or a slow bus; narrow enough that the
-    # corresponding stop always occurs.
+    # The ranges are wide enough for another light arm, a busy host or a slow bus, and narrow
+    # enough that each stop still occurs when needed.
     BOUNDS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
         {
             # The barriers' load observer needs states at least this often.
@@ -77,7 +79,8 @@ class BridgeSettings:
             'alignment_timeout': (0.1, 60.0),
             'soft_zone': (0.001, 1.0),
             'position_tolerance': (0.001, 0.5),
-            'velocity_factor': (1.0, 5.0),  # a stop must not act below the limit
+            # at least 1, because the arm must not stop below the limit
+            'velocity_factor': (1.0, 5.0),
             'effort_factor': (1.0, 5.0),
             'position_error_max': (0.01, 2.0),
             'velocity_lag': (1e-5, 0.02),

@@ -17,11 +17,11 @@ Mask = NDArray[np.bool_]
 class CommandBuffer:
     """References of n joints; NaN where a quantity is unused.
 
-    In a controller's `JointCommand` each quantity is used or unused for all joints. In this buffer
-    each joint has its own mode, and the arrays are reused: each cycle overwrites them with accepted
-    and limited references. The quantities given for a joint determine its mode. Effort alone means
-    torque control. Velocity alone means the boards' PI velocity loop (thesis (4.5)). Position with
-    velocity and effort means the boards' full law (4.4) with feed-forward.
+    In contrast to the `JointCommand` of a controller, each joint may use other quantities, and
+    the arrays are reused: each cycle overwrites them with accepted and limited references. The
+    quantities given for a joint determine its mode. Effort alone means torque control. Velocity
+    alone means the boards' PI velocity loop (thesis (4.5)). Position with velocity and effort
+    means the boards' full law (4.4) with feed-forward.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class CommandBuffer:
         return command
 
 
-# Publisher of a command; None if publishers cannot be distinguished.
+# Identifier of the publisher of a command; None if publishers cannot be distinguished.
 Source = bytes | str | None
 Values = Sequence[float] | NDArray[np.float64] | None
 
@@ -55,17 +55,17 @@ class OfferedCommand(NamedTuple):
     Attributes
     ----------
     names
-        Names of the joints of the values below, in any order.
+        Names of the joints, in any order; all values have the order of these names.
     position, velocity, effort
         One value per name [rad], [rad/s], [Nm], NaN where unused; None or empty if unused for all
         joints. The given quantities determine a joint's mode, see `CommandBuffer`.
     age_of_stamp
         Age of the state to which the command responds [s].
     source
-        Publisher. A second publisher is rejected while the first one's command is valid; the same
-        applies to None, a publisher that cannot be distinguished.
+        Publisher. Commands of other publishers are rejected while the last command of this
+        publisher is valid. None is a publisher that cannot be distinguished from others.
     allowed
-        Whether that publisher may send commands.
+        Whether the publisher may send commands.
     """
 
     names: Sequence[str]
@@ -82,11 +82,12 @@ _STOP = 'stop all but one'
 
 
 class CommandPublishers:
-    """Map each message to its publisher, and decide whether the publisher may send commands.
+    """Finds the publisher of each message, and decides whether it may send commands.
 
     The middleware's message info contains the publisher's global identifier (GID); the list of the
-    topic's endpoints maps each GID to a node. `look` takes that list at intervals. Until it
-    contains a GID, that publisher's node is unknown and not allowed by name.
+    topic's endpoints maps each GID to a node. `look` stores that list at intervals. A publisher
+    whose GID is not in the list yet has an unknown node, which is allowed only if any node is
+    allowed.
 
     Without a GID in the message info the sender of a command is unknown. Then commands are accepted
     while the topic has one publisher, and all are rejected while it has several.
@@ -94,12 +95,13 @@ class CommandPublishers:
     Parameters
     ----------
     allowed
-        Nodes that may send commands, as names with or without name space; empty for any node.
+        Names of the nodes that may send commands, with or without name space; empty if any node
+        may.
 
     Attributes
     ----------
     names
-        Full names of the publishers at the last look, sorted.
+        Sorted full names of the publishing nodes at the last call of `look`.
     """
 
     def __init__(self, allowed: Collection[str] = ()) -> None:
@@ -109,12 +111,12 @@ class CommandPublishers:
         self._is_anonymous = False
 
     def look(self, nodes: Mapping[bytes, str]) -> None:
-        """Set the full node names of the present publishers, by GID."""
+        """Store the full node name of each present publisher by its GID."""
         self._nodes = nodes
         self.names = tuple(sorted(nodes.values()))
 
     def knows(self, gid: bytes | None) -> bool:
-        """Whether the last look contained the publisher; True if messages carry no GID."""
+        """Whether the last call of `look` listed the publisher; True if messages carry no GID."""
         return gid is None or gid in self._nodes
 
     def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
@@ -130,7 +132,7 @@ class CommandPublishers:
         Returns
         -------
         source
-            Publisher; None if it cannot be distinguished from another one.
+            Identifier of the publisher; None if it cannot be distinguished from another publisher.
         allowed : bool
             Whether the publisher's node may send commands.
         """
@@ -193,12 +195,12 @@ _ORDERS_KEPT = 16
 
 
 class CommandIntake:
-    """Check commands and keep the last valid one; count rejected commands by reason.
+    """Checks commands, keeps the last valid one, and counts rejected commands by reason.
 
     Parameters
     ----------
     joint_names
-        Names of the n joints in the arm's order; a command may list them in any order.
+        Names of the n joints, from base to tool; a command may list them in any order.
     settings
         Settings; this class uses `command_timeout` and `stamp_age_max`.
     effort_supported
@@ -213,7 +215,7 @@ class CommandIntake:
     rejections
         Number of rejected commands by reason; the reasons are keys of `REJECTIONS`.
     last_rejection, last_rejection_time
-        Reason and receipt time [s] of the last rejected command; '' and -inf without any.
+        Reason and receipt time [s] of the last rejected command; '' and -inf before the first.
     """
 
     def __init__(
@@ -235,7 +237,7 @@ class CommandIntake:
         self._candidate = CommandBuffer(len(joint_names))
         self._received = -inf
         self._source: Source = None
-        # [s] latest receipt time of the last command of a publisher that concluded
+        # [s] latest receipt time of commands that still belong to a publisher that has concluded
         self._last = -inf
 
     def age(self, now: float) -> float:
@@ -248,25 +250,25 @@ class CommandIntake:
         return 0.0 <= self.age(now) <= self._settings.command_timeout
 
     def forget(self) -> None:
-        """Discard the last command and its publisher's claim."""
+        """Discard the last command, so that any publisher may command the arm."""
         self._received = -inf
         self._source = None
 
     def conclude(self, now: float) -> None:
-        """Record that at `now` [s] the commanding publisher intentionally ends its commands.
+        """Record that the commanding publisher intentionally ends its commands at `now` [s].
 
-        Commands already sent at this time still belong to that publisher. Later commands belong to
-        another one.
+        Commands sent before this time still belong to that publisher. Later commands may come
+        from any publisher.
         """
         self._last = now + self._settings.stamp_age_max
 
     @property
     def is_concluded(self) -> bool:
-        """Return whether the last command was intentionally the last; see `conclude`."""
+        """Return whether the last publisher ended its commands intentionally."""
         return self._received <= self._last
 
     def offer(self, offered: OfferedCommand, now: float, *, ready: bool = True) -> bool:
-        """Accept a command received at `now` [s] if it is valid and the arm is `ready`."""
+        """Check a command received at `now` [s], and accept it if it is valid."""
         reason = '' if ready else 'not_ready'
         reason = reason or ('' if offered.allowed else 'not_allowed')
         reason = reason or self._origin_fault(offered.age_of_stamp, now, offered.source)
@@ -287,8 +289,8 @@ class CommandIntake:
         self.last_rejection_time = now
 
     def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
-        """Return why a command's age or publisher is rejected, or ''."""
-        # A publisher keeps its claim while its last command is valid.
+        """Return the reason to reject a command because of its age or publisher, or ''."""
+        # Other publishers are rejected while the last command of a publisher is valid.
         if source is None or (source != self._source and self.is_fresh(now)):
             return 'source'
         if not age_of_stamp <= self._settings.stamp_age_max:
@@ -296,7 +298,7 @@ class CommandIntake:
         return 'future' if age_of_stamp < -_CLOCK_TOLERANCE else ''
 
     def _content_fault(self, offered: OfferedCommand) -> str:
-        """Write the values into the candidate; return why they are rejected, or ''."""
+        """Copy the values of a command; return the reason to reject them, or ''."""
         names = offered.names
         key = names if type(names) is tuple else tuple(names)
         if key not in self._orders and not self._learn_order(key):
@@ -320,7 +322,8 @@ class CommandIntake:
         return self._value_fault(candidate)
 
     def _value_fault(self, candidate: CommandBuffer) -> str:
-        # Lists, because they are faster than arrays for so few values. NaN differs from itself.
+        # Lists are faster than arrays for so few values. The comparison detects NaN, which
+        # differs from itself.
         columns = (candidate.q.tolist(), candidate.dq.tolist(), candidate.tau.tolist())
         for position, velocity, effort in zip(*columns, strict=True):
             if position != position and velocity != velocity and effort != effort:

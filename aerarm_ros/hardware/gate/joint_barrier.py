@@ -1,4 +1,4 @@
-"""Barrier of one joint: the speed from which it can brake before a limit, and the torque for it."""
+"""Barrier of one joint: torque bounds that keep the joint within its position and speed limits."""
 
 from math import exp, nan, sqrt
 
@@ -13,9 +13,10 @@ from aerarm_ros.model.inertia import point_mass
 from aerarm_ros.motion.signals import Array
 
 _POSTURES = 500
-# Fraction of the torque beyond the largest load that is available for braking, because the real arm
-# differs from its model and other joints' motion adds load. Joint 1 at full speed loads joint 2
-# outward with 4 Nm beyond 45 degrees.
+# Fraction of the drive torque in excess of the largest load that is reserved for braking; the
+# rest is a margin, because the real arm differs from its model and the motion of other joints
+# adds load. For example, joint 1 at full speed loads joint 2 outward with 4 Nm if joint 2 is
+# beyond 45 degrees.
 _RELIABLE_SHARE = 0.5
 
 # Largest speed of a falling damped arm relative to the velocity limits, and the time [s] to reach
@@ -25,7 +26,7 @@ _DAMPING_TIME = 0.2
 
 
 class JointLoads:
-    """Loads and inertias of n joints, with half the rated payload to minimize the error.
+    """Load torques and inertias of n joints, computed with half the rated payload.
 
     Parameters
     ----------
@@ -39,8 +40,9 @@ class JointLoads:
     inertia_max
         (n,) largest inertia with the rated payload [kg m^2].
     deceleration
-        (n,) available with any payload up to the rated one [rad/s^2]: the configured acceleration
-        limit, or less if the drive's torque beyond the load does not suffice.
+        (n,) deceleration that the drives provide with any payload up to the rated one [rad/s^2]:
+        the configured acceleration limit, or less if the torque in excess of the load does not
+        suffice.
 
     damping_min
         (n,) damping [Nms/rad] with which a released, stretched-out arm with the rated payload falls
@@ -88,7 +90,7 @@ class JointLoads:
         return least
 
     def at(self, q: Array, dq: Array, effort: Array) -> tuple[list[float], list[float]]:
-        """Return loads [Nm] and inertias [kg m^2], one per joint.
+        """Return the load torque [Nm] and the inertia [kg m^2] of each joint.
 
         The load is the torque of the arm's weight, of velocity terms, and of other joints'
         accelerations.
@@ -112,13 +114,15 @@ def _largest_inertia(robot: Robot, rotor_inertia: Array) -> Array:
     return largest
 
 
-# The barrier's speed relative to the speed limit, which commands may reach.
+# Speed limit of the barrier relative to the joint's speed limit, which commands may reach.
 _SPEED_SHARE = 1.05
-# Torque per speed beyond the barrier: full torque from this fraction of the speed limit, ...
+# The braking torque grows with the speed in excess of the barrier: full torque from this fraction
+# of the speed limit, ...
 _FULL_TORQUE_SHARE = 0.1
 # ... limited to this rate [1/s] by a torque delay of up to 2 ms and by quantized speeds.
 _FASTEST = 250.0
-# Rate of approach to a limit relative to the rate that holds the joint at it.
+# Rate at which the joint approaches a position limit, relative to the rate at which it is held at
+# the limit.
 _APPROACH_SHARE = 0.25
 # The unknown load is estimated from the joint's motion with this time constant [s], up to this
 # fraction of the largest torque, ...
@@ -126,7 +130,8 @@ _DISTURBANCE_TIME = 5e-3
 _DISTURBANCE_SHARE = 0.15
 # ... and in part beyond it, while the joint is faster than this fraction of its limit and the load
 # accelerates it. A base turned upside down, unknown to the bridge, changes a joint's load by twice
-# the arm's weight. For a slow joint encoder quantization looks similar, so the estimate fades [s].
+# the arm's weight. For a slow joint, encoder quantization has a similar effect, so the estimate
+# decays with this time constant [s].
 _TURNED_PART = 0.2
 _TURNED_SHARE = 2.0  # relative to the largest torque, which holds the weight
 _TURNED_SPEED_SHARE = 0.5
@@ -134,8 +139,9 @@ _TURNED_FADING = 0.03
 # Between measurements farther apart than this [s] the acting torque is unknown.
 _APART = 5e-3
 _SPEED_NOISE = 0.15  # [rad/s] noise of a speed computed from counts, without its low-pass filter
-# A joint that yields to another joint is slowed to this fraction of its speed limit, where its
-# motion loads other joints by a tenth. Times [s] of slowing down and of recovery:
+# A joint whose motion overloads another joint is slowed to this fraction of its speed limit, at
+# which it loads other joints by a tenth. The following times [s] are those of slowing down and of
+# recovery.
 _GIVE_WAY_SHARE = 0.3
 _GIVE_WAY_TIME = 0.3
 _RECOVERY_TIME = 1.0
@@ -144,36 +150,37 @@ _RECOVERY_TIME = 1.0
 # prevents it. The speed filter limits that damping [1/s].
 _GAP_SHARE = 1.1
 # A later command may brake other joints with full torque, which loads this joint by up to this
-# fraction of its torque; the joint then ends faster by a twentieth of the limit.
+# fraction of its torque and makes it faster by a twentieth of its speed limit.
 _GAP_PULL_SHARE = 0.05
 _GAP_FASTEST = 700.0
-_GAP_ROOM_SHARE = 0.05  # of the speed limit, for a joint that already has that speed
+_GAP_ROOM_SHARE = 0.05  # fraction of the speed limit, for a joint that already has that speed
 # A joint beyond its limit returns with at most this fraction of the speed limit.
 _RETURN_SHARE = 0.05
-# Largest sinking speed, relative to the limit, if the weight exceeds the reduced torque.
+# Largest sinking speed of a joint, relative to its speed limit, if the load exceeds the reduced
+# torque of its warm motor.
 _SINKING_SHARE = 0.1
 
 
 class JointBarrier:
     """Torque bounds that keep a joint within its position and speed limits for one cycle.
 
-    The barrier is a speed that falls with the distance to a limit, such that `deceleration` can
-    brake the joint. A command passes if the joint can still brake afterwards. The torque of any
-    other command is reduced to `highest` (or raised to `lowest`). Near the barrier this torque
-    brakes along the barrier; beyond the barrier it returns the joint. Both bounds are computed for
-    the state predicted at the time when the torque acts, because the measured speed is filtered and
-    one cycle old.
+    The barrier is the speed from which `deceleration` can still stop the joint before a position
+    limit; it falls with the distance to the limit. A command passes if the joint can still brake
+    after it. The torque of any other command is reduced to `highest` (or raised to `lowest`).
+    A joint near the barrier is thus braked along the barrier; a joint beyond the barrier returns.
+    Both bounds are computed for the state predicted at the time when the torque acts, because the
+    measured speed is filtered and one cycle old.
 
     Plain floats are used, because they are faster than arrays for four joints.
 
     Parameters
     ----------
     joint
-        Limits of the joint.
+        Configuration with the limits of the joint.
     settings
         Settings; this class uses `period`, `soft_zone`, `velocity_lag` and `board_timeout`.
     deceleration
-        Deceleration available with any load [rad/s^2].
+        Deceleration that the drive provides with any load [rad/s^2].
     inertia_max
         Largest inertia [kg m^2].
 
@@ -186,7 +193,8 @@ class JointBarrier:
     inertia
         Inertia that the joint moves [kg m^2].
     load
-        Load torque of the arm's weight and motion, including the estimated unknown part [Nm].
+        Load torque of the joint from the arm's weight and motion, plus the estimated unknown load
+        [Nm].
     is_overwhelmed
         Whether the full drive torque cannot brake the joint as the barrier requires, because other
         joints' motion loads it too much.
@@ -281,7 +289,7 @@ class JointBarrier:
         self.restart()
 
     def restart(self) -> None:
-        """Reset the joint's motion estimate; the measured speed is used."""
+        """Reset the estimate of the joint's motion; the next measured speed is used as it is."""
         self._is_known = False  # previous speed and load
         self._fastest = self._unhindered
         self._disturbance = self._turned = 0.0
@@ -292,12 +300,12 @@ class JointBarrier:
         return self._fastest < self._unhindered or self._allowed < self._unhindered
 
     def give_way(self, interval: float) -> None:
-        """Lower the joint's speed limit over a time [s], as its motion overloads another joint."""
+        """Lower the speed limit for a time [s], as the motion overloads another joint."""
         least = _GIVE_WAY_SHARE * self._unhindered
         self._fastest = max(self._fastest - self._unhindered * interval / _GIVE_WAY_TIME, least)
 
     def recover(self, interval: float) -> None:
-        """Restore the joint's speed limit over a time [s]."""
+        """Raise a lowered speed limit of the joint again, for a time [s]."""
         if self._fastest > self._allowed:
             less = self._fastest - self._unhindered * interval / _GIVE_WAY_TIME
             self._fastest = max(less, self._allowed)
@@ -306,7 +314,7 @@ class JointBarrier:
         self._fastest = min(more, self._allowed)
 
     def hold_back(self, sinks: bool) -> None:
-        """Limit the joint to a small fraction of its speed while its load exceeds its torque."""
+        """Limit the joint to a small fraction of its speed limit while it is overloaded."""
         self._allowed = (_SINKING_SHARE if sinks else 1.0) * self._unhindered
 
     def speed(self, distance: float) -> float:
@@ -339,7 +347,7 @@ class JointBarrier:
         q, dq
             Last measured position [rad] and filtered speed [rad/s].
         effort
-            Torque that has acted since the measurement [Nm].
+            Joint torque that has acted since the measurement [Nm].
         load, inertia
             Load torque of the arm's weight and motion [Nm], and moved inertia [kg m^2].
         age
@@ -348,10 +356,10 @@ class JointBarrier:
             Time between the last two measurements [s]; 0 if none has arrived since the last call,
             inf if there was no earlier one.
         kept
-            Torque that has acted in place of `effort` if the last command did not reach the board
-            [Nm]. The board then keeps an older command. NaN while the board loses no command.
+            Joint torque that has acted in place of `effort` if the last command was lost, so that
+            the board still uses an older command [Nm]. NaN while the board loses no command.
         was_kept
-            Whether such a torque acted between the last two measurements.
+            Whether the board also used an older command between the last two measurements.
         """
         if interval > 0.0 or not self._is_known:
             if was_kept:
@@ -378,7 +386,7 @@ class JointBarrier:
 
     def _lead(self, acceleration: float, q: float, dq: float, age: float, gain: float) -> None:
         """Predict the joint state from the last measurement, and compute the torque bounds."""
-        # After a pause the torque that resulted from the last reference is unknown.
+        # After a pause of the host, the torque that the board has produced is unknown.
         led = (_APART if age > _APART else age) * acceleration
         mean = self._speed + 0.5 * led
         self.q = q + age * mean
@@ -391,13 +399,14 @@ class JointBarrier:
     def gap_damping(
         self, torque: float, law: float = 0.0, stiffness: float = 0.0, damping: float = 0.0
     ) -> float:
-        """Return the damping [Nms/rad] that a torque needs if no later command reaches the board.
+        """Return the damping [Nms/rad] to send with a torque, in case no later command arrives.
 
-        The result is 0 if the joint stays slow enough without damping until `board_timeout`. Three
-        cases qualify: the torque is small, the board's own damping ends the motion, or the spring
-        energy is small. The larger result of two loads counts: the modelled load, and the modelled
-        load plus the estimated small disturbance. The estimate for a base turned upside down is
-        excluded, because it may be as large as the torque.
+        The result is 0 if the joint stays slow enough until `board_timeout` without additional
+        damping: because the torque is small, the board's own damping ends the motion, or the
+        stiffness stores little energy. The damping is computed for the modelled load, and for the
+        modelled load plus the small estimated disturbance; the larger value is returned. The
+        large disturbance estimated for a base turned upside down is not used, because it may be
+        as large as the torque.
 
         Parameters
         ----------
@@ -413,7 +422,7 @@ class JointBarrier:
         return max(modelled, self._gap_damping(torque - load, law - load, stiffness, damping))
 
     def _gap_damping(self, excess: float, wanted: float, stiffness: float, damping: float) -> float:
-        """Return `gap_damping` [Nms/rad] for torques [Nm] relative to one load."""
+        """Return the result of `gap_damping` [Nms/rad] for torques [Nm] in excess of one load."""
         speed = self.dq
         if excess < 0.0:
             speed, excess, wanted = -speed, -excess, -wanted
@@ -441,7 +450,7 @@ class JointBarrier:
         return min(needed, _GAP_FASTEST * inertia)
 
     def mean_filtered(self, torque: float) -> float:
-        """Return the mean of the board's filtered speed [rad/s] in a cycle under a torque [Nm]."""
+        """Return the board's mean filtered speed [rad/s] in a cycle in which a torque [Nm] acts."""
         cycle = self._cycle
         time = cycle / self._lag
         followed = 1.0 - (1.0 - self._share_kept(cycle)) / time
@@ -449,7 +458,7 @@ class JointBarrier:
         return self.filtered + followed * (self.dq - self.filtered) + led
 
     def _take(self, dq: float, inertia: float, interval: float) -> None:
-        """Process a measured speed [rad/s], an interval [s] after the previous one."""
+        """Process a measured speed [rad/s], an interval [s] after the previous measurement."""
         if self._is_known and interval <= _APART and self._acceleration == self._acceleration:
             speed = self._without_lag(dq, interval)
             self._observe(speed, inertia, interval)
@@ -474,21 +483,22 @@ class JointBarrier:
             self._turned *= _TURNED_FADING / (_TURNED_FADING + interval)
 
     def _without_lag(self, dq: float, interval: float) -> float:
-        """Return the present speed [rad/s] from the board's filtered one, after an interval [s]."""
+        """Return the speed [rad/s] without lag, from filtered speeds an interval [s] apart."""
         kept = self._share_kept(interval)
         mean = (dq - kept * self._last_speed) / (1.0 - kept)
-        # The filtered mean weights recent values; the torque of that cycle predicts the rest.
+        # The filter weights recent values more; the torque of that cycle predicts the remaining
+        # lag.
         age = self._lag - interval * kept / (1.0 - kept)
         return mean + age * self._acceleration
 
     def _share_kept(self, time: float) -> float:
         """Return the fraction of a speed that the board's low-pass filter keeps over a time [s]."""
-        if not abs(time - self._kept_time) < 1e-7:  # most cycles have equal length
+        if not abs(time - self._kept_time) < 1e-7:  # stored, because most cycles have equal length
             self._kept, self._kept_time = exp(-time / self._lag), time
         return self._kept
 
     def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
-        """Return the largest torque towards a limit in excess of the load [Nm]."""
+        """Return the largest allowed torque towards a limit, in excess of the load [Nm]."""
         allowed = self.speed(distance)
         if allowed >= self._fastest or speed <= 0.0 or self.lets_down:
             braking = 0.0

@@ -1,4 +1,4 @@
-"""Limits on commands, and latched stops."""
+"""Safety gate: limits commands, and latches a stop of the arm."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from aerarm_ros.hardware.gate.command_intake import CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier, JointLoads
 from aerarm_ros.motion.signals import Array
 
-# Effect of a limit on a command, for the list of faults.
+# Text on the effect of each limit on a command, for the list of faults.
 LIMITED: dict[str, str] = {
     'position': 'a position reference beyond its limit was clipped to the limit',
     'velocity': 'a reference faster than the velocity limit was slowed to the limit',
@@ -34,10 +34,10 @@ _CREEP_SHARE = 0.005
 
 
 class JointLimiter:
-    """Limit the references of one joint, and stop the arm if they exceed a tolerance.
+    """Limits the references of one joint, and finds references for which the arm must stop.
 
     References towards a position limit are slowed to just below the speed from which the joint can
-    still brake. The `barrier` limits the actual motion of the joint.
+    still brake. The `barrier` in turn limits the actual motion of the joint.
 
     Plain floats are used, because they are faster than arrays for four joints; NaN means unused.
 
@@ -48,7 +48,7 @@ class JointLimiter:
     effort_limit
         Largest effort [Nm]: the configured limit, or less while the motor is warm.
     barrier
-        Barrier with the speed from which the joint can brake.
+        Barrier that knows the speed from which the joint can brake.
     limited
         Names of the limits applied in the last call, keys of `LIMITED`.
     """
@@ -84,7 +84,7 @@ class JointLimiter:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the last references; the next ones start from the joint's position."""
+        """Discard the last references; the next ones start from the measured position."""
         self._last_position = nan
         self._last_effort = 0.0
 
@@ -109,7 +109,7 @@ class JointLimiter:
         return ''
 
     def command_violation(self, position: float, velocity: float, effort: float, q: float) -> str:
-        """Return why a command requires a stop, or ''; comparisons with NaN are all false."""
+        """Return why a command requires a stop, or ''; NaN means an unused reference."""
         settings, what = self._settings, ''
         if position == position and not self.is_inside(position):
             what = f'a position of {position:.3f} rad, outside its limits'
@@ -167,22 +167,22 @@ class JointLimiter:
         return self._last_effort
 
     def _held(self, value: float, lowest: float, highest: float, name: str) -> float:
-        """Return the value limited to bounds, and record the limit's name if it acted."""
+        """Return a reference limited to bounds; record the limit's name if it acted."""
         if lowest <= value <= highest:
             return value
         self.limited.append(name)
         return min(max(value, lowest), highest)
 
 
-# Fraction of the speed limits that encoder noise and a holding hand stay below. A released arm
-# exceeds it within 0.04 s, and above it the alignment field loses the rotor.
+# Fraction of the speed limits; encoder noise and the motion of a supported arm stay below it. A
+# released arm exceeds it within 0.04 s, and above it the alignment field loses the rotor.
 _AT_REST = 0.05
-# [s] between two measurements; longer ones do not count as time of overload.
+# [s] longer times between two measurements do not count as time of overload.
 _INTERVAL_MAX = 5e-3
 
 
 class SafetyGate:
-    """Limit commands, and latch a stop when limits do not suffice.
+    """Limits commands, and latches a stop of the arm if limiting a command is not sufficient.
 
     A command slightly over a limit is limited and counted. A command far over a limit is a
     violation, and so is a joint that leaves its position or speed range. After a violation `stop`
@@ -202,11 +202,11 @@ class SafetyGate:
     stop
         Reason of the latched stop, or ''.
     limited
-        Number of times that each limit acted on a joint, by its name in `LIMITED`.
+        Number of times that each limit changed a reference, by the name of the limit in `LIMITED`.
     last_limited, last_limited_time
-        Last limit that acted, and its time [s].
+        Name of the last limit that changed a reference, and its time [s].
     barriers
-        One `JointBarrier` per joint, as of the last call of `watch`.
+        One `JointBarrier` per joint, updated by `watch`.
     loads, inertias
         Modelled loads [Nm] and inertias [kg m^2] at the last call of `watch`; empty before the
         first.
@@ -236,7 +236,7 @@ class SafetyGate:
         self.inertias: list[float] = []
 
     def trip(self, reason: str) -> None:
-        """Latch a stop of the arm; the first reason stays."""
+        """Latch a stop of the arm with a reason; the reason of an earlier stop is kept."""
         if not self.stop:
             self.stop = reason
 
@@ -246,7 +246,7 @@ class SafetyGate:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the last command; the next one starts from the arm's present position."""
+        """Discard the last command; the next command starts from the arm's present position."""
         for joint in self._joints:
             joint.restart()
         # The barriers keep their state: they monitor the arm and not the commands.
@@ -258,7 +258,7 @@ class SafetyGate:
         )
 
     def state_violation(self, q: Array, dq: Array) -> str:
-        """Return which joint left its range [rad] or is too fast [rad/s], or ''; (n,) each."""
+        """Return which joint is out of range or too fast at q [rad], dq [rad/s], or ''."""
         rows = zip(self._joints, q.tolist(), dq.tolist(), strict=True)
         violations = (joint.state_violation(angle, speed) for joint, angle, speed in rows)
         return next(filter(None, violations), '')
@@ -274,7 +274,7 @@ class SafetyGate:
         return moving and f'{moving}: hold the arm, wait until it rests, then enable it'
 
     def watch_alignment(self, dq: Array) -> None:
-        """Trip the stop if the arm falls during alignment, by its (n,) speeds [rad/s]."""
+        """Stop the arm if its joint speeds (n,) [rad/s] show that it falls during alignment."""
         falling = self._faster_than(1.0, dq)
         if falling:
             self.trip(f'{falling} while the motors align: support the arm, and enable again')
@@ -289,7 +289,7 @@ class SafetyGate:
         kept: Sequence[float],
         unconfirmed: Sequence[int],
     ) -> None:
-        """Update `barriers`; call once per cycle while the motors are driven.
+        """Update the barriers of all joints; call once per cycle while the motors are driven.
 
         Arguments as in `JointBarrier.update`, n each; `unconfirmed` as in `ArmMeasurements`. If it
         exceeds 1, the torque `kept` acted between the last measurements.
@@ -316,9 +316,10 @@ class SafetyGate:
             self._slow(overwhelmed, float(interval.max()))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
-        """Slow all joints for a time [s] while a drive cannot brake its joint.
+        """Slow all joints for a time [s] if a drive cannot brake its joint.
 
-        Joint 1 at full speed loads joint 2 of a loaded arm outward with more torque than it has.
+        An example: in an arm with payload, joint 1 at full speed loads joint 2 outward with more
+        torque than the drive of joint 2 has.
         """
         if not interval <= _INTERVAL_MAX:
             return  # no new measurement, or an unknown motion during a pause
@@ -329,16 +330,16 @@ class SafetyGate:
                 barrier.recover(interval)
 
     def limit_effort(self, joint: int, effort: float) -> None:
-        """Set the largest effort [Nm] that a command may request from a joint, by its number."""
+        """Set the largest effort [Nm] that a command may request from the joint with a number."""
         self._joints[joint].effort_limit = effort
 
     def look_away(self) -> None:
-        """Reset the motion estimates, because the motors are off."""
+        """Reset the motion estimates of the barriers, because the motors are off."""
         for barrier in self.barriers:
             barrier.restart()
 
     def note_braking(self, now: float) -> None:
-        """Count a braking at a barrier, at `now` [s]."""
+        """Count that a barrier has braked a joint at `now` [s]."""
         self._note('braking', now)
 
     def follow(
@@ -350,7 +351,7 @@ class SafetyGate:
         motors: Sequence[MotorReference],
         trusted: Sequence[bool],
     ) -> bool:
-        """Apply limits, motor references and barriers to a command, joint by joint.
+        """Limit a command, convert it to motor references, and apply the barriers, joint by joint.
 
         A violation by any joint trips the stop. The motors then do not follow the command; the
         caller must check `stop` and damp the arm.
@@ -364,7 +365,7 @@ class SafetyGate:
         dt
             Time since the last call [s].
         now
-            Time of recorded limits [s].
+            Time [s] with which limits are recorded.
         motors
             n motor references to set.
         trusted
@@ -394,7 +395,7 @@ class SafetyGate:
         return is_braked
 
     def _faster_than(self, share: float, dq: Array) -> str:
-        """Return which joints are faster than a fraction of their limits, or ''."""
+        """Return a text with the joints faster than a fraction of their limits, or ''."""
         moving = [
             f'{joint.name} moves at {abs(speed):.2f} rad/s'
             for joint, speed in zip(self._config.joints, dq.tolist(), strict=True)

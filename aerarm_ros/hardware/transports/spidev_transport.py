@@ -14,9 +14,10 @@ from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 
 # Errors of the driver for a removed device or a file that is not open.
 _GONE = frozenset({errno.ESHUTDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
-# Consecutive other errors after which the device is reopened as well.
+# Number of consecutive other errors after which the device is reopened as well.
 _ERRORS_MAX = 200
-_WAIT_MIN, _WAIT_MAX = 0.2, 5.0  # [s] between two attempts to open; doubled each time
+# [s] time between two attempts to open the device, doubled each time
+_WAIT_MIN, _WAIT_MAX = 0.2, 5.0
 
 
 class TransportError(OSError):
@@ -24,12 +25,12 @@ class TransportError(OSError):
 
 
 class SpidevDevice:
-    """A `/dev/spidev*` device that is reopened after it was removed and has returned.
+    """SPI device of Linux, `/dev/spidev*`, that is reopened if it was removed and has returned.
 
     A removed device, for example an unplugged adapter or a reloaded driver, leaves an open file on
-    which every transfer fails. This remains so when a device of the same name exists again.
-    Therefore the file is closed and reopened, with waits that grow from 0.2 to 5 s. A single
-    transfer error is ignored, because the next frame follows within a millisecond.
+    which every transfer fails. Transfers on that file also fail after the device has returned.
+    Therefore the file is closed, and opening is tried again after waits that grow from 0.2 to 5
+    s. A single transfer error is ignored, because the next frame follows within a millisecond.
 
     Parameters
     ----------
@@ -121,7 +122,8 @@ class SpidevDevice:
         self._errors = 0
 
     def _opened(self) -> Any:
-        import spidev  # needs a compiler, so it is installed only where a bus exists
+        # imported here, because spidev needs a compiler and is installed only on hosts with SPI
+        import spidev
 
         file = spidev.SpiDev()
         try:
@@ -153,9 +155,9 @@ class SpidevTransport:
     """A `Transport` over `/dev/spidev*`, one device per board, on one or several buses.
 
     The device file selects bus and chip select. A frame is one transfer of 34 bytes, whose duration
-    the clock determines (34 us at 8 MHz); boards are served one after the other. A failed transfer
-    returns no bytes, which the bridge counts as a bad frame; one error does not end the cycle. A
-    removed device is reopened when it returns.
+    the clock determines (34 us at 8 MHz); frames of several boards are exchanged one after the
+    other. A failed transfer returns no bytes, which the bridge counts as a bad frame; a single
+    transfer error does not stop the arm. A removed device is reopened when it returns.
 
     Parameters
     ----------
@@ -211,7 +213,7 @@ class SpidevTransport:
 
 
 _EXCHANGES = 50
-_PAUSE = 1e-3  # [s] a board needs 0.7 ms to prepare its next frame
+_PAUSE = 1e-3  # [s] pause between two exchanges; a board needs 0.7 ms to prepare its next frame
 _GOOD_SHARE = 0.9
 _MODES = (0, 1, 2, 3)
 

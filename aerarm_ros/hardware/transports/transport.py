@@ -33,8 +33,8 @@ class Transport(Protocol):
     def exchanged_at(self, board: int) -> float:
         """End time of the last exchange with a board [s], on the clock of `advance`.
 
-        A board makes its answer between the start of the exchange, `exchange_time` before this
-        time, and one period of the board's control loop earlier.
+        A board prepares its answer at most one period of its control loop before the exchange
+        begins; the exchange begins `exchange_time` before its end.
         """
         ...
 

@@ -1,6 +1,6 @@
-"""Conditioning of recordings: uniform grid, whole periods, filters, derivatives (thesis 3.5).
+"""Conditioning of recordings, thesis 3.5: uniform sampling, whole periods, filters, derivatives.
 
-The input is a recording and the user's description of its motion. The output is samples of
-position, velocity, acceleration and torque, with warnings where the motion differs from its
+The input is a recording and the user's description of its motion. The output is uniform samples
+of position, velocity, acceleration and torque, and warnings if the motion differs from its
 description.
 """

@@ -1,4 +1,4 @@
-"""Conditioning of recordings: windows, filters and sampling rates, thesis section 3.5."""
+"""Conditioning of recordings: periods, filters and sampling rates, thesis section 3.5."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -42,12 +42,12 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class SignalDelays:
-    """Delays of velocity and effort relative to the positions of the same message.
+    """Delays of measured velocities and efforts relative to the positions of the same message.
 
     Attributes
     ----------
     velocity, effort : (n,) ndarray
-        Delay [s], positive where the signal is late.
+        Delay of each joint's signal [s], positive if the signal lags behind the position.
     """
 
     velocity: Array
@@ -62,7 +62,7 @@ class SignalDelays:
 # Smallest relevant lag: a twentieth of a period at 25 Hz. Smaller lags are not significant.
 _LEAST = 2e-3  # [s]
 _CLEAR = 3.0  # standard deviations
-_CORRELATION = 0.5  # periods of the cut-off per independent sample
+_CORRELATION = 0.5  # number of cut-off periods per independent sample
 
 
 def velocity_lag(motions: Sequence[UniformMotion], cutoff: float) -> Array:
@@ -104,27 +104,28 @@ def velocity_lag(motions: Sequence[UniformMotion], cutoff: float) -> Array:
 # exceeds it with a probability of 1e-6: 1 - 1e-6^(1 / (bins - 1)).
 _COHERENCE_BINS = 17
 _COHERENCE = 0.58
-_SHARE = 0.999  # fraction of a velocity's power below the edge of its band
+_SHARE = 0.999  # fraction of a velocity signal's power that lies below the upper edge of its band
 
 
 def motion_band(q: Array, dq: Array | None, dt: float) -> float:
-    """Return the frequency below which nearly all of a motion's power lies.
+    """Return the frequency [Hz] below which nearly all power of the joints' velocities lies.
 
     Parameters
     ----------
     q : (M, n) ndarray
         Joint positions [rad].
     dq : (M, n) ndarray or None
-        Measured joint velocities [rad/s]. Position and velocity share the joint's motion, while
-        noise differs. The narrower band of the two counts where both have the same content.
+        Measured joint velocities [rad/s]. Position and velocity contain the same motion with
+        different noise, so only frequencies at which both agree are counted; the narrower band of
+        the two is used.
     dt : float
         Sampling time [s].
 
     Returns
     -------
     float
-        Largest band edge of all joints [Hz]. White measurement noise is subtracted first, at the
-        level of the upper half of the spectrum.
+        Largest band edge of all joints [Hz]. White measurement noise, estimated from the upper
+        half of the spectrum, is subtracted first.
     """
     frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
     edges = _edges(frequency, q, derivative=1)
@@ -139,8 +140,8 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
 def position_band(q: Array, dt: float) -> float:
     """Return the frequency [Hz] below which nearly all of the power of positions (M, n) lies.
 
-    This frequency is lower than that of the motion, because velocity and acceleration grow with
-    frequency. It is unaffected by noise, because every joint moves far more than its encoder noise.
+    The band of positions is narrower than that of velocities, which grow with frequency. Noise
+    hardly affects it, because every joint moves far more than its encoder noise.
     """
     frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
     return float(max(np.max(_edges(frequency, q), initial=0.0), frequency[1]))
@@ -154,8 +155,9 @@ def _spectrum(values: Array) -> npt.NDArray[np.complex128]:
 def _coherent(q: Array, dq: Array) -> npt.NDArray[np.bool_]:
     """Return the frequencies at which positions and velocities show the same motion, (K, n).
 
-    The noise of a filtered velocity falls with frequency, like a motion. The positions lack this
-    noise, so its coherence with them is low. A delay of the velocity does not change the coherence.
+    The noise of a filtered velocity falls with frequency, like a motion. The positions do not
+    contain this noise, so the coherence of positions and velocities is low where noise dominates.
+    A delay of the velocity does not change the coherence.
     """
     velocities = _spectrum(dq)
     derivative = _spectrum(q) * np.arange(len(velocities))[:, None]
@@ -175,7 +177,7 @@ def _edges(
     derivative: int = 0,
     common: npt.NDArray[np.bool_] | None = None,
 ) -> Array:
-    """Return the (n,) band edges [Hz] of velocities or, by a derivative, of positions."""
+    """Return the band edges (n,) [Hz] of velocity signals, or of the derivatives of positions."""
     power = np.abs(_spectrum(values)) ** 2
     noise = np.median(power[len(power) // 2 :], axis=0) / np.log(2.0)
     # Single noise bins scatter about their mean; only values well above it count.
@@ -189,15 +191,17 @@ def _edges(
 
 # Gautier (ICRA 1997): a low-pass filter ten times above the motion preserves its dynamics.
 _CUTOFF_PER_BAND = 10.0
-_CUTOFF_MIN_PER_BAND = 0.5  # below, most of the motion is lost
+_CUTOFF_MIN_PER_BAND = 0.5  # below this factor of the band, most of the motion is lost
 # Samples per period of the cut-off that differentiation needs, ...
 _SAMPLES_PER_CUTOFF = 10.0
-_FEWEST_PER_CUTOFF = 5.0  # ... and the minimum where the data require it
-_LEAST_PER_POSITION_BAND = 4.0  # lower cut-offs remove part of the motion
-# Candidate cut-offs relative to the rule; the last factor repeats below, down to the least.
+_FEWEST_PER_CUTOFF = 5.0  # ... and the smallest number, used only if the data require it
+# factor of the band below which a cut-off removes part of the motion
+_LEAST_PER_POSITION_BAND = 4.0
+# Candidate cut-offs relative to the cut-off by the rule; lower candidates repeat the last factor,
+# down to the least cut-off.
 _TRIED = (0.5, 0.7, 1.0, 1.4, 2.0)
 _LOWER = 0.5
-# Trials are compared on common samples, at most at this rate unless the motion is faster.
+# Filters are compared on common samples, at most at this rate unless the motion is faster.
 _TRIAL_RATE = 30.0  # [Hz]
 _TRIAL_FINE_RATE = 200.0  # [Hz]
 # The filtered torque is sampled at five times the cut-off: above the Nyquist rate, 2, with a margin
@@ -206,33 +210,37 @@ _RATE_PER_CUTOFF = 5.0
 # Before filtering, signals are sampled at this multiple of the cut-off. The steps of dry friction
 # are then accurate to half a hundredth of the cut-off period; the filter removes faster content.
 _FINE_RATE_PER_CUTOFF = 100.0
-_FINE_RATE_MIN = 400.0  # [Hz] minimum, because the motion does not slow down with the cut-off
-_SEARCH_RATE = 250.0  # [Hz] sufficient to find band and harmonics of any arm motion
-_EDGE = 0.5  # periods of the cut-off excluded at both ends of an aperiodic motion
-_FEWEST_PERIODS = 3.0  # periods of the cut-off in a motion that is only predicted
+# [Hz] smallest sampling rate, because a lower cut-off does not make the motion slower
+_FINE_RATE_MIN = 400.0
+# [Hz] sampling rate that suffices to find band and harmonics of any arm motion
+_SEARCH_RATE = 250.0
+_EDGE = 0.5  # cut-off periods excluded at both ends of an aperiodic motion
+# smallest length, in cut-off periods, of a motion whose torque is only predicted
+_FEWEST_PERIODS = 3.0
 _EDGE_MOST = 0.1  # largest excluded fraction of the motion
-_SPREAD = 1.0  # periods of the cut-off excluded on both sides of saturated torque
-_STANDSTILL_SPEED = 5e-3  # relative to a joint's top speed
+_SPREAD = 1.0  # cut-off periods excluded before and after saturated torque
+# fraction of a joint's top speed, below which the joint counts as at rest
+_STANDSTILL_SPEED = 5e-3
 _STANDSTILL_TIME = 0.3  # [s]
 
 
 class Conditioner:
-    """Find band and harmonics of the identification bags, and condition any bag with them.
+    """Determines cut-off and harmonics from the identification bags, and filters bags with them.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Identification bags; validation bags do not influence the choice.
     options : ConditioningOptions
-        Settings that the user has given.
+        Settings given by the user.
 
     Attributes
     ----------
     cutoff : float
-        Cut-off of the torque's low-pass filter [Hz]: the given one, or ten times the band as the
-        initial value of the choice by data.
+        Cut-off of the torque's low-pass filter [Hz]: the given one, or ten times the band, with
+        which the choice by data begins.
     cutoffs : tuple of float
-        Candidate cut-offs in ascending order [Hz]; only the given one if set.
+        Cut-offs to try, in ascending order [Hz]; only the given one if the user has given one.
     harmonics : int or None
         Number of harmonics N of the excitation; None if a bag is not periodic.
     fundamental : float or None
@@ -240,11 +248,11 @@ class Conditioner:
     band : float
         Frequency [Hz] below which the motion lies.
     delays : SignalDelays
-        Delays of measured velocities (0 with exact stamps), and of efforts after
-        `with_effort_delay`. The effort delay is always corrected, the velocity delay only if the
-        kinematics filter is `in_time`.
+        Delays of measured velocities (0 with exact stamps) and of efforts (0 before
+        `with_effort_delay`). The delay of efforts is always corrected, that of velocities only if
+        the kinematics filter is `in_time`.
     warnings : list of str
-        Options that do not fit the motion, and short motions.
+        Warnings about options that contradict the motion, and about short motions.
 
     Raises
     ------
@@ -304,7 +312,7 @@ class Conditioner:
         return other
 
     def with_effort_delay(self, delay: Array) -> 'Conditioner':
-        """Return a conditioner for efforts with a delay of (n,) [s]."""
+        """Return a conditioner that corrects effort delays of (n,) [s]."""
         other = copy(self)
         other.delays, other._motions = replace(self.delays, effort=delay), {}
         return other
@@ -324,7 +332,7 @@ class Conditioner:
         ]
 
     def adapted(self, kinematics: KinematicsFilter) -> KinematicsFilter:
-        """Return the filter adapted to this cut-off."""
+        """Return a kinematics filter, adapted to the cut-off of this conditioner."""
         harmonics = kinematics.harmonics
         if harmonics not in (None, self.harmonics):
             harmonics = self._harmonics_below_cutoff()
@@ -337,7 +345,7 @@ class Conditioner:
     def condition(
         self, recording: Recording, kinematics: KinematicsFilter, predicted: bool = False
     ) -> Samples:
-        """Filter one bag with the conditioner's cut-off and a kinematics filter.
+        """Filter one bag with the cut-off of this conditioner and a kinematics filter.
 
         Parameters
         ----------
@@ -356,7 +364,7 @@ class Conditioner:
         return self._at_rates(recording, kinematics, (fine, coarse), shortest)
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
-        """Filter one bag, sampled at instants that are independent of filter and cut-off.
+        """Filter one bag, with samples at times that do not depend on filter and cut-off.
 
         Raises
         ------
@@ -388,7 +396,7 @@ class Conditioner:
     def _motion(
         self, recording: Recording, multiple: int, factor: int, shortest: float = SHORTEST
     ) -> UniformMotion:
-        """Return the motion with a whole number of decimated samples per period; cached."""
+        """Return the resampled motion, with a whole number of decimated samples per period."""
         if recording not in self._parts:
             fundamental = self._options.fundamental
             self._parts[recording] = find_periodic_part(recording.time, recording.q, fundamental)
@@ -408,7 +416,7 @@ class Conditioner:
         return min(_CUTOFF_PER_BAND * band, 1.0 / (_SAMPLES_PER_CUTOFF * dt))
 
     def _given_cutoff(self, band: float, dt: float) -> float | None:
-        """Return the user's cut-off, checked against the band of the positions; None if not set."""
+        """Return the user's cut-off, checked against the positions' band; None if not set."""
         given, limit = self._options.cutoff, 0.4 / dt
         if given is not None and given > limit:
             raise IdentificationError(
@@ -491,7 +499,7 @@ def _slope(motion: UniformMotion) -> Array:
 
 
 def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
-    """Return where a joint is at rest; dry friction is undetermined there."""
+    """Return the samples in which a joint is at rest, where dry friction is undetermined."""
     slow = np.abs(dq) < _STANDSTILL_SPEED * np.maximum(np.abs(dq).max(axis=0), 1e-6)
     shortest = max(2, round(_STANDSTILL_TIME / dt))
     still = np.zeros_like(slow)
@@ -505,7 +513,7 @@ def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
 def _near(
     recording: Recording, flags: npt.NDArray[np.bool_], time: Array, distance: float
 ) -> npt.NDArray[np.bool_]:
-    """Return which instants (K,) are within a distance [s] of flagged samples; (K, n)."""
+    """Return a mask (K, n) of the times (K,) that are within a distance [s] of flagged samples."""
     near = np.zeros((len(time), flags.shape[1]), dtype=bool)
     for joint in range(flags.shape[1]):
         flagged = recording.time[flags[:, joint]]
@@ -515,6 +523,6 @@ def _near(
 
 
 def _blocks(motion: UniformMotion, count: int, step: int) -> npt.NDArray[np.intp]:
-    """Return the block number of each sample; repetitions of a period share a block."""
+    """Return the block number of each sample; equal parts of all periods are in one block."""
     length = motion.period // step if motion.period else count
     return np.asarray((np.arange(count) % length) * BLOCKS // length, dtype=np.intp)

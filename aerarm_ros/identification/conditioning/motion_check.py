@@ -15,14 +15,14 @@ FILTERS = ('auto', 'harmonics', 'butterworth')
 
 @dataclass(frozen=True)
 class ConditioningOptions:
-    """User settings; None means chosen from the data.
+    """Conditioning settings of the user; None means that a setting is chosen from the data.
 
     Attributes
     ----------
     fundamental : float or None
-        f0 [Hz] of the excitation.
+        Fundamental frequency f0 of the excitation [Hz].
     harmonics : int or None
-        N of the excitation.
+        Number of harmonics N of the excitation.
     cutoff : float or None
         Cut-off of the torque's low-pass filter [Hz].
     filter : str
@@ -50,9 +50,10 @@ class ConditioningOptions:
             raise IdentificationError(f'filter {self.filter!r}: choose {", ".join(FILTERS)}')
 
 
-_SHORT = 10.0  # [s]: one period of the excitation of thesis section 3.4
-_TOLERANCE = 0.01  # relative error of a period
-_LARGEST_PART = 0.5  # smallest fraction of a motion's path within its whole periods
+# [s] one period of the excitation in thesis section 3.4; shorter motions cause a warning
+_SHORT = 10.0
+_TOLERANCE = 0.01  # tolerated relative error of a period
+_LARGEST_PART = 0.5  # smallest fraction of a motion's path that must lie in whole periods
 _TOO_SHORT = 3.0  # [s] shortest motion that can be identified
 
 
@@ -70,7 +71,7 @@ def short_motion_warnings(motion: UniformMotion) -> list[str]:
 def fundamental_warnings(
     motion: UniformMotion, fundamental: float, needed: bool = False
 ) -> list[str]:
-    """Compare a given fundamental frequency with the period of the motion.
+    """Return warnings if a given fundamental frequency differs from the motion's period.
 
     Parameters
     ----------
@@ -113,13 +114,13 @@ def fundamental_warnings(
 
 
 def _share_of_way(motion: UniformMotion) -> float:
-    """Return the fraction of the joints' path that lies in the window."""
+    """Return the fraction of the joints' path that lies in the window used for identification."""
     way = np.abs(np.diff(motion.q, axis=0)).sum(axis=1)
     return float(way[motion.window].sum() / way.sum())
 
 
 def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) -> list[str]:
-    """Compare a given number of harmonics with the motion's spectrum.
+    """Return warnings if a given number of harmonics differs from the motion's spectrum.
 
     Parameters
     ----------
@@ -150,7 +151,7 @@ def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) 
 
 
 def aperiodic_warnings(motions: Sequence[UniformMotion], options: ConditioningOptions) -> list[str]:
-    """Check options for whole periods against motions of which at least one is aperiodic.
+    """Return warnings about options that need whole periods, if a motion is aperiodic.
 
     Raises
     ------

@@ -10,10 +10,12 @@ from aerarm_ros.motion.signals import Array
 _RATE = 10.0  # [Hz] sampling rate of the search
 _LONGEST = 240.0  # [s] longest part of the motion that is searched
 _SHORTEST_PERIOD = 1.0  # [s]
-# Mean squared difference of two periods relative to their variance: in a repeated motion only
-# tracking errors differ, in other motions the difference is as large as the motion.
+# Largest mean squared difference of two periods, relative to their variance. It is small in a
+# repeated motion, which differs only by tracking errors, and about as large as the variance in
+# other motions.
 _REPEATED = 0.01
-# A period has at least this fraction of the largest motion of any section of equal length.
+# The motion within a period is at least this fraction of the largest motion within any section of
+# equal length.
 _LIVELY = 0.2
 # The periods make up at least this fraction of the motion, because a sweep also repeats locally.
 _LARGEST_PART = 0.5
@@ -86,7 +88,7 @@ def find_periodic_part(
 
 
 def count_harmonics(dq: Array, periods: int) -> int:
-    """Return N, the highest harmonic with a significant fraction of a velocity.
+    """Return the highest harmonic N with a significant amplitude in a joint velocity.
 
     Parameters
     ----------
@@ -101,12 +103,12 @@ def count_harmonics(dq: Array, periods: int) -> int:
 
 
 def _mismatch(q: Array, lag: int) -> Array:
-    """Return the relative mismatch between the motion and itself after `lag`, for each start.
+    """Return, for each start, the mismatch of the motion and the motion `lag` samples later.
 
     The mismatch is the mean squared difference of two consecutive sections of this length, divided
     by twice their common variance. It is 0 for a repeated motion and about 1 for unrelated
-    sections. It is not small for a smooth motion with a short lag. Sections with little motion have
-    an infinite mismatch.
+    sections. A smooth motion with a short lag does not have a small mismatch. Sections with
+    little motion have an infinite mismatch.
     """
     difference = np.concatenate(([0.0], np.cumsum(((q[lag:] - q[:-lag]) ** 2).sum(axis=1))))
     numerator = difference[lag:] - difference[:-lag]
@@ -126,7 +128,7 @@ def _shortest_repeating_lag(q: Array) -> int | None:
             return found[1]
         if worst < _REPEATED:
             found = (worst, lag)
-    # The minimum is not confirmed if the mismatch still falls at the longest lag.
+    # A mismatch that still falls at the longest lag does not show a minimum.
     return found[1] if found else None
 
 
@@ -146,7 +148,7 @@ def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, la
 
 
 def _rounded(period: float) -> float:
-    """Return the period of the nearest round frequency if it is within measurement accuracy."""
+    """Return the period of the nearest round frequency, if the period equals it within accuracy."""
     frequency = 1.0 / period
     for digits in (2, 3):
         round_frequency = float(f'{frequency:.{digits}g}')
@@ -160,7 +162,7 @@ def _at(instants: Array, time: Array, q: Array) -> Array:
 
 
 def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
-    """Return the section with the most whole periods, and among several the best match."""
+    """Return the section with the most whole periods; of several, the one that repeats best."""
     lag = max(200, round(period * _RATE))
     step = period / lag
     length = time[-1] - time[0] + float(np.median(np.diff(time)))
@@ -186,7 +188,7 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
 
 
 def _moving_time(q: Array) -> float:
-    """Return the duration of actual motion [s], for samples at the search's rate."""
+    """Return the time in which the arm moves [s], for samples at the rate of the search."""
     travel = np.linalg.norm(np.diff(q, axis=0), axis=1)
     return float(np.sum(travel > 0.02 * travel.max())) / _RATE
 

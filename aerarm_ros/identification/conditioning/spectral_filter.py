@@ -15,7 +15,7 @@ _BATCH = 2_000_000  # values transformed at once, to limit the memory
 
 
 def low_pass_gain(cutoff: float, order: int = 4) -> Callable[[Array], Array]:
-    """Return the gain of a Butterworth low-pass filter run forwards and backwards.
+    """Return the gain of a Butterworth low-pass filter that is applied forwards and backwards.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def low_pass_gain(cutoff: float, order: int = 4) -> Callable[[Array], Array]:
 
 
 def harmonic_gain(fundamental: float, harmonics: int) -> Callable[[Array], Array]:
-    """Return the gain of the rectangular windows of figure 3.2 at the known harmonics.
+    """Return the gain of the filter that passes only known harmonics, thesis figure 3.2.
 
     Parameters
     ----------
@@ -65,10 +65,11 @@ def harmonic_gain(fundamental: float, harmonics: int) -> Callable[[Array], Array
 class SpectralFilter:
     """Zero-phase filter, applied in the frequency domain.
 
-    A periodic signal has an exact spectrum. For any other signal the straight line between its ends
-    is subtracted before and added after the filter. The rest is extended by point reflection (odd
-    extension), which keeps value and slope continuous. Decimation omits the bins above the new
-    Nyquist frequency, which costs no time and prevents aliasing.
+    A periodic signal has an exact spectrum. From any other signal the straight line between its
+    ends is subtracted before filtering, and added again afterwards. The remaining signal is
+    extended by point reflection (odd extension), which keeps value and slope continuous.
+    For decimation, the frequencies above the new Nyquist frequency are omitted, which prevents
+    aliasing.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ class SpectralFilter:
         Returns
         -------
         (ceil(count / decimation), ...) ndarray
-            In the signal's unit per second to the power of `derivative`.
+            Filtered signal, in the signal's unit divided by s^derivative.
         """
         signal = np.asarray(signal, dtype=float)
         step = self.decimation if decimate else 1
@@ -140,7 +141,8 @@ class SpectralFilter:
         result = np.empty((-(-self.count // step), columns.shape[1]))
         gain = self._gain * (1j * self._omega) ** derivative if derivative else self._gain
         if derivative and self._length % 2 == 0:
-            gain[-1] = 0.0  # the Nyquist bin has no sign, so no derivative
+            # the sign of the Nyquist frequency is undefined, so its derivative is set to zero
+            gain[-1] = 0.0
         batch = max(1, _BATCH // self._length)
         for first in range(0, columns.shape[1], batch):
             part = slice(first, first + batch)
@@ -196,7 +198,8 @@ def _continuation(count: int, wanted: float, decimation: int) -> tuple[int, int]
             return left, length
     if len(lengths):
         return left, lengths[0]
-    # Too few samples for a multiple after the end, so shorten the front.
+    # There are too few samples after the signal for a multiple of the decimation, so fewer are
+    # added before it.
     return left, (left + count + most) // decimation * decimation
 
 

@@ -1,4 +1,4 @@
-"""Recordings on a uniform time grid, with the section used for identification."""
+"""Recordings resampled to a uniform time grid, with the section used for identification."""
 
 from dataclasses import dataclass, replace
 
@@ -25,7 +25,7 @@ BLOCKS = 5 * FOLDS
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Conditioned motion of one bag at two rates.
+    """Conditioned motion of one bag, sampled at a fine and at a coarse rate.
 
     Arrays named `fine`, sampled at a hundred times the cut-off or more, keep the steps of dry
     friction in place. The other arrays, at five times the cut-off, are used for the fit.
@@ -45,14 +45,14 @@ class Samples:
     tau_raw, tau : (M, n) ndarray
         Measured torque as recorded and low-pass filtered [Nm].
     fine_filter, coarse_filter : SpectralFilter
-        Low-pass filter of the torque for regressor columns at the fine rate (with decimation) and
-        at the coarse rate. Both sides of the equation pass the same filter.
+        Low-pass filter of the torque, applied to regressor columns at the fine rate (with
+        decimation) and at the coarse rate. Torque and regressor thus pass the same filter.
     kept : (M,) ndarray of bool
-        Samples away from the ends, where the filter has settled.
+        Samples far enough from the ends for the filter to have settled.
     measured : (M, n) ndarray of bool
         Kept samples with a valid joint torque: the effort is neither constant nor near saturation.
     usable : (M, n) ndarray of bool
-        Rows to fit: measured samples of a moving joint.
+        Samples used in fits: measured samples in which the joint moves.
     block : (M,) ndarray of int
         Number of the consecutive block of motion, 0 .. `BLOCKS` - 1.
     """
@@ -81,10 +81,10 @@ class Samples:
 
     @property
     def fold(self) -> npt.NDArray[np.intp]:
-        """(M,) cross-validation part of each sample, 0 .. `FOLDS` - 1; blocks alternate.
+        """Number (M,) of each sample's cross-validation part, 0 to `FOLDS` - 1; blocks alternate.
 
-        Every part thus covers the whole motion. A contiguous fifth would be predicted from postures
-        that the rest never reaches, which would test extrapolation.
+        Every part thus covers the whole motion. With contiguous parts, the torque of a part would
+        be predicted for postures that no other part reaches, which would test extrapolation.
         """
         return np.asarray(self.block % FOLDS)
 
@@ -97,8 +97,10 @@ class Samples:
 SHORTEST = 3.0
 """Shortest motion for an identification [s]; a shorter one has almost no excitation."""
 
-_ANTI_ALIASING = 0.4  # cut-off of the filter before decimation, relative to the new sampling rate
-_STANDSTILL = 0.02  # relative to the top speed of the fastest joint
+# cut-off of the low-pass filter applied before decimation, relative to the new sampling rate
+_ANTI_ALIASING = 0.4
+# fraction of the top speed of the fastest joint, below which the arm counts as at rest
+_STANDSTILL = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,8 @@ class UniformMotion:
     tau_raw : (M, n) ndarray
         Torque without filter, only interpolated [Nm].
     factor : int
-        Recorded samples per uniform sample; above 1, q, dq and tau are low-pass filtered.
+        Number of recorded samples per uniform sample; if above 1, q, dq and tau were low-pass
+        filtered.
     window : slice
         Samples used for identification: whole periods, or from first to last motion.
     period : int or None
@@ -149,7 +152,7 @@ class UniformMotion:
         return int(self.window.stop - self.window.start)
 
     def with_velocity_earlier(self, delay: Array) -> 'UniformMotion':
-        """Return the motion with measured velocities advanced by their delay (n,) [s]."""
+        """Return the motion with measured velocities made earlier by their delay (n,) [s]."""
         if self.dq is None:
             return self
         columns = zip(delay, self.dq.T, strict=True)
@@ -160,8 +163,8 @@ class UniformMotion:
 def sampling_time(recording: Recording) -> float:
     """Return the typical time between two samples [s].
 
-    The result is the mean, unless lost messages increase it; single differences of stamps since
-    1970 are rounded to 0.2 us.
+    The result is the mean time between samples, unless lost messages increase the mean. Single
+    differences would be inaccurate, because stamps since 1970 are rounded to 0.2 us.
     """
     median = float(np.median(np.diff(recording.time)))
     mean = recording.duration / (len(recording.time) - 1)
@@ -208,7 +211,7 @@ def aperiodic_motion(
     shortest: float = SHORTEST,
     effort_delay: Array | None = None,
 ) -> UniformMotion:
-    """Resample at the recorded rate, decimated, without standstill at both ends.
+    """Resample an aperiodic motion to uniform times, without the standstill at both ends.
 
     Parameters
     ----------
@@ -254,7 +257,7 @@ def _resampled(
     period: int | None,
     effort_delay: Array | None,
 ) -> UniformMotion:
-    """Interpolate and decimate column by column, because long recordings are large."""
+    """Interpolate and decimate a recording joint by joint, to limit the memory."""
     late = np.zeros(recording.tau.shape[1]) if effort_delay is None else effort_delay
     cutoff = _ANTI_ALIASING / (dt * factor)
     settling = SETTLING_PERIODS / cutoff
@@ -289,7 +292,7 @@ def _resampled(
 
 @dataclass(frozen=True)
 class KinematicsFilter:
-    """Filter of the kinematics, with the source of velocity and acceleration.
+    """Filter of positions, velocities and accelerations, with the source of the velocities.
 
     Attributes
     ----------
@@ -311,14 +314,14 @@ class KinematicsFilter:
 
     @property
     def label(self) -> str:
-        """Short description of the filter for reports."""
+        """Short description of the filter, for reports."""
         if self.harmonics is None:
             return f'zero-phase Butterworth at {self.cutoff:.3g} Hz, {self.source}'
         return f'rectangular windows at {self.harmonics} harmonics, {self.source}'
 
     @property
     def source(self) -> str:
-        """Description of the source of velocities."""
+        """Description of the source of the velocities, for reports."""
         if self.from_position:
             return 'differentiated positions'
         return 'measured velocities' + (', delay compensated' if self.in_time else '')
@@ -334,8 +337,9 @@ class KinematicsFilter:
         Returns
         -------
         three (M, n) ndarrays
-            Values [rad], [rad/s], [rad/s^2] at the full rate; acceleration is the derivative of the
-            filtered velocity, section 3.5.1.
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] at the full sampling
+            rate. The acceleration is the derivative of the filtered velocity, thesis section
+            3.5.1.
         """
         if self.harmonics is not None and motion.period is not None:
             fundamental = 1.0 / (motion.period * motion.dt)
@@ -343,8 +347,8 @@ class KinematicsFilter:
             smooth = SpectralFilter(motion.count, motion.dt, gain)
             part, inside = motion.window, slice(None)
         else:
-            # The whole recording is filtered, so that the window's ends have real neighbouring
-            # samples.
+            # The whole recording is filtered, so that the samples at the window's ends have
+            # recorded neighbours.
             gain = low_pass_gain(self.cutoff)
             settling = SETTLING_PERIODS / self.cutoff
             smooth = SpectralFilter(len(motion.time), motion.dt, gain, settling=settling)

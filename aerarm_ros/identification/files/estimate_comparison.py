@@ -14,7 +14,7 @@ from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.motion.signals import Array
 
 _CLEAR = 3.0  # standard deviations
-_SHARES = (0.2, 0.6, 1.0)  # relative to the speed that both motions reach
+_SHARES = (0.2, 0.6, 1.0)  # fraction of the speed that both motions reach
 _STILL = 1e-3  # [rad/s]
 _NOT_FRICTION = (TermKind.ROTOR, *COUPLED)
 _FRICTION = tuple(f'{kind.value}_' for kind in TermKind if kind not in _NOT_FRICTION)
@@ -42,12 +42,12 @@ class EstimateChange:
 
     @property
     def deviations(self) -> float:
-        """Difference in standard deviations."""
+        """Difference of new and old value, in standard deviations."""
         return (self.new - self.old) / self.std if self.std > 0.0 else 0.0
 
     @property
     def is_clear(self) -> bool:
-        """Whether the difference is larger than the uncertainty explains."""
+        """Whether the difference is significant, given its standard deviation."""
         return abs(self.deviations) > _CLEAR
 
 
@@ -58,13 +58,13 @@ class EstimateComparison:
     Attributes
     ----------
     friction, inertia : tuple of EstimateChange
-        Friction torque of each joint at several speeds that both motions reach, at the same load
-        (the friction terms of the models may differ). Base parameters of links and rotors that both
-        motions determine.
+        Changes of each joint's friction torque at several speeds that both motions reach, for the
+        same load; and changes of the base parameters of links and rotors that both motions
+        determine.
     unmatched : int
-        Number of base parameters that only one result contains.
+        Number of base parameters that only one of the results contains.
     drives : tuple of EstimateChange
-        Further quantities measured by the motor bench, such as backlash.
+        Changes of further quantities measured on a motor bench, such as backlash.
     """
 
     friction: tuple[EstimateChange, ...]
@@ -74,7 +74,7 @@ class EstimateComparison:
 
     @property
     def changes(self) -> tuple[EstimateChange, ...]:
-        """Changes of all quantities."""
+        """Changes of all quantities in one sequence."""
         return (*self.friction, *self.inertia, *self.drives)
 
 
@@ -124,7 +124,7 @@ def _parameters(path: Path) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _JointFriction:
-    """Friction of one joint in one result."""
+    """Friction model of one joint in one of the compared results."""
 
     terms: Mapping[JointTerm, float]
     speeds: Array
@@ -133,7 +133,7 @@ class _JointFriction:
     load_deviation: float
 
     def at(self, speed: Array, load: float) -> tuple[Array, Array]:
-        """Return the friction torque and its standard deviation at given speeds [Nm]."""
+        """Return the friction torque and its standard deviation [Nm] at given speeds and load."""
         known = np.interp(speed, self.speeds, self.torques)
         elsewhere = self.load_deviation * (load - self.load)
         return friction_torque(self.terms, speed, load), np.hypot(known, elsewhere)
@@ -170,7 +170,7 @@ def _friction(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[Esti
 def _inertia(
     first: Mapping[str, Any], second: Mapping[str, Any]
 ) -> tuple[tuple[EstimateChange, ...], int]:
-    """Return the changes of common base parameters, and the number of unmatched ones."""
+    """Return the changes of common base parameters, and the number of those in only one result."""
     old, new = (_base(each['base_parameters']) for each in (first, second))
     common = [name for name in old if name in new]
     changes = tuple(
@@ -205,7 +205,7 @@ WEAR = {
 
 
 def compare_benches(old: Path, new: Path) -> EstimateComparison:
-    """Compare two motor bench files in their common joints and quantities.
+    """Compare the common joints and quantities of two motor bench files.
 
     Parameters
     ----------

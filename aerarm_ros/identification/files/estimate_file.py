@@ -18,7 +18,7 @@ from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
 
-_SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # relative to a joint's top speed
+_SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
 NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 """Joint terms that are not friction."""
 
@@ -32,9 +32,9 @@ class FrictionDeviations:
     speeds : (n, K) ndarray
         Speeds in ascending order up to the top speed of the motion [rad/s].
     loads : (n,) ndarray
-        RMS torque on the links [Nm], for load-dependent friction.
+        RMS torque on the links of each joint [Nm], at which load-dependent friction is evaluated.
     torques : (n, K) ndarray
-        Standard deviations [Nm].
+        Standard deviations of the friction torques [Nm].
     """
 
     speeds: Array
@@ -62,7 +62,7 @@ def friction_torque(terms: Mapping[JointTerm, float], speed: Array, load: float)
 
 
 def friction_deviations(result: IdentificationResult) -> FrictionDeviations:
-    """Return the uncertainty of the recommended estimate's friction, from data and prior."""
+    """Return the standard deviations of the recommended estimate's friction torques."""
     model, inertial = result.fit.model, result.recommended.estimate.inertial.ravel()
     covariance = result.fit.covariance[10 * model.n :, 10 * model.n :]
     loads = [np.abs(bag.links_torque(inertial)) for bag in result.identification]
@@ -93,26 +93,30 @@ def _both_ways(term: JointTerm, speed: Array, load: float) -> Array:
 
 _HEADER = """\
 # Dynamic parameters identified from recorded motion. SI units, joint side.
-# inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its
-# joint's frame. viscous and coulomb: friction (2.6) nearest to the model in `friction`, with load
-# (identified.urdf has the part without load, and the load-dependent friction). Complete model:
-# viscous dq + coulomb s(dq) + load |links' torque| s(dq) + creep
-# tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2) + forward
-# max(a(dq), 0) + backward min(a(dq), 0), with s(dq) = tanh(dq / coulomb_width), sgn(dq) for
-# width 0, and a(dq) = tanh(dq / asymmetry_width).
-# coupled_joints, where given: for each column its joint, the joint that drives it, cv (torque per
-# velocity of the driver) or ca (per acceleration), and its coefficient.
-# from_data: 1 if the value comes from data, 0 if from CAD. Parameters of a sum below are
-# divided by CAD, even if the data determine the sum.
-# friction_deviations: standard deviations of friction torques without offsets, per joint at
-# increasing speeds, at the usual torque on its links (loads).
-# base_parameters: the sums that the torque depends on, which the data determine, with their
-# standard deviations by the data alone.
+# inertial_parameters: for each link m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the
+# frame of the link's joint. viscous and coulomb: the friction (2.6) of the thesis that is nearest
+# to the complete friction model in `friction`, including load-dependent friction.
+# (identified.urdf lists load-dependent friction separately.) Complete friction torque of a joint
+# at the velocity dq: viscous dq + coulomb s(dq) + load |torque on the links| s(dq). Added to this:
+# creep tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2). Added to
+# this: forward max(a(dq), 0) + backward min(a(dq), 0). Here s(dq) = tanh(dq / coulomb_width), or
+# sgn(dq) if coulomb_width is 0. The function a(dq) is tanh(dq / asymmetry_width). The term creep is
+# viscous friction that saturates at high velocity.
+# coupled_joints, only if joints are coupled: for each coupling the joint, the joint that drives
+# it, the kind, and the coefficient. Kind cv: torque per velocity of the driving joint. Kind ca:
+# torque per acceleration of the driving joint.
+# from_data: 1 if the recordings determine the parameter, 0 if it keeps its CAD value. Where the
+# recordings determine only a sum of parameters (base_parameters), CAD divides that sum.
+# friction_deviations: standard deviations of each joint's friction torque without offset, at
+# increasing speeds, for the RMS torque on the joint's links (loads).
+# base_parameters: the sums of parameters on which the torque depends and which the recordings
+# determine, with standard deviations from the recordings alone.
 """
 
 _PAYLOAD_HEADER = """\
 # Payload of the last link, identified from recorded motion. SI units, in the frame of that
-# link's joint. inertial_parameters: of the whole arm with the payload, as in estimate.yaml.
+# link's joint. inertial_parameters: parameters of all links of the arm, with the payload as part
+# of the last link, in the order of estimate.yaml.
 """
 
 # Friction terms to which each width parameter belongs.
@@ -147,7 +151,8 @@ def estimate_yaml(
     estimate : Estimate
         Estimate to write.
     viscous, coulomb : (n,) ndarray
-        Friction (2.6) nearest to that of the estimate [Nms/rad], [Nm].
+        Viscous [Nms/rad] and Coulomb [Nm] friction of thesis (2.6) nearest to that of the
+        estimate.
     """
     model = estimate.model
     parameters: dict[str, Any] = {
@@ -210,7 +215,7 @@ def _coupled(estimate: Estimate) -> dict[str, list[Any]]:
 
 
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
-    """Return values of all parameters in the structure of the parameters."""
+    """Return a value per parameter, grouped by kind of parameter as in the file."""
     spread = Estimate(estimate.solver, estimate.model, values)
     kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in NAMES.items()}
     return {'inertial_parameters': _floats(spread.inertial), **kinds}
@@ -221,7 +226,7 @@ def _floats(values: npt.ArrayLike) -> list[float]:
 
 
 def payload_yaml(estimate: Estimate, payload: Payload) -> str:
-    """Return the text of payload.yaml with the payload and the arm that carries it.
+    """Return the text of payload.yaml: the payload, and the parameters of the arm with payload.
 
     Parameters
     ----------
@@ -400,7 +405,7 @@ def _column(
 def _read_coupled(
     entries: Mapping[str, Any] | None, names: tuple[str, ...]
 ) -> dict[tuple[int, JointTerm], float]:
-    """Return the coefficients of all coupled joints' columns."""
+    """Return the coefficients of the terms of all coupled joints."""
     if entries is None:
         return {}
     columns = [entries[key] for key in ('joints', 'drivers', 'kinds', 'values')]
@@ -411,7 +416,7 @@ def _read_coupled(
 
 
 def _numbers(values: Any, n: int) -> Array:
-    """Return (n,) numbers; zeros for entries missing in older files."""
+    """Return (n,) numbers of a file entry; zeros if an older file lacks the entry."""
     return np.zeros(n) if values is None else np.array(values, dtype=float).reshape(n)
 
 

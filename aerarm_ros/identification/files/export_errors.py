@@ -1,4 +1,4 @@
-"""Torque errors of exported files, whose formats store different parts of the model."""
+"""Torque errors of exported files, because each format stores only a part of the model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,14 +17,14 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class ExportError:
-    """Torque error of one exported file in a typical reader.
+    """Torque error of the model that a typical program reads from an exported file.
 
     Attributes
     ----------
     contents : str
-        Parts of the model that the reader obtains.
+        Parts of the model that the program reads.
     filtered : tuple of float
-        Torque error (5.3) on each identification bag, then on each validation bag [%].
+        Filtered torque error (5.3) [%] on each identification bag, then on each validation bag.
     """
 
     file: str
@@ -35,8 +35,9 @@ class ExportError:
 def export_errors(result: IdentificationResult) -> list[ExportError]:
     """Return the torque error of each file that an identification writes.
 
-    Readers support neither offsets nor friction other than (2.6). URDF and SDF cannot store
-    gravity, so they are evaluated with the stated gravity.
+    Other programs support neither torque offsets nor friction other than (2.6). URDF and SDF
+    files cannot store gravity, so they are evaluated with the stated gravity instead of the
+    identified one.
     """
     estimate = result.recommended.estimate
     bags = [*result.identification, *result.validation]
@@ -70,7 +71,7 @@ def _under_stated_gravity(
 
 
 def _simple(estimate: Estimate, viscous: Array, coulomb: Array, rotors: Array) -> Estimate:
-    """Return links and joint coefficients (n,) of thesis (2.6), with rotor inertia."""
+    """Return an estimate reduced to links, friction (2.6) and rotor inertia."""
     model = estimate.model
     terms = (*THESIS_TERMS, ROTOR)
     simple = JointModel.uniform(model.joint_names, model.link_names, terms)

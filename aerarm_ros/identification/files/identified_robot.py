@@ -28,19 +28,19 @@ from aerarm_ros.motion.signals import Array
 def equivalent_friction(
     estimate: Estimate, bags: Sequence[SampleColumns], beside_load: bool = False
 ) -> tuple[Array, Array]:
-    """Return f_v and f_s of thesis (2.6) that are closest to the estimate's friction.
+    """Return f_v and f_s of thesis (2.6) that are nearest to the estimate's friction.
 
-    Non-negative least squares over the motion of the bags. For joints with friction (2.6) only, the
-    result equals the estimate's coefficients.
+    The coefficients are fitted to the motion of the bags by non-negative least squares. For
+    joints with friction (2.6) only, the result equals the estimate's coefficients.
 
     Parameters
     ----------
     bags : sequence of SampleColumns
         Identification bags.
     beside_load : bool
-        Whether to exclude load-dependent friction, for readers that support it separately. Such
-        readers smooth the sign of velocity near rest, as `FrictionCompensation` does, so smooth
-        Coulomb friction keeps its coefficient.
+        Whether to exclude load-dependent friction, for programs that support it separately. These
+        programs smooth the sign of the velocity near rest, as `FrictionCompensation` does, so the
+        coefficient of smooth Coulomb friction is used unchanged.
 
     Returns
     -------
@@ -74,9 +74,9 @@ def equivalent_friction(
 
 
 def unwritten(estimate: Estimate) -> tuple[str, ...]:
-    """Return notes on terms of the estimate that these formats cannot store.
+    """Return notes on terms of the estimate that URDF, MJCF and SDF files cannot store.
 
-    Offsets are not noted, because the integral action of a controller compensates them.
+    Torque offsets are not noted, because the integral action of a controller compensates them.
     """
     names = estimate.model.columns[10 * estimate.model.n :]
     pairs = zip(names, estimate.model.joint_columns, strict=True)
@@ -94,7 +94,8 @@ def _nearest(dq: Array, torque: Array) -> tuple[float, float]:
     both, *_ = np.linalg.lstsq(columns, torque, rcond=None)
     if both.min() >= 0.0:
         return float(both[0]), float(both[1])
-    # On the boundary one coefficient is zero and the other is fitted alone.
+    # If the constraint is active, one coefficient is zero and the other coefficient is fitted
+    # alone.
     alone = [float(max(c @ torque / max(c @ c, 1e-300), 0.0)) for c in columns.T]
     left = [np.linalg.norm(torque - c * a) for c, a in zip(columns.T, alone, strict=True)]
     return (alone[0], 0.0) if left[0] < left[1] else (0.0, alone[1])
@@ -183,7 +184,7 @@ def link_bodies(robot: Robot, inertial: Array) -> Iterator[LinkBody]:
 
 
 def _freedom(joint: pin.JointModel) -> tuple[bool, Array]:
-    """Return whether a joint is revolute, and its axis, from its motion subspace."""
+    """Return whether a joint is revolute, and its axis, from its Pinocchio model."""
     data = joint.createData()
     joint.calc(data, np.zeros(joint.nq))
     linear, angular = np.split(np.asarray(data.S).ravel(), 2)
@@ -195,7 +196,8 @@ def numbers_text(values: npt.ArrayLike) -> str:
     return ' '.join(repr(float(value)) for value in np.ravel(values))
 
 
-_REMAINING = 0.9  # largest fraction that may be subtracted from a link, so that a body remains
+# largest fraction of the possible subtraction, so that the remaining body has volume
+_REMAINING = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +209,7 @@ class LoadFriction:
     share : (n,) ndarray
         Dry friction per torque transmitted by the gear [-].
     viscous, coulomb : (n,) ndarray
-        Load-independent friction [Nms/rad], [Nm].
+        Load-independent viscous [Nms/rad] and Coulomb [Nm] friction.
     """
 
     share: Array
@@ -232,10 +234,11 @@ def identified_urdf(
 ) -> IdentifiedUrdf:
     """Return the URDF with identified inertial and friction values.
 
-    The identified parameters of a link include all bodies attached by fixed joints. So the link
-    gets the total, and the attached links lose their own `<inertial>`. Links behind locked joints
-    keep theirs, which is subtracted from the total. If no possible body remains, these links are
-    scaled down, so that every link is physically consistent and the sum equals the identified
+    The identified parameters of a link include all bodies attached by fixed joints. The moving
+    link therefore gets the total, and the `<inertial>` elements of the attached links are
+    removed. Links behind locked joints keep their inertial parameters, which are subtracted from
+    the total. If the rest is physically impossible, the masses of the links behind locked joints
+    are reduced until every link is physically consistent; the sum still equals the identified
     parameters.
 
     Parameters
@@ -247,7 +250,7 @@ def identified_urdf(
     viscous, coulomb : (n,) ndarray
         Values of `<dynamics damping friction>` [Nms/rad], [Nm].
     load : LoadFriction, optional
-        Equivalent friction in the form that programs of this package read.
+        Friction with its load-dependent part, which programs of this package can read.
     """
     text = robot.urdf_text
     root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
@@ -274,13 +277,14 @@ def identified_urdf(
         _set_dynamics(joint, viscous[index], coulomb[index])
         if load is not None and load.share[index]:
             _set_load_friction(joint, load, index)
-    # The serializer's blank before '/>' would appear in every line of a file comparison.
+    # The serializer adds a blank before '/>', which would make every line differ from the
+    # original file.
     written = ET.tostring(root, encoding='unicode').replace(' />', '/>')
     return IdentifiedUrdf(before_root(text) + written + '\n', tuple(warnings))
 
 
 def before_root(text: str) -> str:
-    """Return declaration and comments before the root element, which the tree omits."""
+    """Return the XML declaration and comments before the root element, which the parser omits."""
     starts: list[int] = []
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda *_: starts.append(parser.CurrentByteIndex)
@@ -290,7 +294,7 @@ def before_root(text: str) -> str:
 
 
 def _children(root: ET.Element, parents: list[str], fixed: bool) -> list[tuple[str, str]]:
-    """Return joint and child link of either the fixed or the other joints on given links."""
+    """Return each fixed (or each moving) joint on given links, with its child link."""
     found = []
     for joint in root.findall('joint'):
         parent, child = joint.find('parent'), joint.find('child')
@@ -310,7 +314,7 @@ def _behind_fixed_joints(root: ET.Element, link: str) -> list[str]:
 
 
 def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> list[str]:
-    """Return the links that only locked (and fixed) joints connect to given links."""
+    """Return the links connected to given links by locked and fixed joints only."""
     found: list[str] = []
     front = links
     while front:
@@ -339,14 +343,14 @@ def _inertia_held(robot: Robot, index: int) -> Array:
 
 
 def _moving_ancestor(full: Any, joint: int, moving: tuple[str, ...]) -> int:
-    """Return the nearest moving joint towards the base, possibly itself; 0 for the base."""
+    """Return the nearest moving joint between a joint (included) and the base; 0 without any."""
     while joint > 0 and full.names[joint] not in moving:
         joint = full.parents[joint]
     return joint
 
 
 def _possible_share(whole: Array, kept: Array) -> float:
-    """Return the largest fraction of a part that can be subtracted while a body remains."""
+    """Return the largest fraction of a part that can be subtracted so that a body remains."""
     if not kept.any() or is_physically_consistent(whole - kept):
         return 1.0
     if not is_physically_consistent(whole):
@@ -359,7 +363,7 @@ def _possible_share(whole: Array, kept: Array) -> float:
 def _scaled(
     links: Mapping[str | None, ET.Element], held: list[str], share: float, carrier: str
 ) -> list[str]:
-    """Scale the masses of links at constant centre and shape; return notes for the user."""
+    """Scale the masses of links, with unchanged centres and shapes; return notes for the user."""
     for name in held:
         for element in (
             *links[name].iterfind('inertial/mass'),
@@ -426,7 +430,7 @@ def _set_load_friction(joint: ET.Element, load: LoadFriction, index: int) -> Non
 def identified_mjcf(
     robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
 ) -> str:
-    """Return an MJCF text with the dynamics of the identified arm.
+    """Return an MJCF text (for MuJoCo) with the dynamics of the identified arm.
 
     Frames, names and directions equal those of the URDF, links those of `link_bodies`. Angles are
     in radians, and gravity is the identified one.
@@ -438,7 +442,7 @@ def identified_mjcf(
     inertial : (n, 10) ndarray
         Physically possible parameters of the moving links, thesis (3.3).
     viscous, coulomb, rotor_inertia : (n,) ndarray
-        MuJoCo's damping, frictionloss and armature [Nms/rad], [Nm], [kg m^2].
+        Values of MuJoCo's damping [Nms/rad], frictionloss [Nm] and armature [kg m^2].
     """
     root = ET.Element('mujoco', model=robot.model.name)
     ET.SubElement(root, 'compiler', angle='radian', balanceinertia='false', boundmass='0')
@@ -477,18 +481,18 @@ def identified_mjcf(
     return ET.tostring(root, encoding='unicode') + '\n'
 
 
-_VERSION = '1.9'  # first version with quaternions
+_VERSION = '1.9'  # first SDF version with quaternions
 _DRAKE = 'drake.mit.edu'
 
 
 def identified_sdf(
     robot: Robot, inertial: Array, viscous: Array, coulomb: Array, rotor_inertia: Array
 ) -> str:
-    """Return an SDF text with the dynamics of the identified arm, its base fixed to the world.
+    """Return an SDF text with the dynamics of the identified arm on a fixed base.
 
     Frames, names and directions equal those of the URDF, links those of `link_bodies`. SDF has no
-    element for rotor inertia. It is stored in Drake's own element with a gear ratio of 1, which
-    other readers ignore. Gravity belongs to the world, so it is given in a comment.
+    element for rotor inertia. It is stored in an element that only Drake reads, with a gear ratio
+    of 1. Gravity belongs to the world, so it is given in a comment.
 
     Parameters
     ----------
@@ -497,7 +501,7 @@ def identified_sdf(
     inertial : (n, 10) ndarray
         Physically possible parameters of the moving links, thesis (3.3).
     viscous, coulomb, rotor_inertia : (n,) ndarray
-        Friction and rotor inertia [Nms/rad], [Nm], [kg m^2].
+        Viscous [Nms/rad] and Coulomb [Nm] friction, and rotor inertia [kg m^2], at the joints.
     """
     ET.register_namespace('drake', _DRAKE)
     root = ET.Element('sdf', version=_VERSION)

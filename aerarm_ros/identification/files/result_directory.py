@@ -1,4 +1,4 @@
-"""Result folder that is written completely or not at all."""
+"""Result folder of an identification, which is written completely or not at all."""
 
 import contextlib
 import json
@@ -15,25 +15,25 @@ MARKER = 'summary.json'
 
 
 class ResultDirectory:
-    """Context manager that collects files in a temporary folder and finally moves them in place.
+    """Context manager that collects files in a temporary folder, then replaces the result folder.
 
-    Entering the context checks that the target can be written, before anything is computed. Leaving
-    it by an exception or an interrupt removes the collected files.
+    Entering the context checks that the target can be written, before anything is computed. If an
+    exception or an interrupt ends the context, the collected files are removed.
 
     Parameters
     ----------
     target : Path
         Target folder; may be missing, empty, or an earlier result, which is replaced.
     option : str
-        Option by which the user names the folder, for error messages.
+        Name of the command line option for the folder, for error messages.
     files : collection of str, optional
-        Names that an earlier result may contain; a folder with other files is not replaced. Without
-        names, only the marker file is required.
+        Names of the files that an earlier result may contain; a folder with other files is not
+        replaced. Without names, a folder is replaced if it contains the marker file.
 
     Attributes
     ----------
     replaced : bool
-        Whether an earlier result existed; valid once the context is entered.
+        Whether an earlier result exists and will be replaced; valid inside the context.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class ResultDirectory:
             )
 
     def path(self, name: str) -> Path:
-        """Return the path for a part of the result that another program writes."""
+        """Return the path at which another program writes a part of the result."""
         if self._collected is None:
             raise RuntimeError("files can only be written inside the 'with' block")
         return self._collected / name
@@ -134,7 +134,7 @@ class ResultDirectory:
         """Create missing folders and record them, so that a failure leaves none behind."""
         missing = [folder for folder in (parent, *parent.parents) if not folder.exists()]
         for folder in reversed(missing):
-            # recorded first, because an interrupt may occur between the two calls
+            # recorded before it is made, because an interrupt may occur between the two calls
             self._made.append(folder)
             folder.mkdir()
 
@@ -152,6 +152,6 @@ class ResultDirectory:
         if self._collected is not None:
             shutil.rmtree(self._collected, ignore_errors=True)
         for folder in reversed(self._made):
-            # the folder was not created, or contains more by now
+            # the folder was not created, or contains other files by now
             with contextlib.suppress(OSError):
                 folder.rmdir()

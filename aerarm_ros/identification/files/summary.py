@@ -28,7 +28,7 @@ def summarise(
     facts: Mapping[str, BagFacts] | None = None,
     exports: Sequence[ExportError] = (),
 ) -> dict[str, Any]:
-    """Return the summary of an identification: torque errors in percent, times in seconds.
+    """Return the content of summary.json: torque errors in percent, times in seconds.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def summarise(
     truth : sequence of InertialTorqueError
         Comparison with a simulated arm's true parameters, if available.
     facts : mapping, optional
-        Further facts about each bag, by its name.
+        Further facts about each bag, by the name of the bag.
     exports : sequence of ExportError
         Torque errors of each exported file.
     """

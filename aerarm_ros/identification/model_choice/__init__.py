@@ -1,5 +1,5 @@
-"""Automatic choice of filter, direction of gravity, and friction terms of each joint.
+"""Automatic choice of the filter, the direction of gravity, and the friction terms of each joint.
 
-The chosen filter has the smallest torque error, and the chosen terms predict held-out motion best.
-All tried alternatives are reported.
+The chosen filter gives the smallest torque error, and the chosen friction terms predict held-out
+parts of the motion best. All tried alternatives are reported.
 """

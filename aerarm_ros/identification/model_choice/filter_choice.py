@@ -24,23 +24,26 @@ from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 
-# Without it, load-dependent friction would look like a delay.
+# Without this term, load-dependent friction would look like a delay.
 _TERMS = (*SIMPLE_TERMS, JointTerm(TermKind.LOAD))
 # [s] prior standard deviation; wide, because a narrow one biases the estimate towards 0
 _SPREAD = 0.05
 _ROUNDS = 10
-_SETTLED = 5e-5  # [s] change at which the iteration ends
-_LEAST = 1e-3  # [s] smallest delay; smaller ones are within the accuracy of stamps and filters
-# Longer values are not delays. Friction that lags behind velocity, as in elastic gears, looks like
-# a delay of 20 to 100 ms in joints whose torque is mostly friction.
+_SETTLED = 5e-5  # [s] change of the delay at which the iteration ends
+# [s] smallest delay that is corrected; smaller delays are within the accuracy of stamps and
+# filters
+_LEAST = 1e-3
+# Longer estimated values are not delays of the signal. Friction that lags behind velocity, as in
+# elastic gears, looks like a delay of 20 to 100 ms in joints whose torque is mostly friction.
 _MOST = 0.015  # [s], decision 40
-_HOPELESS = 0.2  # [s] no valid estimate beyond it
-_CLEAR = 2.0  # standard errors, of a delay and of the improvement of held-out prediction
+_HOPELESS = 0.2  # [s] largest valid estimate
+# standard errors by which a delay, and the improvement of held-out prediction, must exceed zero
+_CLEAR = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class EffortDelay:
-    """Delay of each joint's effort behind its position.
+    """Delay of each joint's effort relative to its position.
 
     Attributes
     ----------
@@ -67,18 +70,19 @@ def find_effort_delay(
 ) -> EffortDelay:
     """Estimate the delay of each joint's effort, and test it on held-out parts.
 
-    For a small delay d, the torque equals the model torque minus d times its rate, which is linear
-    in d. The rate of the predicted torque is used, because noise in the measured rate would bias d
-    towards zero. The estimated delay is removed from the measured torque and the estimation
-    repeated until the rest is negligible.
+    For a small delay d, the measured torque equals the model torque minus d times the time
+    derivative of the model torque, which is linear in d. The derivative of the predicted torque
+    is used, because noise in the derivative of the measured torque would bias d towards zero. The
+    estimated delay is removed from the measured torque and the estimation repeated until the rest
+    is negligible.
 
     Parameters
     ----------
     bags : sequence of SampleColumns
         Identification bags.
     in_time : sequence of SampleColumns, optional
-        Bags with corrected velocity delays, if velocities are late. Delays are then estimated on
-        these bags, and either all signals or none are corrected.
+        Bags with corrected velocity delays, if velocities are late. Delays are then estimated
+        with these bags, and the delays of all signals or of none are corrected.
     """
     n = bags[0].samples.n
     links = SimpleFit(bags, cad).theta[: 10 * n]
@@ -116,7 +120,7 @@ def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
 
 
 def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
-    """Return a bag whose filtered torque is advanced in time."""
+    """Return a bag whose filtered torque is shifted to earlier times by a delay."""
     samples: Samples = bag.samples
     dt = float(samples.time[1] - samples.time[0])
     settling = None if samples.fine_filter.periodic else SETTLING_PERIODS * 5.0 * dt
@@ -128,7 +132,7 @@ def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
 
 
 def _lead(seconds: float) -> Callable[[Array], npt.NDArray[np.complex128]]:
-    """Return the gain of a time advance [s]."""
+    """Return the filter gain that shifts a signal to earlier times by some seconds."""
     return lambda frequency: np.asarray(np.exp(2j * np.pi * frequency * seconds))
 
 
@@ -142,9 +146,11 @@ def _squares(bags: Sequence[SampleColumns], residuals: Sequence[Array]) -> Array
 
 
 _TILT_SPREAD = 0.02  # [rad] prior standard deviation of the base tilt
-_TILT_ROUNDS = 2  # the torque of a tilt depends on the links' masses, and vice versa
-# A tilt is accepted if it lowers the held-out squared error by this fraction, in most of the
-# motion. On measured level robots the gain is 0.4 % at most, on tilted ones 12 % or more.
+# repeated, because the torque caused by a tilt depends on the links' masses, and vice versa
+_TILT_ROUNDS = 2
+# A tilt is accepted if it lowers the held-out squared error by this fraction in most parts of the
+# motion. In measurements a tilt lowered this error by at most 0.4 % for level robots, and by 12 %
+# or more for tilted ones.
 _WORTHWHILE = 0.05
 
 
@@ -209,7 +215,7 @@ def find_gravity(
 
 
 def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -> SharedColumns:
-    """Return the filtered torque per tilt about each axis [Nm/rad]."""
+    """Return the filtered torque per base tilt about each axis [Nm/rad]."""
     samples = bag.samples
     rest = np.zeros_like(samples.q)
     parts = []
@@ -220,8 +226,8 @@ def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -
     return SharedColumns(columns, np.full(len(axes), _TILT_SPREAD))
 
 
-_BY_CHANCE = 2.0  # standard errors by which the best of several trials may be better by chance
-_ENOUGH = 60.0  # [s] from the middle of a long recording that are used
+_BY_CHANCE = 2.0  # standard errors by which the best of several filters may be better by chance
+_ENOUGH = 60.0  # [s] length of the excerpt that is used from the middle of a long recording
 
 
 @dataclass(frozen=True)
@@ -245,7 +251,7 @@ class FilterTrial:
 
 @dataclass(frozen=True, eq=False)
 class FilterChoice:
-    """Filters tried, with the samples of the best.
+    """Filters that were tried, with the samples of the best filter.
 
     Attributes
     ----------
@@ -265,7 +271,7 @@ class FilterChoice:
     def excerpts(
         self, regressor: Regressor, recordings: Sequence[Recording], in_time: bool = False
     ) -> list[SampleColumns]:
-        """Return sufficient excerpts of the recordings, filtered; short recordings are complete.
+        """Return filtered excerpts of long recordings, and complete short recordings.
 
         With `in_time`, the delay of measured velocities is corrected.
         """
@@ -285,7 +291,7 @@ class FilterChoice:
     def with_effort_delay(
         self, regressor: Regressor, recordings: Sequence[Recording], delay: EffortDelay
     ) -> 'FilterChoice':
-        """Return the same choice with corrected delays of all signals."""
+        """Return the same filter choice, with the delays of all signals corrected."""
         if not delay.used.any() and not delay.in_time:
             return self
         moved = self.conditioner.with_effort_delay(delay.used)
@@ -300,9 +306,9 @@ def choose_filter(
     """Try all cut-offs and kinematics filters that the recordings allow.
 
     Real motion contains more than the commanded harmonics, such as the ripple of dry friction.
-    Measured velocities may be late or noisy. The recorded torque in held-out parts determines which
-    effect is larger; filtered torque would favour the strongest filter. Of equally good cut-offs,
-    the nearest to the rule is chosen.
+    Measured velocities may be late or noisy. The filter with the smallest error of recorded (not
+    filtered) torque in held-out parts is chosen; filtered torque would favour the lowest cut-off.
+    Of equally good cut-offs, the one nearest to ten times the motion's band is chosen.
 
     Parameters
     ----------
@@ -332,7 +338,7 @@ def condition_once(
     kinematics: KinematicsFilter,
     predicted: bool = False,
 ) -> SampleColumns:
-    """Return the columns of a bag that is filtered only once, with minimum memory."""
+    """Return the regressor columns of a bag that is filtered only once, to save memory."""
     conditioner.forget_motions()
     samples = conditioner.condition(recording, kinematics, predicted)
     conditioner.forget_motions()
@@ -340,7 +346,7 @@ def condition_once(
 
 
 class _Trials:
-    """Run filter trials, each once, and compare their errors."""
+    """Tries filters, each one once, and compares their torque errors."""
 
     def __init__(
         self, regressor: Regressor, conditioner: Conditioner, recordings: Sequence[Recording]
@@ -368,8 +374,8 @@ class _Trials:
     def best_at(self, cutoff: float) -> KinematicsFilter:
         """Try the kinematics filters at one cut-off, and return the best.
 
-        First all filters are tried, with measured velocities if available, then the other sources
-        with the best filter.
+        First all filters are tried with measured velocities, if available. Then the best filter
+        is tried with the other sources of velocity.
         """
         candidates = self._conditioner.at(cutoff).candidates()
         source = not self._measured
@@ -390,7 +396,7 @@ class _Trials:
         return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
 
     def walk(self, cutoffs: Sequence[float], start: KinematicsFilter) -> None:
-        """Try lower and higher cut-offs, starting at a filter, as long as errors fall."""
+        """Try lower and higher cut-offs than that of a filter, as long as errors fall."""
         below = [cutoff for cutoff in reversed(cutoffs) if cutoff < start.cutoff]
         above = [cutoff for cutoff in cutoffs if cutoff > start.cutoff]
         for way in (below, above):
@@ -404,8 +410,8 @@ class _Trials:
     def nearest(self, rule: float) -> float:
         """Return the cut-off nearest to the rule among those that are as good as the best.
 
-        Differences count as equal if chance explains them for as many trials, judged by their
-        variation over the blocks of the motion.
+        Two cut-offs count as equally good if chance explains their difference, given its
+        variation over the blocks of the motion and the number of cut-offs.
         """
         errors = self._squared_errors()
         least = min(errors.values(), key=lambda own: float(own.sum()))
@@ -414,7 +420,7 @@ class _Trials:
 
     @property
     def tried(self) -> list[FilterTrial]:
-        """Tried filters with their errors."""
+        """All tried filters with their torque errors."""
         any_of_them = next(iter(self._outcomes.values()))
         torque = block_sums(any_of_them.blocks, any_of_them.torques, self._common()).sum()
         return [

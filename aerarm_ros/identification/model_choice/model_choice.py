@@ -24,17 +24,18 @@ from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]
 
-# Eigenvalues of the links' Gram matrix below this fraction of the largest have no effect on any
-# torque.
+# Parameter combinations of the links whose eigenvalue of the Gram matrix is below this fraction
+# of the largest have no effect on any torque.
 _NO_EFFECT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """Joint coefficients as functions of the links' parameters x: `constant - slope x`.
+    """Fitted joint coefficients as functions of the links' parameters x: `constant - slope x`.
 
-    `hessian` and `gradient` are the remaining information of the joint's rows about x. Leading
-    axes: variants of the joint's terms, held-out parts of the motion.
+    `hessian` and `gradient` are the information that remains in the joint's rows about x. The
+    leading axes of all arrays are variants of the joint's terms, and held-out parts of the
+    motion.
     """
 
     hessian: Array
@@ -44,7 +45,7 @@ class _Eliminated:
 
 
 class CrossValidation:
-    """Predict each part of the identification motion from the other parts.
+    """Prediction of each part of the identification motion by a fit to the other parts.
 
     The links' parameters are common to all joints, while a joint's terms affect only its own
     torque. So each joint's terms are eliminated first (a Schur complement), and a change of one
@@ -55,7 +56,7 @@ class CrossValidation:
     link_mean, link_std : (10 n,) ndarray
         Mean and standard deviation of the prior of the inertial parameters.
     weights : (n,) ndarray
-        One over each joint's noise [1/Nm].
+        Weights of the joints' rows: one over the noise of each joint [1/Nm].
     """
 
     def __init__(
@@ -72,7 +73,8 @@ class CrossValidation:
             for joint in range(bank.n)
         ]
         grams = np.array([[row.T @ row for row in own] for own in rows])
-        # Keep only combinations with an effect; x = V y preserves prior and torques.
+        # Only parameter combinations y with an effect on the torque are kept; x = V y preserves
+        # prior and torques.
         values, vectors = np.linalg.eigh(grams[..., :count, :count].sum(axis=(0, 1)))
         effective = vectors[:, values > _NO_EFFECT * values[-1]]
         self._links = effective.shape[1]
@@ -83,7 +85,7 @@ class CrossValidation:
         self._training = self._held_out.sum(axis=1, keepdims=True) - self._held_out
 
     def score(self, terms: Sequence[Sequence[JointTerm]]) -> float:
-        """Return the held-out squared error of a model, relative to the squared noise.
+        """Return the held-out squared torque error of a model, relative to the squared noise.
 
         Parameters
         ----------
@@ -141,7 +143,7 @@ class CrossValidation:
         gram = self._training[joint]
         selected = masks[:, None, :]
         diagonal = np.diagonal(gram, axis1=1, axis2=2)[:, links:-1]
-        # Prior of a coefficient: one standard deviation would explain all of the torque.
+        # A prior standard deviation of a coefficient would explain all of the joint's torque.
         ridge = diagonal / np.maximum(gram[:, -1:, -1], 1e-300) + 1e-9 * diagonal + 1e-300
         square = gram[:, links:-1, links:-1] * (selected[..., None] & selected[..., None, :])
         index = np.arange(square.shape[-1])
@@ -160,7 +162,7 @@ class CrossValidation:
 
     def _error(self, joint: int, x: Array, part: _Eliminated) -> Array:
         own = part.constant - (part.slope @ x[..., None])[..., 0]
-        # A term that improves the fit only with the wrong sign is not friction.
+        # A term that improves the fit only with a negative coefficient is not friction.
         own = np.where(self._nonnegative, np.maximum(own, 0.0), own)
         solution = np.concatenate([x, own, -np.ones((*x.shape[:-1], 1))], axis=-1)
         return np.asarray(
@@ -169,7 +171,7 @@ class CrossValidation:
 
 
 def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Array:
-    """Return weighted rows for deviations from the prior in its standard deviations."""
+    """Return weighted rows for unknowns that are deviations from the prior in its deviations."""
     rows = weight * factor
     links = len(mean)
     rows[:, -1] -= rows[:, :links] @ mean
@@ -189,8 +191,8 @@ STRIBECK_WIDTHS = (0.05, 0.15)
 ASYMMETRY_WIDTH = 0.02
 """Velocity [rad/s] over which asymmetric friction develops."""
 
-# A term is kept if it lowers the held-out error of the arm by this fraction; another recording of
-# the same motion can cause smaller changes.
+# A term is kept if it lowers the held-out squared error of the arm by this fraction. Smaller
+# changes also occur between two recordings of the same motion.
 _WORTHWHILE = 5e-3
 
 _VISCOUS = JointTerm(TermKind.VISCOUS)
@@ -208,7 +210,7 @@ _RIVALS = ({TermKind.FORWARD, TermKind.BACKWARD, TermKind.OFFSET},)
 
 @dataclass(frozen=True)
 class Comparison:
-    """Model that was tried for a joint.
+    """Set of terms that was tried for a joint.
 
     Attributes
     ----------
@@ -217,9 +219,9 @@ class Comparison:
     terms : tuple of JointTerm
         Terms of the joint.
     error : float
-        Held-out squared torque error of the arm relative to the initial model.
+        Squared torque error of the arm in held-out parts, relative to that of the initial model.
     chosen : bool
-        Whether the model was chosen.
+        Whether this set of terms was chosen.
     """
 
     joint: int
@@ -229,7 +231,7 @@ class Comparison:
 
 
 def candidate_terms() -> tuple[JointTerm, ...]:
-    """Return all terms that a joint may have."""
+    """Return all friction, rotor and offset terms that a joint may have."""
     dry = [JointTerm(kind, width) for kind in _DRY for width in WIDTHS]
     return (_VISCOUS, ROTOR, *dry, *_SWITCHED)
 
@@ -239,9 +241,9 @@ def select_terms(
 ) -> tuple[tuple[tuple[JointTerm, ...], ...], list[Comparison]]:
     """Choose the friction and rotor terms of every joint by cross-validation.
 
-    Joint by joint, three steps follow each other. First the width of the dry friction's sign change
-    and its load dependence are chosen. Then saturating viscous friction, Stribeck friction,
-    asymmetry and offset are tested on unseen motion. Finally the first step is repeated.
+    Joint by joint, three steps follow each other. First the velocity width of dry friction and
+    its dependence on load are chosen. Then saturating viscous friction, Stribeck friction,
+    asymmetry and offset are tested on held-out motion. Finally the first step is repeated.
 
     Parameters
     ----------
@@ -252,7 +254,7 @@ def select_terms(
     -------
     tuple of n tuples of JointTerm
     list of Comparison
-        All models compared.
+        All sets of terms that were compared.
     """
     terms = [tuple(own) for own in start]
     best = validation.score(terms)
@@ -276,7 +278,8 @@ def select_terms(
 def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
     """Return the terms with dry friction of every width, with and without load dependence.
 
-    Width and load dependence vary together, because each alone may give no improvement.
+    Width and load dependence are varied together, because a change of only one may not improve
+    the prediction.
     """
     others = tuple(term for term in terms if term.kind not in _DRY)
     variants = []
@@ -287,7 +290,7 @@ def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
 
 
 def _switches(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
-    """Return the terms with each other optional term added, exchanged or removed."""
+    """Return variants of the terms with one optional term added, exchanged or removed."""
     variants = []
     for term in _SWITCHED:
         replaced = next((group for group in _RIVALS if term.kind in group), {term.kind})
@@ -315,12 +318,13 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
 '+' are combined; 'auto' chooses each joint's terms by cross-validation.
 """
 
-# The links' parameters determine the load on which friction depends, and vice versa.
+# repeated, because the links' parameters determine the load on which friction depends, and vice
+# versa
 _ROUNDS = 2
 
 
 def friction_terms(friction: str) -> tuple[JointTerm, ...]:
-    """Return the terms of a friction model, or of several models joined by '+'.
+    """Return the joint terms of a friction model, or of several friction models joined by '+'.
 
     Raises
     ------
@@ -360,7 +364,7 @@ def choose_model(
     -------
     ModelFit
     list of Comparison
-        Models tried in the last round; empty for a given friction model.
+        Sets of terms that were tried in the last round; empty for a given friction model.
 
     Raises
     ------

@@ -26,7 +26,7 @@ def block_sums(
     blocks : sequence of (M,) ndarray of int
         `Samples.block` of each bag.
     residuals : sequence of (M, n) ndarray
-        Torque residuals [Nm]; NaN is ignored.
+        Torque residuals of each bag [Nm]; NaN is ignored.
     counted : sequence of (M, n) ndarray of bool, optional
         Residuals to include; by default all that are not NaN.
     """
@@ -39,7 +39,7 @@ def block_sums(
 
 
 def standard_errors(differences: Array) -> float:
-    """Return the sum of independent differences divided by its standard error."""
+    """Return the sum of independent differences, divided by the standard error of the sum."""
     error = float(differences.std() * np.sqrt(len(differences)))
     return float(differences.sum()) / error if error > 0.0 else 0.0
 
@@ -60,12 +60,12 @@ _CORRELATION = 20.0
 
 @dataclass(frozen=True, eq=False)
 class SharedColumns:
-    """Columns of one bag that affect every joint, in addition to those of the links.
+    """Additional regressor columns of one bag with coefficients common to all joints.
 
     Attributes
     ----------
     filtered : (M, n, k) ndarray
-        Torque per unit, low-pass filtered like the torque.
+        Torque per unit of each coefficient, low-pass filtered like the measured torque.
     spread : (k,) ndarray
         Prior standard deviations of the coefficients about 0.
     """
@@ -80,9 +80,9 @@ class SimpleFit:
     Parameters
     ----------
     cad : ArmParameters
-        Prior for parameters that the motion does not determine.
+        CAD parameters, used as a prior for parameters that the motion does not determine.
     shared : sequence of SharedColumns
-        One per bag, or empty.
+        Additional columns of each bag; empty for none.
     terms : sequence of JointTerm
         Terms of every joint.
     inertial : (10 n,) ndarray, optional
@@ -114,7 +114,7 @@ class SimpleFit:
         gram, right, spread = self._normal_equations()
         spread[: self._common] = [*LINK_SPREAD * cad.inertial_scale().ravel(), *more]
         mean = np.concatenate([mean, np.zeros(len(spread) - len(mean))])
-        # The last matrix contains all parts, each other one lacks one part.
+        # The last matrix contains all parts; each other matrix lacks one part.
         gram = np.concatenate([gram.sum(axis=0) - gram, gram.sum(axis=0, keepdims=True)])
         right = np.concatenate([right.sum(axis=0) - right, right.sum(axis=0, keepdims=True)])
         system = gram * np.outer(spread, spread) + np.eye(len(spread))
@@ -128,9 +128,9 @@ class SimpleFit:
         return np.asarray(np.sqrt((FOLDS - 1) / FOLDS * (spread**2).sum(axis=0)))
 
     def rates(self) -> list[Array]:
-        """Return the (M, n) time derivative of each bag's filtered prediction [Nm/s].
+        """Return the time derivative (M, n) of the filtered predicted torque of each bag [Nm/s].
 
-        Links and joints are included, shared columns are not.
+        The prediction includes links and joint terms, but not shared columns.
         """
         n = self._bags[0].samples.n
         own = self.theta[self._common :].reshape(n, -1)
@@ -141,7 +141,7 @@ class SimpleFit:
         ]
 
     def raw_residuals(self) -> list[Array]:
-        """Return recorded minus predicted torque of links and joints, with each part held out.
+        """Return recorded minus predicted torque, for each part from a fit to the other parts.
 
         The fit uses filtered torque, the residuals use recorded torque. So trials with different
         filters are comparable.
@@ -156,12 +156,12 @@ class SimpleFit:
         return self._residuals([bag.rigid_raw for bag in self._bags], columns, torques)
 
     def residuals(self) -> list[Array]:
-        """Return the residuals of filtered torque, including shared columns."""
+        """Return the residuals of filtered torque [Nm], with shared columns predicted too."""
         columns = [self._joint_columns(bag) for bag in self._bags]
         return self._residuals(self._filtered, columns, [bag.samples.tau for bag in self._bags])
 
     def _normal_equations(self) -> tuple[Array, Array, Array]:
-        """Return Gram matrices and torque products of the columns per part, and prior spreads."""
+        """Return Gram matrices and torque products per part, and prior standard deviations."""
         n, own = self._bags[0].samples.n, len(self._terms)
         common, size = self._common, self._common + n * own
         gram, right, spread = np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.ones(size)

@@ -9,18 +9,18 @@ from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, 
 from aerarm_ros.motion.signals import Array
 
 LARGEST = 0.1  # [rad] largest backlash that is searched
-_RATE = 1000.0  # [Hz] of the uniform grid
+_RATE = 1000.0  # [Hz] sampling rate of the uniform time grid
 _CUTOFF = 25.0  # [Hz] low-pass filter of torques, because the torque of impacts is not modelled
 # [Hz] low-pass filter of the motor's velocity, whose quantization would excite the link
 _SMOOTH = 50.0
 _ORDER = 3
 _EDGE = 0.1  # [s] excluded at both ends, where the filter has samples on one side only
-_STICKING = 0.1  # relative to the top speed [-]; at lower speeds friction is undetermined
+_STICKING = 0.1  # fraction of the top speed [-], below which friction is undetermined
 _SHORTEST = 0.5  # [s] shortest usable recording
 _PLAYS, _SCALES, _ROUNDS = 41, 9, 3
-_WIDTH = 4.0  # [standard deviations] on both sides that the next round covers
+_WIDTH = 4.0  # [standard deviations] range on both sides that the next round covers
 _SHARP = 2.0  # [grid steps] least standard deviation
-_CLEAR = 3.0  # [standard deviations] of a significant backlash
+_CLEAR = 3.0  # [standard deviations] by which a significant backlash exceeds zero
 _DIGITS = 6  # decimal places of a backlash [rad]
 _SURE = 3e-4  # [rad] least standard deviation, for errors of impacts and filters
 
@@ -32,15 +32,15 @@ def fit_backlash(
     rotor: tuple[float, float],
     name: str,
 ) -> tuple[float, float]:
-    """Return the backlash of a gear at the joint and its standard deviation [rad].
+    """Return a gear's backlash, measured at the joint, and its standard deviation [rad].
 
     An encoder on the motor does not measure the link, but the backlash affects the motor. When the
     motor brakes, the link leaves the driving flank. Until the opposite flank makes contact, the
-    motor accelerates only its own inertia. For an assumed backlash, the link's motion follows from
-    the motor's: coupled in contact, free under gravity in between. The motion determines the
-    contact torque. The estimate is the backlash whose torque fits the measured torque best. Motor
-    inertia, viscous and dry friction are fitted simultaneously; the links' inertia varies within
-    its uncertainty.
+    motor accelerates only its own inertia. For an assumed backlash, the motion of the link is
+    computed from that of the motor: coupled while in contact, free under gravity without contact.
+    The contact torque is then computed from the motion of the link. The estimate is the backlash
+    whose torque fits the measured torque best. Motor inertia, viscous and dry friction are fitted
+    simultaneously; the links' inertia varies within its uncertainty.
 
     Parameters
     ----------
@@ -49,7 +49,8 @@ def fit_backlash(
     friction : MotorFriction
         Gravity and load-dependent friction from the velocity steps.
     links, rotor : tuple of two floats
-        Joint-side inertia of the load and of the drive, each with its standard deviation [kg m^2].
+        Joint-side inertia of the load (links) and of the drive (rotor), each with its standard
+        deviation [kg m^2].
     name : str
         Name of the joint, for error messages.
 
@@ -94,7 +95,7 @@ def is_largest(found: tuple[float, float]) -> bool:
 
 
 class _Swing:
-    """Section of oscillations: motor motion on a uniform grid, and filtered torque."""
+    """Recording of oscillations: motor motion on a uniform time grid, and filtered torque."""
 
     def __init__(self, run: MotorRun) -> None:
         # Local import, because scipy.signal takes longer to import than the rest of this module.
@@ -133,7 +134,8 @@ class _Swing:
             touches = side != 0.0
             v = np.where(touches, dq, v - pull / _RATE)
             x = np.where(touches, q + side * half, x + v / _RATE)
-            # A flank only pushes; the link leaves the flank where it would have to pull.
+            # A tooth flank only pushes; the link leaves the flank where the flank would have to
+            # pull.
             side = np.where((ddq + pull) * side > 0.0, 0.0, side)
             ahead = x - q
             met = ~touches & (np.abs(ahead) >= half)
@@ -155,7 +157,7 @@ def _misfit(
     links: Array,
     rotor: tuple[float, float],
 ) -> Array:
-    """Return residual sums of squares (K,), relative to the noise of the best of K."""
+    """Return the sums of squared torque residuals (K,), relative to the noise of the best fit."""
     gravity = friction.gravity[:, np.newaxis] / links
     columns, torque = [], []
     for swing in swings:
@@ -167,7 +169,7 @@ def _misfit(
         torque.append((swing.tau[:, np.newaxis] - flank - dry)[swing.rows])
     rows, right = np.vstack(columns), np.vstack(torque)
     noise = float(np.sqrt(_squares(rows, right).min() / max(len(rows) - 6, 1)))
-    # Prior of the rotor inertia, in the same unit.
+    # The prior of the rotor inertia is an additional row, in units of the noise.
     weight = noise / rotor[1]
     rows = np.vstack([rows, [[weight, 0.0, 0.0, 0.0]]])
     right = np.vstack([right, np.full(len(links), weight * rotor[0])])
@@ -175,6 +177,6 @@ def _misfit(
 
 
 def _squares(rows: Array, right: Array) -> Array:
-    """Return the least-squares residual of each column of the right-hand side (K,)."""
+    """Return the least squared residual (K,) for each column of the right-hand side."""
     q, _ = np.linalg.qr(rows)
     return np.asarray(((right - q @ (q.T @ right)) ** 2).sum(axis=0))

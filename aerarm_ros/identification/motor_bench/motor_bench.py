@@ -32,11 +32,11 @@ _PLAY = 0.05  # [rad] largest assumed backlash of a joint
 def rattle_of_others(
     dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
 ) -> Array:
-    """Return how far each joint's backlash shifts the oscillating link, at most (n,) [rad].
+    """Return the largest shift (n,) of the oscillating link by each joint's backlash [rad].
 
     An accelerating joint causes torques at the other joints through their inertial coupling. A
-    joint stays at its tooth flank if gravity presses it there with more torque. Otherwise it moves
-    within its backlash, and shifts the observed link.
+    gear stays at its tooth flank if the gravity torque on it is larger than this coupling torque.
+    Otherwise the joint moves within its backlash, and shifts the oscillating link.
 
     Parameters
     ----------
@@ -58,11 +58,13 @@ def rattle_of_others(
     return np.asarray(shift)
 
 
-_RATE = 1000.0  # [Hz] of the uniform grid
+_RATE = 1000.0  # [Hz] sampling rate of the uniform time grid
 _CUTOFF = 12.0  # [Hz] zero-phase low-pass filter, above the frequencies of a run
 _ORDER = 3
-_ENDS = 5  # such times at both ends, where the filter has samples on one side only
-_STEP = 20  # samples from one row to the next
+# multiples of the filter's time constant excluded at both ends, where samples exist on one side
+# only
+_ENDS = 5
+_STEP = 20  # number of samples from one regression row to the next
 _INDEPENDENT = 0.5 / _CUTOFF  # [s] between samples with independent noise
 _SHORTEST = 0.5  # [s] shortest usable run
 # Below this fraction of its top speed [-] a joint may stick, so its friction is undetermined.
@@ -72,11 +74,11 @@ _STICKING = 0.1
 def fit_inertia(
     runs: Sequence[MotorRun], friction: MotorFriction, name: str
 ) -> tuple[float, float]:
-    """Return the inertia that a joint accelerates, and its standard deviation [kg m^2].
+    """Return the inertia that a joint's drive accelerates, and its standard deviation [kg m^2].
 
-    Gravity is taken from the velocity steps. Viscous and Coulomb friction are fitted again, because
-    runs are faster than steps. Torque and regressor pass the same filter, so that the balance
-    (4.11) holds after filtering.
+    The gravity torque is that of the velocity steps. Viscous and Coulomb friction are fitted
+    again, because acceleration runs are faster than velocity steps. Torque and regressor pass the
+    same filter, so that the balance (4.11) holds after filtering.
 
     Parameters
     ----------
@@ -116,7 +118,7 @@ def _long_enough(run: MotorRun) -> bool:
 
 
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
-    """Return columns ddq, dq, sgn(dq) and torque without gravity, all with the same filter."""
+    """Return ddq, dq, sgn(dq) and the torque minus gravity, filtered by the same filter."""
     # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 
@@ -137,9 +139,10 @@ def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
     return columns[rows], sosfiltfilt(low_pass, rest)[rows]
 
 
-# Least significance of the mass's gravity torque, in standard deviations.
+# Smallest gravity torque of the known mass, in standard deviations, for which the torque constant
+# is measured.
 _SIGNIFICANT = 20.0
-_PLAUSIBLE = 2.0  # largest factor between true and stated torque constant
+_PLAUSIBLE = 2.0  # largest ratio between true and stated torque constant
 
 
 def fit_torque_constant(
@@ -147,9 +150,9 @@ def fit_torque_constant(
 ) -> tuple[float, float]:
     """Return the ratio of true to stated torque constant, and its standard deviation [-].
 
-    The measured current and the stated constant give the mass's torque; weight and lever give its
-    true value. Gear friction cancels, because its sign depends on the direction of motion and that
-    of the gravity torque does not.
+    Measured current and stated constant give a measured torque of the mass; weight and lever give
+    its true torque. Gear friction cancels in the mean of both directions of motion, because it
+    changes its sign with the direction and the gravity torque does not.
 
     Parameters
     ----------
@@ -158,7 +161,8 @@ def fit_torque_constant(
     without : (2,) ndarray or None
         Gravity parameters a and b [Nm] without the mass; None for a bare motor without other load.
     known : (2,) ndarray or float
-        Contribution of the mass to a and b [Nm]; or m g r if the lever's angle is unknown.
+        True contribution of the mass to a and b [Nm]; or m g r [Nm] if the lever's angle is
+        unknown.
     name : str
         Name of the joint, for error messages.
 
@@ -188,16 +192,18 @@ def fit_torque_constant(
     return ratio, ratio * std / measured
 
 
-_ROUNDS = 2  # the steps need the inertia of the runs, which need the gravity of the steps
+# repeated, because the evaluation of the steps needs the inertia from the runs, and the runs need
+# the gravity from the steps
+_ROUNDS = 2
 _SAME_POSTURE = 0.02  # [rad]
 _SHIFT = 3e-3  # [rad] link shift by other joints' backlash above which a warning appears
-_LEAST_SPREAD = 0.05  # least relative standard deviation of the links' inertia
+_LEAST_SPREAD = 0.05  # smallest relative standard deviation of the links' inertia
 _ROTOR_SPREAD = 0.3  # relative standard deviation of the configured rotor inertia
 
 
 @dataclass(frozen=True)
 class KnownMass:
-    """Known mass attached to the arm, or to a lever on a bare motor's shaft.
+    """Known mass attached to the arm's last link, or to a lever on a bare motor's shaft.
 
     Attributes
     ----------
@@ -216,12 +222,12 @@ class KnownMass:
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """Gravity torque from an earlier run without the known mass.
+    """Results of an earlier run without the known mass.
 
     Attributes
     ----------
     gravity : mapping
-        Parameters a and b (2,) [Nm] by joint name.
+        Parameters a and b (2,) [Nm] of the gravity torque `a sin q + b cos q`, by joint name.
     posture : (n,) ndarray
         Posture of that run [rad].
     """
@@ -231,12 +237,12 @@ class Earlier:
 
 
 class MotorBench:
-    """Evaluate the runs of a motor bench.
+    """Evaluation of the runs of a motor bench.
 
     Parameters
     ----------
     config : ArmConfig
-        Configuration whose torque constants converted currents to torques.
+        Configuration with the torque constants that were used to convert currents to torques.
     robot : Robot or None
         Mounted arm with links under gravity; None for bare motors.
     posture : (n,) array_like
@@ -280,7 +286,7 @@ class MotorBench:
     def evaluate(
         self, joint: int, runs: Sequence[MotorRun], supply: MotorSupply | None = None
     ) -> MotorResult:
-        """Evaluate the runs of one joint; `warnings` receives unidentified quantities.
+        """Evaluate the runs of one joint; texts on unidentified quantities go to `warnings`.
 
         The resistance comes from `supply`, the electrical measurements of the boards.
 
@@ -323,7 +329,7 @@ class MotorBench:
     def _backlash(
         self, joint: int, swings: Sequence[MotorRun], friction: MotorFriction
     ) -> tuple[float, float] | None:
-        """Estimate the gear's backlash from oscillations; other backlash adds uncertainty."""
+        """Estimate a gear's backlash from oscillations; other joints' backlash adds uncertainty."""
         if not swings or self._robot is None:
             return None
         drive, posture = self._config.joints[joint], self._posture
@@ -342,7 +348,8 @@ class MotorBench:
         fastest = max(float(np.abs(run.dq).max()) for run in heard)
         dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
         shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
-        # The shift is assumed to be anywhere between zero and its largest value.
+        # The shift by other joints' backlash is assumed to be equally likely between zero and its
+        # largest value.
         found = play, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
         others = [self._config.joint_names[i] for i in np.flatnonzero(shift > _SHIFT)]
         if others:
@@ -403,7 +410,7 @@ class MotorBench:
             return None
 
     def _known_gravity(self, robot: Robot, known: KnownMass, joint: int) -> Array:
-        """Return the mass's contribution to a and b: its gravity torque at 90 and at 0 degrees."""
+        """Return the mass's contribution to a and b: its torque at joint angles 90 and 0 deg."""
         alone, loaded = Dynamics(robot), Dynamics(_carrying(robot, known))
         values = []
         for angle in (0.5 * np.pi, 0.0):

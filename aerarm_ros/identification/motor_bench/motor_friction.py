@@ -18,7 +18,7 @@ class MotorBlocks:
     speed : float or None
         Commanded velocity, signed [rad/s].
     sine, cosine : (B,) ndarray
-        Means of sin(q) and cos(q), which determine the gravity torque [-].
+        Means of sin(q) and cos(q), from which the gravity torque is computed [-].
     dq, ddq, tau : (B,) ndarray
         Mean joint velocity [rad/s], acceleration [rad/s^2] and torque [Nm].
     """
@@ -55,16 +55,17 @@ class MotorRun:
     swings: bool = False
 
     def blocks(self, length: float) -> MotorBlocks:
-        """Return means over blocks of `length` [s], which average noise and gear ripple."""
+        """Return means over time blocks of `length` [s], to reduce noise and gear ripple."""
         since = self.time - self.time[0]
         index = (since / length).astype(int)
-        index = np.minimum(index, max(index[-1] - 1, 0))  # the remainder belongs to the last block
+        # remaining samples belong to the last block
+        index = np.minimum(index, max(index[-1] - 1, 0))
         count = np.maximum(np.bincount(index), 1)
 
         def mean(values: Array) -> Array:
             return np.asarray(np.bincount(index, weights=values) / count)
 
-        # Slope of a linear fit to the velocities of each block.
+        # The acceleration is the slope of a linear fit to the velocities of each block.
         offset = since - mean(since)[index]
         spread = np.maximum(mean(offset**2), 1e-12)
         return MotorBlocks(
@@ -78,16 +79,17 @@ class MotorRun:
 
 
 _BLOCK = 0.1  # [s]: noise of two blocks is independent
-# Prior standard deviation of the fraction of transmitted torque lost in a gear. If the gravity
-# torque barely varies, only the sum of this loss and Coulomb friction is known.
+# Prior standard deviation of the fraction of transmitted torque lost in a gear. The prior is
+# needed if the gravity torque barely varies, because the data then determine only the sum of this
+# loss and Coulomb friction.
 _LOAD_SPREAD = 0.05
-_ROUNDS = 3  # the gravity torque determines the load, and vice versa
+_ROUNDS = 3  # repeated, because gravity torque and load-dependent friction depend on each other
 _LEAST_BLOCKS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class MotorFriction:
-    """Friction of one drive at the joint, with gravity terms of a mounted drive.
+    """Joint-side friction of one drive, and gravity torque if the drive is mounted in an arm.
 
     `tau = viscous dq + (coulomb + load |g(q)|) sgn(dq) + g(q)`, `g(q) = a sin q + b cos q`.
     This model is exact for a joint that rotates alone about a fixed axis, for any load.
@@ -95,11 +97,11 @@ class MotorFriction:
     Attributes
     ----------
     viscous, coulomb : float
-        b_eq / k_g^2 [Nms/rad] and f [Nm] of thesis (4.11).
+        Viscous friction b_eq / k_g^2 [Nms/rad] and Coulomb friction f [Nm] of thesis (4.11).
     load : float
         Friction per gravity torque [-], 0 for a bare motor.
     gravity : (2,) ndarray
-        Coefficients a and b [Nm], zero for a bare motor.
+        Coefficients a and b of the gravity torque [Nm], zero for a bare motor.
     covariance : (5, 5) ndarray
         Covariance of viscous, coulomb, load, a, b.
     speed, torque : (K,) ndarray
@@ -125,7 +127,7 @@ class MotorFriction:
         return np.asarray(np.column_stack([np.sin(q), np.cos(q)]) @ self.gravity)
 
     def load_torque(self, q: Array, dq: Array) -> Array:
-        """Return the gravity torque with the friction that it causes [Nm]."""
+        """Return the gravity torque plus the friction that it causes in the gear [Nm]."""
         gravity = self.gravity_torque(q)
         return np.asarray(gravity + self.load * np.abs(gravity) * np.sign(dq))
 
@@ -144,8 +146,9 @@ def fit_motor_friction(
     name : str
         Name of the joint, for error messages.
     inertia : float
-        Inertia that the joint accelerates [kg m^2]. The thesis neglects it, but a velocity loop
-        that still settles with 0.1 rad/s^2 looks like negative viscous friction.
+        Inertia that the joint accelerates [kg m^2]. The thesis neglects the inertia torque, but
+        in a fit an acceleration of 0.1 rad/s^2, from a velocity loop that has not settled, looks
+        like negative viscous friction.
 
     Raises
     ------
@@ -184,21 +187,21 @@ def fit_motor_friction(
 
 
 def _columns(sine: Array, cosine: Array, dq: Array, gravity: Array) -> Array:
-    """Return the columns of viscous, coulomb, load, a, b; (4.13) has the first two."""
+    """Return the regressor columns of viscous, coulomb, load, a, b; (4.13) has the first two."""
     sign = np.sign(dq)
     load = np.abs(gravity[0] * sine + gravity[1] * cosine)
     return np.column_stack([dq, sign, load * sign, sine, cosine])
 
 
 def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
-    """Return parameters and covariance; only the load-dependent friction has a prior."""
+    """Return parameters (5,) and covariance; only the load-dependent friction has a prior."""
     rank = np.linalg.matrix_rank(columns[:, np.linalg.norm(columns, axis=0) > 0.0])
     if rank < min(2, columns.shape[1]):
         raise IdentificationError(
             f'{name}: all steps have the same speed; check that the joint follows its reference'
         )
     std = np.ones(columns.shape[1])
-    for _ in range(2):  # the first solution's residual determines the noise
+    for _ in range(2):  # the residual of the first solution determines the noise
         prior = np.zeros((1, columns.shape[1]))
         if columns.shape[1] > 2:
             prior[0, 2] = 1.0 / _LOAD_SPREAD
@@ -206,7 +209,8 @@ def _solve(columns: Array, tau: Array, name: str) -> tuple[Array, Array]:
         rows = np.vstack([columns / noise, prior])
         right = np.append(tau / noise, 0.0)
         theta, *_ = np.linalg.lstsq(rows, right, rcond=None)
-        if columns.shape[1] > 2 and theta[2] < 0.0:  # a gear cannot add torque
+        # a gear cannot add torque, so the coefficient is not negative
+        if columns.shape[1] > 2 and theta[2] < 0.0:
             free = [0, 1, 3, 4]
             theta = np.zeros(5)
             theta[free], *_ = np.linalg.lstsq(rows[:, free], right, rcond=None)
@@ -262,10 +266,11 @@ class MotorSupply:
 
 VOLTAGE, BOARD = 'voltage', 'board'
 
-# [A] some counts: at lower currents the quotient of power and current is inaccurate
+# [A] some counts of the current measurement; at lower currents the ratio of power and current is
+# inaccurate
 _DIVISIBLE = 0.004
-# Least block mean [A]. Noise of the current affects both sides of the fit, and at small currents
-# would bias the resistance towards zero.
+# Smallest mean current of a block [A]. Noise of the current affects both sides of the fit, and at
+# small currents would bias the resistance towards zero.
 _LEAST_CURRENT = 0.1
 _BLOCK = 0.1  # [s]: noise of two blocks is independent
 _LEAST_RESISTANCE_BLOCKS = 6
@@ -279,7 +284,7 @@ class MotorResistance:
     Attributes
     ----------
     ohm, std : float
-        Value and its standard deviation [ohm].
+        Resistance and its standard deviation [ohm].
     source : str
         'voltage': measured with the voltage that the board reports; 'board': resistance that the
         board reports.
@@ -291,7 +296,7 @@ class MotorResistance:
 
 
 def find_resistance(supply: MotorSupply, board_uncertainty: float) -> MotorResistance | None:
-    """Return a motor's resistance, None if it is unknown.
+    """Return a motor's phase resistance, None if it cannot be determined.
 
     Parameters
     ----------

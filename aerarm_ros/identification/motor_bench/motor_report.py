@@ -1,4 +1,4 @@
-"""Motor bench results as YAML, configuration, table 4.3 and figure 4.4 of the thesis."""
+"""Motor bench results as YAML, as configuration, and as table 4.3 and figure 4.4 of the thesis."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -22,15 +22,17 @@ from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 
 _HEADER = """\
 # Drives measured on the motor bench, thesis section 4.4. SI units, each number with its standard
-# deviation. b_eq [Nms/rad] and rotor_inertia [kg m^2]: motor side; coulomb [Nm] and viscous
-# [Nms/rad], backlash [rad]: joint side. resistance [ohm]: of a phase, by the voltages that the
-# board reports, or as the board states it (resistance_from). gravity: a, b of g(q) =
-# a sin q + b cos q [Nm], as measured with the stated torque constant, at `posture` of the others.
+# deviation. b_eq [Nms/rad] and rotor_inertia [kg m^2]: at the motor. coulomb [Nm], viscous
+# [Nms/rad] and backlash [rad]: at the joint. resistance [ohm]: resistance of one phase;
+# resistance_from is 'voltage' if it was measured with the voltages that the board reports, 'board'
+# if the board reports the resistance. gravity: a and b of the joint's gravity torque
+# g(q) = a sin q + b cos q [Nm], computed with the configured torque constant. All other joints
+# were at `posture` during the measurement.
 """
 
 _CONFIG_HEADER = """\
-# The arm's configuration with the values that the motor bench has measured.
-# The original file has the comments; all other values are copied from there.
+# The arm's configuration with the values that the motor bench has measured. All other values
+# are copied from the original configuration, which also has the comments.
 """
 
 # Effort limits are rounded down to multiples of this, to stay below the motor's torque [Nm].
@@ -105,7 +107,7 @@ def load_earlier(path: Path) -> Earlier:
 
 
 def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult]) -> str:
-    """Return the configuration with measured friction, rotors, torque constants and resistances.
+    """Return the configuration with measured friction, rotor inertia, K_i and phase resistance.
 
     Joints share motor types, but individual motors differ (thesis, chapter 4). So each measured
     motor gets a separate entry.
@@ -131,8 +133,8 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
         measured = _measured(result)
         if measured:
             joint['motor'] = f'{result.motor}_{result.joint}'
-            # A separate copy, because YAML would write a shared part as an anchor, which is not
-            # readable.
+            # Each joint gets its own copy, because YAML writes shared objects as anchors, which
+            # the configuration reader rejects.
             motors[joint['motor']] = deepcopy(motors[result.motor]) | measured
             constant = measured.get('torque_constant_measured', result.torque_constant_stated)
             joint['effort_max'] = _effort_max(joint, config, result, constant)
@@ -143,7 +145,7 @@ def config_yaml(source: Path, config: ArmConfig, results: Sequence[MotorResult])
 
 
 def _measured(result: MotorResult) -> dict[str, float]:
-    """Return the motor parameters that are accurate enough to be used."""
+    """Return the measured motor parameters that are accurate enough for a configuration."""
     measured = {}
     if result.rotor_inertia is not None and result.rotor_inertia_known:
         measured['rotor_inertia'] = result.rotor_inertia[0]
@@ -176,7 +178,7 @@ _HEADINGS = (
     'backlash [mrad]',
 )
 _ROW_HEIGHT = 300  # [px] height of one drive's figure
-_GAP = 0.25  # distance of two figures relative to a row
+_GAP = 0.25  # distance between two figures, as a fraction of a row
 
 
 def bench_table(results: Sequence[MotorResult]) -> str:
@@ -199,20 +201,21 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
     """
     how = (
         'The drives were mounted in the arm. The fit includes gravity, g(q) = a sin q + b cos q '
-        'for a single joint, and the load-dependent gear friction. The plotted points are '
-        'without both.'
+        'for each joint, and the load-dependent gear friction. Both are subtracted from the '
+        'plotted torques.'
         if mounted
-        else 'The motors were bare: no gravity.'
+        else 'The motors were bare, so gravity caused no torque.'
     )
     parts = [
         paragraph('Friction (4.12)-(4.14) of each drive, with standard deviations.', 'lead'),
         bullets(warnings, 'warnings') if warnings else '',
         section('Parameters', table(_HEADINGS, map(_page_row, results))),
         paragraph(
-            'b_eq and J_m: motor side; f: joint side. J_m in brackets cannot be separated from '
-            'the load. K_i in brackets is the configured value. R per phase follows from the '
-            'voltages of the boards; in brackets it is the configured value. Backlash at the '
-            'joint follows from sine waves; in brackets it is not significant.',
+            'b_eq and J_m are motor-side values, f is a joint-side value. J_m in brackets '
+            'cannot be separated from the inertia of the load. K_i and R in brackets are '
+            'configured values. R is the resistance of one phase, from the voltages that the '
+            'board reports. The backlash at the joint follows from oscillations; a backlash in '
+            'brackets is not significant.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),
@@ -245,7 +248,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
 
 
 def _page_row(result: MotorResult) -> list[str]:
-    """Return table cells in which numbers do not wrap."""
+    """Return the table cells of one drive for the page, in which numbers do not wrap."""
     joint, motor, *numbers = _cells(result)
     return [joint, motor, *map(Html, numbers)]
 
@@ -255,7 +258,7 @@ def _with_std(value: tuple[float, float]) -> str:
 
 
 def _figure(results: Sequence[MotorResult]) -> str:
-    """Return figure 4.4: measured points and fit, with one pair of axes per drive."""
+    """Return a figure like 4.4: measured torques and fit over speed, one plot per drive."""
     traces: list[dict[str, Any]] = []
     count = len(results)
     layout: dict[str, Any] = {
@@ -280,7 +283,7 @@ def _traces(result: MotorResult, suffix: str, legend: bool) -> list[dict[str, An
     kg, friction = result.ratio, result.friction
     order = np.argsort(friction.speed)
     speed, torque = friction.speed[order] / kg, result.scale * friction.torque[order] * kg
-    # Two points on each side of zero speed draw the step of sgn as a step.
+    # Two points next to zero speed make the curve show the step of sgn.
     reach = float(np.abs(speed).max(initial=0.0))
     line = np.array([-reach, -1e-9, 1e-9, reach])
     fit = result.viscous_motor[0] * line + result.coulomb[0] * kg * np.sign(line)

@@ -6,7 +6,8 @@ import numpy as np
 
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorResistance
 
-# Largest relative standard deviation at which rotor and link inertia are separable.
+# Largest relative standard deviation of the rotor inertia at which it counts as separable from
+# the load.
 _KNOWN = 0.3
 
 
@@ -25,8 +26,8 @@ class MotorResult:
     friction : MotorFriction
         Friction measured with the stated torque constant.
     inertia : tuple of two floats, or None
-        Inertia that the joint accelerates, with its standard deviation, by the stated torque
-        constant [kg m^2].
+        Inertia that the drive accelerates at the joint, with its standard deviation [kg m^2],
+        computed with the stated torque constant.
     carried_inertia : tuple of two floats
         Inertia of the load without the drive, with its standard deviation [kg m^2].
     torque_ratio : tuple of two floats, or None

@@ -17,24 +17,24 @@ from aerarm_ros.identification.recording.signal_checks import (
 )
 from aerarm_ros.motion.signals import Array
 
-# fraction of the bridge's cycles; filters remove the effect of single long steps
+# tolerated fraction of missed bridge cycles; filters remove the effect of single long steps
 _MISSED_MAX = 0.01
 
 
 @dataclass(frozen=True)
 class BagFacts:
-    """Use and quality of a recorded bag.
+    """Used part and quality of a recorded bag.
 
     Attributes
     ----------
     used : str
-        Description of the used part.
+        Description of the part of the bag that is used.
     lost : int or None
         Number of missing joint states between first and last; None without sequence numbers.
     missed_cycles : int or None
         Number of cycles that the bridge missed; None if the bag has no diagnostics.
     columns : str
-        Table columns of each joint; empty for a bag.
+        Names of the table columns of each joint; empty for a bag.
     """
 
     used: str
@@ -44,7 +44,7 @@ class BagFacts:
 
     @property
     def text(self) -> str:
-        """Description in one line, for a terminal."""
+        """Description of used part and quality in one line, for a terminal."""
         parts = [f'used {self.used}']
         if self.lost is not None:
             parts.append(f'{self.lost} states lost')
@@ -95,13 +95,13 @@ RUNNING = 'running'
 
 _SMALLEST_MOTION = 1e-3  # [rad] within which a joint counts as resting
 _MARGIN = 0.5  # [s] kept at both ends of a motion, for the filters' transients
-_LONGEST_PAUSE = 0.5  # [s] between two commands of one motion
-_LOOKS = 1000  # positions used to measure travel; with all of them, noise would add up
+_LONGEST_PAUSE = 0.5  # [s] longest time between two commands of one motion
+_LOOKS = 1000  # number of positions used to measure travel; with all positions, noise would add up
 
 
 @dataclass(frozen=True)
 class UsedSpan:
-    """Used part of a bag.
+    """Part of a bag that is used for the identification.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class UsedSpan:
     whole : float
         Duration of the bag [s].
     reason : str
-        Criterion of the choice.
+        Reason why this part was chosen.
     """
 
     first: float
@@ -127,10 +127,10 @@ class UsedSpan:
 def running_span(
     time: Array, q: Array, modes: Sequence[tuple[float, str]]
 ) -> tuple[slice, str] | None:
-    """Return the rows in which the arm follows commands, by the modes that the bridge published.
+    """Return the rows in which the arm follows commands, according to the bridge's modes.
 
-    In the modes idle, aligning, ready and damping the arm rests, is moved by the boards, or sinks.
-    None of this is commanded motion.
+    In the modes idle, aligning, ready and damping the arm does not follow commands: it rests, is
+    moved by the boards, or sinks.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def running_span(
     q : (M, n) ndarray
         Joint positions [rad].
     modes : sequence of (time, mode)
-        Receipt time [s], in order, and mode.
+        Receipt times [s] in ascending order, each with the mode of the bridge.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def running_span(
 
 
 def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str] | None:
-    """Return the rows during which commands arrived.
+    """Return the rows of the joint states during which commands arrived.
 
     Parameters
     ----------
@@ -187,8 +187,9 @@ def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str]
 
 
 def moving_span(time: Array, q: Array) -> tuple[slice, str]:
-    """Return the rows from first to last motion, with a short margin before and after."""
-    time = np.maximum.accumulate(time)  # other checks report times that run backwards
+    """Return the rows from the first to the last motion, with a short margin before and after."""
+    # made monotonic, because another check reports times that run backwards
+    time = np.maximum.accumulate(time)
     ends = [end for column in q.T if (end := _ends_of_motion(column)) is not None]
     if not ends:
         return slice(0, len(q)), 'whole bag'
@@ -200,7 +201,7 @@ def moving_span(time: Array, q: Array) -> tuple[slice, str]:
 
 
 def _ends_of_motion(q: Array) -> tuple[int, int] | None:
-    """Return when the first joint leaves its start and the last joint reaches its end."""
+    """Return the rows in which a joint leaves its start and reaches its end."""
     finite = np.isfinite(q)
     if not finite.any():
         return None
@@ -213,7 +214,7 @@ def _ends_of_motion(q: Array) -> tuple[int, int] | None:
 
 
 def _liveliest(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str] | None:
-    """Return the run with the longest travel; None if no run moves."""
+    """Return the section with the longest joint travel, None if no joint moves in any section."""
     travel = [_travel(q[run]) for run in runs]
     if not travel or max(travel) < _SMALLEST_MOTION:
         return None
@@ -227,13 +228,15 @@ def _travel(q: Array) -> float:
 
 
 # An encoder count of a coarse drive is about 1e-4 rad; smaller changes are not motion.
-_LOCKED_MOTION = 0.05  # [rad] or [m]: a locked joint yields, fingers close slightly
+# [rad] or [m] tolerated motion of a locked joint: a locked joint yields, and fingers close
+# slightly
+_LOCKED_MOTION = 0.05
 _FEWEST_MESSAGES = 20
 _LARGEST = 1e6  # [rad], [rad/s], [Nm]: beyond any arm, with finite squares
 
 
 class JointStates(Protocol):
-    """Messages of one topic as arrays, with NaN for empty fields."""
+    """Joint state messages of one topic as arrays, with NaN for empty fields."""
 
     @property
     def names(self) -> Sequence[str]:
@@ -258,16 +261,16 @@ class JointStates(Protocol):
 
 @dataclass(frozen=True)
 class JointMapping:
-    """Mapping of the joints of a bag to those of the URDF.
+    """Mapping of joints in a bag to joints in the URDF.
 
     Attributes
     ----------
     rename : mapping
-        URDF name by name in the bag.
+        Name in the URDF for each joint name in the bag.
     ignored : tuple of str
-        Joints of the bag (after renaming) that the arm lacks.
+        Joints of the bag (named after renaming) that are not in the URDF.
     locked : tuple of str
-        Immobile joints of the URDF; the bag may contain them.
+        Joints of the URDF that do not move; the bag may contain them.
     prefix : str
         Prefix of the joint names in the bag that the URDF lacks.
     effort_gain : mapping
@@ -299,13 +302,13 @@ class Recording:
         Positions [rad], velocities [rad/s], torques [Nm]. `dq` is None if the bag has no
         velocities.
     dead_effort : (n,) ndarray of bool
-        Joints with constant recorded torque, whose rows carry no information.
+        Joints whose recorded torque is constant and therefore not used.
     warnings : tuple of str
         Warnings about excluded or implausible data.
     start : float
         Stamp of time 0 [s].
     span : UsedSpan or None
-        Used part of the bag; None for the whole bag.
+        Part of the bag that is used; None for the whole bag.
     saturated : (M, n) ndarray of bool or None
         Samples with effort at its limit; None without any.
     """
@@ -352,7 +355,7 @@ def recording_from_states(
     commanded: tuple[slice, str] | None = None,
     whole: bool = False,
 ) -> Recording:
-    """Extract an arm's joints from recorded joint states and check the values.
+    """Return the recording of an arm's joints from joint states, after checking the values.
 
     Parameters
     ----------
@@ -365,8 +368,8 @@ def recording_from_states(
     mapping : JointMapping
         Renaming, excluded joints, effort gains.
     commanded : slice and reason, optional
-        Messages received while the arm followed commands; other messages are ignored. Rest before
-        and after the motion is excluded as well.
+        Messages received while the arm followed commands, with the reason; other messages are
+        ignored. Rest before and after the motion is excluded as well.
     whole : bool
         Whether to use all messages, including rest; then no joint has to move.
 
@@ -419,7 +422,7 @@ def recording_from_states(
 def _used_rows(
     states: JointStates, order: Array, commanded: tuple[slice, str] | None
 ) -> tuple[slice, str]:
-    """Return the messages of the motion, and the criterion of the choice."""
+    """Return the messages of the arm's motion, and the reason why they were chosen."""
     part, reason = commanded or (slice(0, len(states.stamp)), 'motion')
     moving, how = moving_span(states.stamp[part], states.position[part][:, order])
     if how != 'motion' and commanded is None:
@@ -428,7 +431,7 @@ def _used_rows(
 
 
 def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: JointMapping) -> None:
-    """Reject a bag in which a locked joint of the URDF moves."""
+    """Raise an error if a locked joint of the URDF moves in the bag."""
     for name, q in zip(names, position.T, strict=True):
         joint = mapping.own_name(name)
         q = q[np.abs(q) < _LARGEST]
@@ -440,7 +443,7 @@ def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: Join
 
 
 def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
-    """Return rows and columns, without copying if all are selected in order."""
+    """Return rows and columns of an array, without a copy if all are selected in order."""
     whole = all(
         np.array_equal(index, np.arange(size))
         for index, size in zip((rows, columns), values.shape, strict=True)
@@ -489,7 +492,7 @@ def _columns(
 def _check_complete(
     bag: str, field: str, values: Array, joints: Sequence[str], stamp: Array
 ) -> None:
-    """Reject missing, non-finite or impossible values."""
+    """Raise an error if values of a field are missing, not finite or impossible."""
     bad = ~(np.abs(values) < _LARGEST)
     if not bad.any():
         return

@@ -10,19 +10,22 @@ from aerarm_ros.motion.signals import Array
 
 Mask = npt.NDArray[np.bool_]
 
-# A spike deviates from its neighbours by this multiple of the range of the joint's efforts, and
-# returns. Dry friction and contacts stay within about one range.
+# An effort spike deviates from the samples before and after it by this multiple of the range of
+# the joint's efforts. Dry friction and contacts stay within about one range.
 _SPIKE = 3.0
-_NEIGHBOURS = 5  # number of samples whose median up to two consecutive spikes do not change
-_RARE = 0.01  # fraction of samples; more frequent deviations belong to the signal
-# A saturated drive reports its largest value at least this often in a row.
+_NEIGHBOURS = 5  # number of samples in a median that up to two consecutive spikes do not change
+# largest fraction of samples that are spikes; more frequent deviations belong to the signal
+_RARE = 0.01
+# A saturated drive reports its largest effort in at least this number of consecutive samples.
 _HELD = 10
 _HELD_SHARE = 2e-3
-_SMALLEST_MOTION = 1e-3  # [rad] least motion; constant effort of a resting joint is not saturation
+# [rad] smallest motion during saturation, because the effort of a resting joint is constant as
+# well
+_SMALLEST_MOTION = 1e-3
 
 
 def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, list[str]]:
-    """Return the efforts with spikes replaced by the line between their neighbours, and warnings.
+    """Return the efforts with spikes replaced by interpolation, and warnings.
 
     Parameters
     ----------
@@ -48,7 +51,7 @@ def without_spikes(bag: str, joints: Sequence[str], tau: Array) -> tuple[Array, 
 def saturated_effort(
     bag: str, joints: Sequence[str], q: Array, tau: Array
 ) -> tuple[Mask | None, list[str]]:
-    """Return where efforts stay at their limit while the joint moves, and warnings.
+    """Return the samples in which efforts stay at their limit while the joint moves, and warnings.
 
     Parameters
     ----------
@@ -69,7 +72,7 @@ def saturated_effort(
         for limit in (column.min(), column.max()):
             mask[:, index] |= _held(column == limit, q[:, index])
         share = float(mask[:, index].mean())
-        if share > 0.5:  # an effort of two values only is odd, but not a saturated drive
+        if share > 0.5:  # an effort with only two values does not mean a saturated drive
             mask[:, index] = False
         elif share > 0.0:
             warnings.append(
@@ -92,7 +95,7 @@ def _spikes(column: Array) -> Mask:
 
 
 def _held(at_limit: Mask, q: Array) -> Mask:
-    """Return the long runs at the limit during which the joint moves."""
+    """Return the samples in long runs at the effort limit, during which the joint moves."""
     held = np.zeros(len(at_limit), dtype=bool)
     if at_limit.sum() < max(_HELD, _HELD_SHARE * len(at_limit)):
         return held
@@ -104,12 +107,14 @@ def _held(at_limit: Mask, q: Array) -> Mask:
 
 # A middleware may duplicate or swap a message; a higher fraction means a faulty clock.
 _TOLERATED_SHARE = 1e-3
-# Gaps up to this are interpolated, because arms move little within them.
+# Gaps between messages are interpolated up to this length, because arms move little within it.
 _LONGEST_GAP = 0.1  # [s]
-# Consecutive messages older than a previous one; more of them mean that the clock was set back.
+# Largest number of consecutive messages that are older than a previous one; more mean that the
+# clock was set back.
 _LATE_IN_A_ROW = 2
 _LONGEST_GAP_PERIODS = 5.0
-# Largest typical interval of messages. Longer ones mean another unit; 1 ms then appears as 1.0.
+# Largest typical time between messages. A longer time means that stamps have another unit, for
+# example ms.
 _LONGEST_STEP = 0.5  # [s]
 _OTHER_UNITS = ((5e2, 'milliseconds'), (5e5, 'microseconds'), (np.inf, 'nanoseconds'))
 
@@ -117,7 +122,7 @@ _ADVICE = 'check the clock of the node that stamps the topic, or record again'
 
 
 def check_stamp_unit(bag: str, stamp: Array) -> None:
-    """Reject stamps whose intervals are too long for seconds.
+    """Raise an error if the intervals of stamps are too long for stamps in seconds.
 
     Parameters
     ----------
@@ -144,9 +149,9 @@ def check_stamp_unit(bag: str, stamp: Array) -> None:
 def sound_messages(
     bag: str, stamp: Array, begin: float | None = None
 ) -> tuple[npt.NDArray[np.intp], list[str]]:
-    """Return the messages to use, in the order of their stamps, and warnings.
+    """Return the numbers of the messages to use, in the order of their stamps, and warnings.
 
-    Rare duplicates are dropped, and rare messages out of order are sorted.
+    Duplicates are dropped and messages out of order are sorted, if both are rare.
 
     Parameters
     ----------
@@ -155,8 +160,8 @@ def sound_messages(
     stamp : (M,) ndarray
         Header stamps [s] of the used part.
     begin : float, optional
-        First stamp of the whole bag [s], from which messages are timed; by default that of the
-        part.
+        First stamp of the whole bag [s], to which times in messages refer; by default the first
+        stamp of the part.
 
     Raises
     ------
@@ -210,7 +215,7 @@ def _check_gaps(bag: str, stamp: Array, step: Array, begin: float | None) -> Non
 
 
 def _when(instant: float, stamp: Array, begin: float | None) -> str:
-    """Return the time of an event in the bag, and in its used part."""
+    """Return a text with the time of an event in the bag, and in its used part."""
     used = f'{instant - stamp[0]:.2f} s'
     if begin is None or begin == stamp[0]:
         return f'{used} of the bag'
@@ -219,9 +224,10 @@ def _when(instant: float, stamp: Array, begin: float | None) -> str:
 
 _LARGEST_TURN = 6.0 * np.pi  # [rad] three turns, more than the range of any arm joint
 _AGREES = 0.95  # correlation of measured and differentiated velocities of the same motion
-_FACTOR = 1.5  # tolerated ratio of their magnitudes, because filters and delays reduce them
-# Possible velocity units: name, multiple of the rate of the positions, and tolerance. Revolutions
-# per minute are close to stamps that are ten times too slow.
+# tolerated ratio of the magnitudes of both velocities, because filters and delays reduce them
+_FACTOR = 1.5
+# Possible velocity units: name, ratio of velocity to derivative of the positions, and tolerance.
+# Revolutions per minute are close to stamps that are ten times too slow.
 _VELOCITY_UNITS = (
     ('degrees per second', 180.0 / np.pi, 0.1),
     ('turns per minute', 30.0 / np.pi, 0.02),
@@ -229,7 +235,7 @@ _VELOCITY_UNITS = (
 
 
 def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Array | None) -> None:
-    """Reject positions in degrees, and velocities that do not match the rate of the positions.
+    """Raise an error for positions in degrees, or velocities in a wrong unit.
 
     Parameters
     ----------
@@ -272,7 +278,7 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
 
 
 def _speed_ratio(time: Array, q: Array, dq: Array) -> float | None:
-    """Return measured over differentiated velocity; None if they show different motions."""
+    """Return the ratio of measured to differentiated velocity, None for different motions."""
     slope = np.gradient(q, time, axis=0)
     size, found = float(np.linalg.norm(slope)), float(np.linalg.norm(dq))
     if min(size, found) == 0.0:

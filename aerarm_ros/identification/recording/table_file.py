@@ -37,7 +37,7 @@ _UNITS = {
         'rpm': np.pi / 30.0,
         'm/s': 1.0,
         'mm/s': 1e-3,
-        'rad': 1.0,  # for velocities this means per second
+        'rad': 1.0,  # as a unit of velocities, per second is meant
         'deg': _DEGREE,
     },
     'effort': {'nm': 1.0, 'mnm': 1e-3, 'n': 1.0, 'a': 1.0, 'ma': 1e-3},
@@ -57,7 +57,7 @@ _NUMBER = re.compile(r'[_.]?(?:(\d+)|[\[(](\d+)[\])])')
 
 @dataclass(frozen=True)
 class TableColumn:
-    """Meaning of one table column that belongs to a motion.
+    """Meaning of one table column that contains times, positions, velocities or efforts.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class TableColumn:
     joint : str
         Name of the joint; empty for the time, and for a numbered joint before `named` is called.
     number : int or None
-        Number of the joint, counted from 0 or 1.
+        Number of the joint in the column name, counted from 0 or 1.
     is_index : bool
         Whether the number is in brackets.
     factor : float
@@ -83,12 +83,12 @@ class TableColumn:
     unit: str = ''
 
     def named(self, joint: str) -> TableColumn:
-        """Return the column with the name of its numbered joint."""
+        """Return a numbered column with the name of its joint."""
         return replace(self, joint=joint, number=None)
 
 
 def accepted_names() -> str:
-    """Return a description of the accepted column names."""
+    """Return a description of the accepted column names, for messages."""
     words = ', '.join(f'{name}: {"/".join(words)}' for name, words in WORDS.items())
     return f"time: {'/'.join(TIME)}, {words}; each followed by _JOINT or the joint's number"
 
@@ -140,7 +140,7 @@ def table_column(name: str) -> TableColumn | None:
 
 
 def unit_factor(name: str, quantity: str, unit: str) -> float:
-    """Return the factor from a unit to SI; raises IdentificationError that names the column."""
+    """Return the factor from a unit to SI; raises IdentificationError for an unknown unit."""
     known = _UNITS[quantity]
     short = unit.lower()
     for spelling, usual in _SPELLINGS:
@@ -163,7 +163,7 @@ def _without_path(name: str) -> Iterator[str]:
 
 
 def _of_joint(name: str) -> TableColumn | None:
-    """Return quantity and joint of a column, with the joint's name or number."""
+    """Return quantity and joint (name or number) of a column name."""
     for quantity, words in WORDS.items():
         for word in words:
             front, back = name[: len(word)].lower(), name[-len(word) :].lower()
@@ -191,12 +191,12 @@ _SHOWN = 40  # largest number of columns listed in an error
 
 @dataclass(frozen=True)
 class TableOptions:
-    """Properties of a table that its columns do not specify.
+    """Properties of a table that its column names do not specify.
 
     Attributes
     ----------
     rate : float or None
-        Row rate [Hz], for tables without a time column.
+        Number of rows per second [Hz], for tables without a time column.
     degrees : bool
         Whether positions and velocities are in degrees, where their names state no unit.
     numbered_from : {0, 1} or None
@@ -222,7 +222,7 @@ class TableStates:
     stamp : (M,) ndarray
         Time [s].
     position, velocity, effort : (M, n) ndarray
-        Values [rad], [rad/s], [Nm], or efforts as recorded.
+        Positions [rad], velocities [rad/s], and efforts [Nm] or as recorded.
     columns : str
         Table columns of each joint; empty for a bag.
     """
@@ -337,7 +337,7 @@ def _meanings(
     numbered = _numbered(path, columns, names, joint_names, options)
     for place, meaning in (columns | numbered).items():
         if meaning.number is not None:
-            continue  # belongs to a joint that the arm lacks
+            continue  # the column belongs to a joint that the arm lacks
         key = meaning.quantity, meaning.joint
         if key in known:
             raise IdentificationError(
@@ -356,7 +356,7 @@ def _numbered(
     joint_names: Sequence[str],
     options: TableOptions,
 ) -> dict[int, TableColumn]:
-    """Return the numbered columns with the names of their joints."""
+    """Return the numbered columns, completed by the names of their joints."""
     named: dict[int, TableColumn] = {}
     for is_index in (False, True):
         group = {
@@ -438,7 +438,7 @@ def _npz(
 
 
 def _without_currents(columns: _Columns) -> _Columns:
-    """Return the columns, using currents as efforts of joints without other efforts."""
+    """Return the columns; currents are used as efforts of joints without a column of efforts."""
     kept = {key: values for key, values in columns.items() if key[0] != 'current'}
     for (quantity, joint), values in columns.items():
         if quantity == 'current':
@@ -456,7 +456,7 @@ def _states(
     needed = ('position', 'effort')
     names = tuple(dict.fromkeys(joint for quantity, joint in columns if quantity != 'time'))
     complete = [name for name in names if all((quantity, name) in columns for quantity in needed)]
-    if complete:  # a column such as q_desired_elbow belongs to no joint
+    if complete:  # a column such as q_desired_elbow does not belong to a joint of the arm
         names = tuple(name for name in names if name in complete or name in joint_names)
     for quantity in needed:
         missing = [name for name in names if (quantity, name) not in columns]

@@ -1,5 +1,6 @@
 """Regression of the torque model: named columns, triangular factors, prior and noise.
 
-Samples and joint terms are reduced to a small triangular system, which all solvers use. The package
-also provides its closed-form solution and the base parameters that a motion identifies.
+The regression reduces samples and joint terms to a small triangular system, which all solvers
+use. The package also computes the closed-form solution of this system, and the base parameters
+that a motion identifies.
 """

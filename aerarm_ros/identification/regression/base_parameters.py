@@ -11,7 +11,8 @@ from aerarm_ros.identification.joint_model import JointModel, TermKind
 from aerarm_ros.identification.regression.regression import ReducedRegression
 from aerarm_ros.motion.signals import Array
 
-# Dependencies of the model are exact up to rounding; any excitation exceeds this by far.
+# Dependencies of regressor columns are exact up to this rounding error; any excitation exceeds it
+# by far.
 _RANK_TOLERANCE = 1e-8
 # URDFs round angles to five digits (3.1416), so a vertical axis tilts by 1e-5 rad and gravity acts
 # on it. Columns below this fraction of the largest are not identifiable.
@@ -21,7 +22,7 @@ _COEFFICIENT_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """Minimal set of parameters that determines the same torques.
+    """Base parameters: the smallest set of parameter combinations that determines all torques.
 
     Base parameter i is `theta[independent[i]] + combination[i] @ theta[dependent]`.
 
@@ -34,7 +35,7 @@ class BaseParameters:
     dependent : (p - r,) ndarray of int
         All other columns, including columns without effect.
     combination : (r, p - r) ndarray
-        Contribution of the dependent parameters to the independent ones.
+        Factors with which the dependent parameters contribute to the base parameters.
     condition_number : float
         Condition number (5.2): largest over smallest nonzero singular value of the regressor.
     """
@@ -51,11 +52,11 @@ class BaseParameters:
         return len(self.independent)
 
     def values(self, theta: Array) -> Array:
-        """Return the (r,) base parameters of a parameter vector."""
+        """Return the base parameters (r,) of a parameter vector `theta` (p,)."""
         return np.asarray(theta[self.independent] + self.combination @ theta[self.dependent])
 
     def complete(self, values: Array, reference: Array) -> Array:
-        """Return the parameter vector with given base parameters and dependent ones of a reference.
+        """Return the parameter vector with given base parameters, completed from a reference.
 
         Parameters
         ----------
@@ -69,7 +70,7 @@ class BaseParameters:
         return theta
 
     def expressions(self) -> list[str]:
-        """Return each base parameter as a sum, for example 'Izz_link1 + Ja_joint1'."""
+        """Return each base parameter as a text, for example 'Izz_link1 + Ja_joint1'."""
         return [
             _expression(self.columns[column], row, [self.columns[d] for d in self.dependent])
             for column, row in zip(self.independent, self.combination, strict=True)
@@ -80,7 +81,7 @@ def find_base_parameters(factor: Array, columns: Sequence[str]) -> BaseParameter
     """Separate independent from dependent columns of a triangular factor.
 
     Columns are orthogonalized in order; a column that is a combination of earlier ones is
-    dependent. So the parameters of later links are combined into those of earlier ones.
+    dependent. The parameters of later links are therefore combined into those of earlier links.
 
     Parameters
     ----------
@@ -132,7 +133,8 @@ def _expression(name: str, row: Array, names: Sequence[str]) -> str:
     return ' '.join(parts)
 
 
-_SMALLEST_SHARE = 1e-6  # fraction of a joint's torque; keeps weights finite for data without noise
+# least noise as a fraction of a joint's torque, which keeps weights finite for data without noise
+_SMALLEST_SHARE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +146,9 @@ class Noise:
     std : (n,) ndarray
         Standard deviation [Nm].
     correlation : (n,) ndarray
-        Number of correlated samples per independent sample, at least 1. Filtering and model errors
-        both correlate neighbouring residuals; without this factor standard deviations would be too
-        small.
+        Number of correlated samples that count as one independent sample, at least 1. Filtering
+        and model errors both correlate neighbouring residuals; without this factor standard
+        deviations would be too small.
     """
 
     std: Array
@@ -156,14 +158,14 @@ class Noise:
     def weights(self) -> Array:
         """Weights (n,) of the joints' rows in a fit [1/Nm].
 
-        Each factor is one over the noise. The correlation common to all joints lowers the weight of
-        data relative to the prior; a joint's individual correlation does not affect its weight.
+        Each weight is one over the noise of the joint. Correlation that is common to all joints
+        lowers all weights, and thus the influence of the data relative to the prior.
         """
         return np.asarray(1.0 / (self.std * np.sqrt(np.median(self.correlation))))
 
     @property
     def information_weights(self) -> Array:
-        """(n,) factors for unit variance per independent sample, for covariances [1/Nm]."""
+        """Weights (n,) of the joints' rows, one over the noise per independent sample [1/Nm]."""
         return np.asarray(1.0 / (self.std * np.sqrt(self.correlation)))
 
 
@@ -177,7 +179,7 @@ def noise_from_residuals(
     residuals : sequence of (M, n) arrays
         Measured minus predicted torque of each bag [Nm].
     usable : sequence of (M, n) bool arrays
-        Rows to include.
+        Samples of each joint to include.
     torque_rms : (n,) ndarray
         RMS torque of each joint [Nm].
     """
@@ -198,7 +200,8 @@ def noise_from_residuals(
 def _correlation_time(residual: Array) -> float:
     """Return the integrated autocorrelation time [samples], summed up to five times itself.
 
-    The window is Sokal's: a longer sum adds noise, a shorter one truncates the correlation.
+    The length of the sum is that of Sokal: a longer sum adds noise, and a shorter sum truncates
+    the correlation.
     """
     padded = np.fft.rfft(residual, 2 * len(residual))
     covariance = np.fft.irfft(np.abs(padded) ** 2)[: len(residual)]
@@ -219,9 +222,10 @@ _TERM_SPREAD = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Independent normal distributions of the parameters, deliberately wide.
+    """Prior: independent, deliberately wide normal distributions of the parameters.
 
-    The prior determines combinations that the motion does not excite; data dominate all others.
+    The prior determines parameter combinations that the motion does not excite; the data dominate
+    all other combinations.
 
     Attributes
     ----------
@@ -244,7 +248,8 @@ def prior_from_cad(
     Parameters
     ----------
     regression : ReducedRegression
-        Regression with the same columns; its torques determine the scale of friction.
+        Regression with the columns of `model`; its torques determine the prior deviations of
+        friction.
     link_spread : float
         Standard deviation of the inertial parameters relative to their natural size.
     """

@@ -25,7 +25,7 @@ from aerarm_ros.motion.signals import Array
 
 
 def solve_regularised(system: TriangularSystem, prior: Prior) -> Array:
-    """Minimize the sum of squared torque error and squared distance from the prior.
+    """Return the parameters (p,) that minimize squared torque error plus distance from the prior.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def solve_regularised(system: TriangularSystem, prior: Prior) -> Array:
 
 
 def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
-    """Return the (p, p) covariance of the parameters given data and prior.
+    """Return the covariance (p, p) of the parameters, given data and prior.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
 
 
 class RegressionBank:
-    """Reduce the identification bags once, to compare models without access to samples.
+    """Reduction of the identification bags to small factors, with which models are compared.
 
     A joint's terms act only on its own torque, so its rows need only the links' columns and its own
     candidate terms. The bank stores one factor per joint and part of the motion.
@@ -131,11 +131,11 @@ class RegressionBank:
         return ReducedRegression(model.columns, factors, self._rows[:, folds].sum(axis=1))
 
     def factor(self, joint: int, fold: int) -> Array:
-        """Return one joint's triangular factor of one part: links, candidates, torque."""
+        """Return a joint's triangular factor of one part, for links, candidate terms and torque."""
         return self._factors[joint][fold]
 
 
-_ROUNDS = 2  # noise and fit depend on each other; two rounds suffice
+_ROUNDS = 2  # noise and fit depend on each other; two rounds are sufficient
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,8 @@ class ModelFit:
     Attributes
     ----------
     noise : Noise
-        Noise of a bag with weight one; a weighted bag's noise is divided by its weight.
+        Torque noise of a bag with weight one; the noise of other bags is this noise divided by
+        their weight.
     theta : (p,) ndarray
         Weighted, regularized solution without constraints.
     """

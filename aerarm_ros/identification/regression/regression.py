@@ -1,4 +1,4 @@
-"""Regression of a bag: columns of its samples, reduced by QR decomposition."""
+"""Regression of the torque of a bag: regressor columns, reduced by QR decomposition."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -31,8 +31,9 @@ class SampleColumns:
     """Regressor (3.6) along one bag, filtered like the torque ("parallel filtering").
 
     The torque balance holds for filtered torque only if every column passes the same filter
-    (Gautier, ICRA 1997). Products of smooth signals contain higher frequencies, and dry friction is
-    not smooth. Dry friction is evaluated at the fine rate, so that its steps keep their times.
+    (Gautier, ICRA 1997). The columns contain higher frequencies than the motion, because they are
+    products of signals, and dry friction is not smooth. Dry friction is evaluated at the fine
+    rate, so that its steps keep their times.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ class SampleColumns:
         self.weights = np.ones(samples.n)
 
     def with_samples(self, samples: Samples) -> 'SampleColumns':
-        """Return the same columns with other torques; `samples` has the same motion."""
+        """Return the same columns with the torques of `samples`, which has the same motion."""
         other = copy(self)
         other.samples = samples
         return other
@@ -67,7 +68,7 @@ class SampleColumns:
         return other
 
     def rate(self, term: JointTerm, inertial: Array | None = None) -> Array:
-        """Return the time derivative of a term's filtered column for every joint, (M, n) [1/s].
+        """Return the time derivative (M, n) of a term's filtered column for every joint.
 
         Terms of another driving joint are not supported; parameters are those of `term`.
         """
@@ -82,7 +83,7 @@ class SampleColumns:
         return samples.fine_filter(basis, derivative=1)
 
     def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
-        """Return a joint term's column for every joint.
+        """Return the regressor column of a joint term, for every joint.
 
         Parameters
         ----------
@@ -115,7 +116,7 @@ class SampleColumns:
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
-        """Return the torque of a parameter vector; its own links determine the load.
+        """Return the torque that a parameter vector predicts; its own links determine the load.
 
         Parameters
         ----------
@@ -152,7 +153,7 @@ class SampleColumns:
 
 @dataclass(frozen=True, eq=False)
 class TriangularSystem:
-    """Least-squares problem `min ||R theta - z||`, equivalent to one with many more rows.
+    """Triangular least-squares problem `min ||R theta - z||` that replaces one with many rows.
 
     Attributes
     ----------
@@ -169,9 +170,9 @@ class TriangularSystem:
 class ReducedRegression:
     """Rows of the stacked regressor (3.8), as one triangular factor per joint.
 
-    A factor R of `[Phi_j tau_j] = Q R` preserves every inner product of its columns. So any
-    weighting of the joints, any fit and any residual norm follow from the factors alone. A problem
-    of 80,000 rows becomes one of n (p + 1) rows with the same solution.
+    A factor R of `[Phi_j tau_j] = Q R` preserves every inner product of its columns. The factors
+    are therefore sufficient to compute any fit and any residual norm, with any weights of the
+    joints. A problem of 80,000 rows becomes one of n (p + 1) rows with the same solution.
 
     Parameters
     ----------
@@ -205,7 +206,7 @@ class ReducedRegression:
         return np.array([np.linalg.norm(factor[:, :-1], axis=0) for factor in self.factors])
 
     def system(self, weights: npt.ArrayLike = 1.0) -> TriangularSystem:
-        """Return the combined problem of all joints.
+        """Return the least-squares problem of all joints, with weighted rows.
 
         Parameters
         ----------
@@ -226,7 +227,7 @@ class ReducedRegression:
         return np.array([np.linalg.norm(factor @ extended) for factor in self.factors])
 
     def error(self, theta: Array) -> float:
-        """Return the torque error (5.3) of all rows [%]."""
+        """Return the torque error (5.3) over all rows [%], for parameters `theta`."""
         residual, torque = self.residual_norms(theta), self.torque_norms
         return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(torque))
 

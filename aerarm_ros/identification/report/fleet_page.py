@@ -1,4 +1,4 @@
-"""Page with parameters of many arms over time, showing drifts and deviating arms."""
+"""Page with the parameters of many arms over time, which shows drifts and deviating arms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ Row = Mapping[str, object]
 STD = '_std'
 _DAY = 86400.0  # [s]
 _CLEAR = 4.0  # standard deviations
-_LEAST_BAGS = 4  # bags of one arm, for a trend
-_LEAST_ARMS = 4  # arms, to detect a deviating one
-_LEAST_CHANGE = 0.05  # relative to a parameter's magnitude
-_NORMAL = 1.4826  # standard deviation over median absolute deviation, for normal noise
+_LEAST_BAGS = 4  # smallest number of bags of one arm, for a trend
+_LEAST_ARMS = 4  # smallest number of arms, to detect a deviating one
+_LEAST_CHANGE = 0.05  # smallest reported change, relative to a parameter's magnitude
+_NORMAL = 1.4826  # ratio of standard deviation to median absolute deviation, for normal noise
 _SHOWN = 12  # number of parameters with a figure
 _ERROR = 'validation_sdp_filtered'
 
@@ -30,11 +30,11 @@ class Drift:
     Attributes
     ----------
     change : float
-        Change from the first to the last bag, along the fitted line.
+        Change of the parameter from the first to the last bag, along a fitted line.
     mean : float
         Mean value of the parameter.
     deviations : float
-        Change in its standard deviations.
+        Change divided by its standard deviation.
     """
 
     arm: str
@@ -51,11 +51,11 @@ class OddArm:
     Attributes
     ----------
     value : float
-        Median over the arm's bags.
+        Median of the parameter over the bags of this arm.
     others : float
-        Median over all arms.
+        Median of the parameter over all arms.
     deviations : float
-        Difference in standard deviations, combined from the value and the other arms.
+        Difference divided by its standard deviation, which includes the scatter of the other arms.
     """
 
     arm: str
@@ -114,7 +114,7 @@ _DRIFT = (
 
 
 def find_drifts(rows: Sequence[Row]) -> list[Drift]:
-    """Return trends over time, the most significant first."""
+    """Return parameters that change with time, the most significant change first."""
     found = []
     for arm in dict.fromkeys(str(row['arm']) for row in rows):
         own = [row for row in rows if row['arm'] == arm and row['date']]
@@ -129,7 +129,7 @@ def find_drifts(rows: Sequence[Row]) -> list[Drift]:
 
 
 def find_odd_arms(rows: Sequence[Row]) -> list[OddArm]:
-    """Return deviations of single arms from the others, the most significant first."""
+    """Return parameters in which one arm deviates from the others, the most significant first."""
     arms = list(dict.fromkeys(str(row['arm']) for row in rows))
     found = []
     for name in _parameters(rows) if len(arms) >= _LEAST_ARMS else ():
@@ -157,7 +157,8 @@ def _drift(arm: str, name: str, days: Array, values: Array, std: Array) -> Drift
     wanted = values[known] / std[known]
     solved, *_ = np.linalg.lstsq(columns, wanted, rcond=None)
     left = wanted - columns @ solved
-    # Bags scatter by more than their own deviations; the residual determines the factor.
+    # Values of bags scatter by more than their standard deviations; the residual of the line
+    # determines the factor.
     scale = max(1.0, float(np.sqrt(left @ left / max(len(left) - 2, 1))))
     deviation = scale * float(np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1]))
     span, mean = float(np.ptp(age)), float(solved[0])
@@ -177,7 +178,7 @@ def _joint_parameters(rows: Sequence[Row]) -> list[str]:
 
 
 def _column(rows: Sequence[Row], name: str) -> tuple[Array, Array]:
-    """Return values and standard deviations (bags,), NaN for bags without the parameter."""
+    """Return values and standard deviations of a parameter (bags,), NaN for bags without it."""
     return tuple(  # type: ignore[return-value]
         np.array([np.nan if row.get(key) is None else row[key] for row in rows], dtype=float)
         for key in (name, name + STD)
@@ -189,7 +190,7 @@ def _days(row: Row) -> float:
 
 
 def _figure(rows: Sequence[Row], name: str, identifier: str) -> Html:
-    """Return the figure of each arm's values over the dates or numbers of its bags."""
+    """Return a figure of a parameter of each arm, over the dates or numbers of the arm's bags."""
     traces = []
     for arm in dict.fromkeys(str(row['arm']) for row in rows):
         own = sorted((row for row in rows if row['arm'] == arm), key=lambda r: str(r['date']))

@@ -60,12 +60,12 @@ _NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
 
 def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
-    """Return a list of warnings with one entry per kind; a click expands the others.
+    """Return an HTML list of warnings, with one entry per kind; a click shows all of a kind.
 
     Parameters
     ----------
     names : sequence of str
-        Names of joints, links and bags that may differ within a kind.
+        Names of joints, links and bags; warnings of one kind differ only in these names.
     """
     longest_first = sorted((re.escape(name) for name in names if name), key=len, reverse=True)
     name = re.compile('|'.join(longest_first)) if longest_first else None
@@ -92,9 +92,9 @@ _BEFORE, _AFTER, _ARM = '#d0672b', '#0b62c4', '#1c2430'
 
 
 def inertia_view(result: IdentificationResult) -> Html:
-    """Return the figure of CAD and estimated inertia boxes along the arm's axes.
+    """Return a figure of the inertia boxes of all links, from CAD and as estimated.
 
-    Links whose estimate is not physically possible are shown without boxes.
+    Links whose estimate is physically impossible are shown without a box of the estimate.
     """
     robot = result.robot
     q = result.identification[0].samples.q.mean(axis=0)
@@ -168,19 +168,19 @@ def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
 
 _ROW = 17  # [px]
 _NAME = 34  # characters of an expression that are shown
-_DEVIATIONS = 2.0  # standard deviations on both sides: 95 %
-_FARTHEST = 6.0  # largest shown distance in standard deviations of CAD
+_DEVIATIONS = 2.0  # standard deviations on both sides of an estimate: 95 % interval
+_FARTHEST = 6.0  # largest shown distance from CAD, in prior standard deviations of CAD
 
 
 def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return the figure of base parameters of the recommended estimate with their intervals.
+    """Return a figure of the recommended estimate's base parameters, with 95 % intervals.
 
     The common scale is the distance from CAD, in prior standard deviations of the CAD values.
 
     Parameters
     ----------
     truth : Truth or None
-        True parameters of a simulated arm, also shown.
+        True parameters of a simulated arm, shown in addition.
     """
     base, prior = result.used_base, result.fit.prior.std
     names = [_short(text) for text in base.expressions()]
@@ -192,7 +192,7 @@ def interval_view(result: IdentificationResult, truth: Truth | None) -> Html:
     found = base.values(result.recommended.estimate.theta)
     place = (found - cad) / scale
     spread = np.minimum(_DEVIATIONS * result.base_deviations / scale, 1e3)
-    # Parameters that the motion does not determine have bars longer than all others.
+    # Bars of parameters that the motion does not determine would be longer than all others.
     reach = float(np.clip(1.2 * np.abs(place).max(initial=0.0), 1.0, _FARTHEST))
     traces: list[dict[str, Any]] = [
         {
@@ -239,7 +239,7 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """Additional contents of the identification report.
+    """Contents of the identification report that are not part of the result.
 
     Attributes
     ----------
@@ -248,7 +248,7 @@ class ReportExtras:
     truth : Truth or None
         True parameters of a simulated arm.
     truth_errors : sequence of InertialTorqueError
-        Torque errors relative to the true parameters.
+        Errors of estimated torques, relative to torques computed with the true parameters.
     payload : Payload or None
         Payload identified from another recording.
     facts : mapping
@@ -256,7 +256,7 @@ class ReportExtras:
     energy : mapping
         Energy balance by bag name.
     resistances : mapping
-        Resistance by joint name [ohm] used for the balance, as text.
+        Phase resistance [ohm] by joint name, as used for the energy balance, as text.
     exports : sequence of ExportError
         Torque errors of each exported file.
     """
@@ -568,7 +568,7 @@ def _table(changes: tuple[EstimateChange, ...], old: str, new: str) -> Html:
 
 
 def _figure(changes: tuple[EstimateChange, ...], identifier: str) -> Html:
-    """Return a bar chart of differences in standard deviations."""
+    """Return a bar chart of changes of quantities, in standard deviations."""
     names = [c.name if len(c.name) <= _NAME else c.name[: _NAME - 1] + '…' for c in changes]
     trace: dict[str, Any] = {
         'type': 'bar',

@@ -1,4 +1,4 @@
-"""Figures of the report about one bag."""
+"""Figures of the identification report."""
 
 from typing import Any
 
@@ -55,7 +55,7 @@ _CLOUD = {'color': '#7d94b5', 'size': 4}  # markers of single points
 
 
 class StackedFigure:
-    """Curves over time with one pair of axes per joint and a common time axis.
+    """Figure with one plot per joint below each other, with a common horizontal axis.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ class StackedFigure:
         dash: str = 'solid',
         marked: bool = False,
     ) -> None:
-        """Add a curve to one pair of axes.
+        """Add a curve to the plot of one joint.
 
         Parameters
         ----------
         row : int
-            Index of the pair of axes.
+            Index of the plot.
         x, y : (M,) ndarray
             Points, reduced to `most`.
         name : str
@@ -117,7 +117,7 @@ class StackedFigure:
         dash : str
             Line style: 'solid', 'dot', 'dash'.
         marked : bool
-            Whether to mark the line's points.
+            Whether to draw a marker at each point.
         """
         if role == 'cloud':
             look: dict[str, Any] = {'mode': 'markers', 'marker': _CLOUD}
@@ -170,7 +170,7 @@ class StackedFigure:
 
 
 def _places(x: Array) -> dict[str, Any]:
-    """Return the positions of points: first and spacing if equidistant, otherwise all."""
+    """Return x positions as first value and spacing if equidistant, otherwise as a list."""
     if len(x) > 2 and np.ptp(np.diff(x)) <= 1e-6 * np.ptp(x):
         return {'x0': float(f'{x[0]:.8g}'), 'dx': float(f'{(x[-1] - x[0]) / (len(x) - 1):.8g}')}
     return {'x': _short(x)}
@@ -181,14 +181,15 @@ def _short(values: Array) -> list[float]:
 
 
 _NO_FRICTION = (TermKind.ROTOR, *COUPLED)
-_CURVE = 201  # points of a friction curve, odd, because dry friction jumps in the middle
+_CURVE = 201  # number of points of a friction curve, odd because dry friction jumps in the middle
 _CLOUD_SIZE = 600  # number of measured points in the background
-# Points of all bags together, and least number per bag; up to a dozen bags fit into 3 MB.
+# Number of points of all bags together, and smallest number per bag; the figures of a dozen bags
+# then fit into 3 MB.
 _POINTS, _FEWEST = 2400, 200
 
 
 def points(result: IdentificationResult) -> int:
-    """Return the number of points per curve over time, which falls with the number of bags."""
+    """Return the number of points of a curve over time, which falls with the number of bags."""
     bags = len(result.identification) + len(result.validation)
     return max(_FEWEST, min(MOST_POINTS, _POINTS // bags))
 
@@ -196,7 +197,7 @@ def points(result: IdentificationResult) -> int:
 def torque_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array, cad: Array
 ) -> StackedFigure:
-    """Return a figure of measured and predicted torque over time, all filtered."""
+    """Return a figure of measured and predicted torque over time, both low-pass filtered."""
     figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     time = samples.time[kept]
@@ -210,7 +211,7 @@ def torque_figure(
 def residual_figure(
     result: IdentificationResult, bag: SampleColumns, predicted: Array
 ) -> StackedFigure:
-    """Return a figure of the torque residual over time."""
+    """Return a figure of measured minus predicted torque over time."""
     figure = StackedFigure(result.robot.joint_names, 'Nm', most=points(result))
     samples, kept = bag.samples, bag.samples.kept
     for joint in range(result.robot.n):
@@ -257,9 +258,10 @@ def velocity_figure(
 
 
 def friction_figure(result: IdentificationResult) -> StackedFigure:
-    """Return a figure of each joint's modelled and measured friction over velocity.
+    """Return a figure of each joint's modelled and measured friction torque over velocity.
 
-    Measured friction is the torque of the identification bags minus that of links and rotors.
+    Measured friction is the torque measured in the identification bags, minus the modelled torque
+    of links and rotors.
     """
     estimate, model = result.recommended.estimate, result.fit.model
     figure = StackedFigure(model.joint_names, 'Nm', 'velocity [rad/s]')
@@ -286,7 +288,7 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
 def _measured_friction(
     result: IdentificationResult, joint: int, own: list[tuple[JointTerm, float]], inertial: Array
 ) -> tuple[Array, Array, Array]:
-    """Return velocity, filtered friction and load of selected identification samples."""
+    """Return velocity, filtered friction torque and load of selected identification samples."""
     parts = []
     assessed = result.recommended.identification
     for bag, errors in zip(result.identification, assessed, strict=True):
@@ -303,7 +305,7 @@ def _measured_friction(
 
 
 def cutoff_figure(result: IdentificationResult) -> StackedFigure:
-    """Return a figure of the held-out error of the tried filters over their cut-off."""
+    """Return a figure of the held-out torque error of the tried filters over their cut-off."""
     figure = StackedFigure(('error',), '%', 'cut-off [Hz]')
     choice = result.filter_choice
     groups: dict[str, list[tuple[float, float]]] = {}

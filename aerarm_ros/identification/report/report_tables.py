@@ -27,12 +27,12 @@ from aerarm_ros.pages.html_text import (
     table,
 )
 
-_WORTH_NAMING = 0.1  # of a joint's mean square
+_WORTH_NAMING = 0.1  # fraction of the mean square of a joint's residual
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
 def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
-    """Return the assessments with the role of each bag."""
+    """Return the assessment of each bag, with its role (identification or validation)."""
     return [('identification', bag) for bag in solution.identification] + [
         ('validation', bag) for bag in solution.validation
     ]
@@ -62,14 +62,14 @@ def error_table(result: IdentificationResult) -> Html:
 
 
 def export_table(result: IdentificationResult, exports: Sequence[ExportError]) -> Html:
-    """Return the torque errors (5.3) of each exported file on every bag."""
+    """Return the table of torque errors (5.3) of each exported file on every bag."""
     bags = [f'{bag.bag} ({role}) [%]' for role, bag in bags_of(result.recommended)]
     rows: list[list[object]] = [[e.file, e.contents, *e.filtered] for e in exports]
     return table(['file', 'file format', *bags], rows)
 
 
 def joint_error_table(result: IdentificationResult) -> Html:
-    """Return the torque errors (5.3) per joint; a click shows those of other solvers."""
+    """Return the table of torque errors (5.3) per joint; a click shows those of other solvers."""
     names = [f'{name} [%]' for name in result.robot.joint_names]
     shown: list[list[object]] = []
     rows: list[list[object]] = []
@@ -92,7 +92,7 @@ def joint_error_table(result: IdentificationResult) -> Html:
 
 
 def residual_table(result: IdentificationResult) -> Html:
-    """Return the causes of the residual, in percent of its mean square per joint."""
+    """Return the table of residual causes, in percent of each joint's mean square."""
     rows: list[list[object]] = []
     for split in result.splits:
         for cause, parts in split.fractions.items():
@@ -163,7 +163,7 @@ def base_parameter_table(result: IdentificationResult, truth: Truth | None) -> H
 
 
 def conditioning_tables(result: IdentificationResult) -> Html:
-    """Return tables of the motion and the filters."""
+    """Return tables of the motion and of the filters of the conditioning."""
     conditioner = result.conditioner
     facts: list[list[object]] = [
         ['samples', str(result.samples)],
@@ -281,7 +281,7 @@ def _terms_text(terms: Sequence[JointTerm], names: Sequence[str]) -> str:
 
 
 def friction_tables(result: IdentificationResult) -> Html:
-    """Return tables of each joint's friction model and the rejected alternatives."""
+    """Return tables of each joint's friction model and of rejected friction models."""
     names = result.robot.joint_names
     model = result.fit.model
     chosen = table(

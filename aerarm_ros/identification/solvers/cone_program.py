@@ -57,7 +57,7 @@ class CompressedColumns:
 
 
 class ConeProgram:
-    """Quadratic objective over unknowns y, with each `offset - rows y` in a cone.
+    """Cone program: quadratic objective over unknowns y, with each `offset - rows y` in a cone.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class ConeProgram:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         if hasattr(settings, 'max_threads'):
-            settings.max_threads = 1  # reproducible results
+            settings.max_threads = 1  # one thread, for reproducible results
         cones = [(getattr(clarabel, name), dimension) for name, dimension in self._cones]
         solver = clarabel.DefaultSolver(
             CompressedColumns.of(np.diag(quadratic)),
@@ -131,10 +131,11 @@ def triangle(matrix: Array) -> Array:
 
 
 class PhysicalProgram(ConeProgram):
-    """Program over the parameters of a real arm, without the links' cones.
+    """Cone program over physically possible parameters, without the cones of single links.
 
-    Unknowns are the deviation x from the prior in standard deviations, and the residual r. R is
-    thus never squared: R (mean + std x) + r = z. Further unknowns of the caller follow.
+    Unknowns are the deviation x from the prior in standard deviations, and the residual r. With r
+    as unknown, R (mean + std x) + r = z is a constraint, and R is never squared. The further
+    unknowns of the caller follow.
 
     Parameters
     ----------
@@ -169,7 +170,7 @@ class PhysicalProgram(ConeProgram):
             self.add('NonnegativeConeT', -rows, offsets)
 
     def scaled_pseudo_inertia(self, link: int) -> tuple[Array, Array]:
-        """Return the pseudo-inertia of a link relative to its mass and size.
+        """Return the pseudo-inertia of a link, relative to mass and size, as a function of x.
 
         Returns
         -------

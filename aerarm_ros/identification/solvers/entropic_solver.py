@@ -1,4 +1,4 @@
-"""Consistent least squares with an entropic prior, after Lee, Wensing and Park (T-RO 2020)."""
+"""Physically consistent least squares with an entropic prior (Lee, Wensing, Park, T-RO 2020)."""
 
 import numpy as np
 
@@ -22,8 +22,8 @@ def solve_entropic(
     For a link with pseudo-inertia P, and P0 in the CAD model, the divergence is
     ``tr(P P0^-1) - log det(P P0^-1) - 4``, divided by the squared spread. It equals twice the
     relative entropy of normal distributions with these covariances. The divergence is independent
-    of the frame and the unit of length. Near CAD it is half the squared relative deviation, and it
-    tends to infinity at impossible bodies, so all links are physically consistent. Joint
+    of the frame and the unit of length. Near CAD it is half the squared relative deviation, and
+    it tends to infinity towards impossible bodies, so all links are physically consistent. Joint
     coefficients have the normal prior of `solve_semidefinite`. The problem is convex.
 
     Parameters
@@ -31,7 +31,7 @@ def solve_entropic(
     system : TriangularSystem
         System weighted to unit variance.
     prior : Prior
-        Prior, of which only the mean of the links' inertial parameters is used.
+        Prior; of the links, only the mean of the inertial parameters is used.
     spread : float
         Relative deviation of a link from CAD that equals one standard deviation.
 

@@ -1,4 +1,4 @@
-"""Estimate of one solver, and limits of physically possible parameters."""
+"""Parameter estimate of one solver, and limits of physically possible parameters."""
 
 from dataclasses import dataclass, field
 
@@ -27,17 +27,17 @@ class PhysicalLimits:
     size : (n,) ndarray
         Lengths that scale the pseudo-inertia's entries [m].
     nonnegative : (p - 10 n,) ndarray of bool
-        Joint coefficients that are non-negative.
+        Whether each joint coefficient must not be negative.
     load : (p - 10 n,) ndarray of bool, optional
         Joint coefficients of load-dependent friction, at most 1, because a gear loses at most the
         torque that it transmits.
     mass_factor : float
         Largest factor between masses and `mass`, thesis (3.11).
     centre, reach : (n, 3) ndarray, optional
-        Centres of mass according to CAD, and tolerance along each axis of the link's frame [m]. By
-        default within `size` of the frame's origin.
+        Centres of mass according to CAD, and tolerance along each axis of the link's frame [m].
+        By default a centre lies within `size` of the frame's origin.
     bounds : LinkBounds
-        Further constraints of the program.
+        User's bounds of total mass and centres of mass.
     """
 
     mass: Array
@@ -65,7 +65,7 @@ class PhysicalLimits:
 
     @property
     def total_of_links(self) -> Array:
-        """(2,) sum of the least and of the largest allowed masses of all links [kg]."""
+        """Sums of the smallest and of the largest allowed masses of all links, (2,) [kg]."""
         return np.asarray(self.mass.sum() * np.array([1.0 / self.mass_factor, self.mass_factor]))
 
 
@@ -87,7 +87,7 @@ class Estimate:
     std : (p,) ndarray or None
         Standard deviations; None if the solver has none.
     determined : (p,) ndarray or None
-        Fraction of each parameter determined by data (1) as opposed to the prior (0).
+        Fraction to which the data determine each parameter: 1 if only data, 0 if only the prior.
     seconds : float
         Computing time of the solver [s].
     notes : tuple of str
@@ -129,7 +129,7 @@ class Estimate:
 
     @property
     def held_at_zero(self) -> npt.NDArray[np.bool_]:
-        """(p,) whether a joint coefficient lies at its bound 0; False without deviations."""
+        """For each parameter (p,), whether it is a joint coefficient at its bound 0."""
         start = 10 * self.model.n
         held = np.zeros(len(self.theta), dtype=bool)
         if self.std is not None:

@@ -1,4 +1,4 @@
-"""Semidefinite program with Huber weights for outliers, iteratively re-weighted."""
+"""Semidefinite solver with reduced weights of outliers (Huber's loss)."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ from aerarm_ros.motion.signals import Array
 
 _ROUNDS = 8
 _BEND = 1.345  # standard deviations: 95 % of the efficiency of least squares for normal noise
-_NORMAL = 1.4826  # standard deviation over median magnitude of normal noise
+_NORMAL = 1.4826  # ratio of standard deviation to median magnitude, for normal noise
 
 
 def solve_huber(
@@ -24,7 +24,7 @@ def solve_huber(
 ) -> tuple[Array, tuple[str, ...]]:
     """Minimize Huber's loss of the torque error over all possible bodies.
 
-    Samples beyond the threshold count linearly instead of quadratically. The weights are computed
+    Residuals beyond a threshold count linearly instead of quadratically. The weights are computed
     without constraints, which is fast, and then used in the semidefinite program.
 
     Parameters
@@ -73,7 +73,7 @@ def _reweighted(fit: ModelFit, bags: Sequence[SampleColumns], theta: Array) -> T
 def _scale(
     fit: ModelFit, bags: Sequence[SampleColumns], residuals: Sequence[Array], joint: int
 ) -> float:
-    """Return a joint's noise [Nm] from the median, which outliers do not affect."""
+    """Return a joint's noise [Nm], from the median of its residuals, which ignores outliers."""
     usable = [
         r[bag.samples.usable[:, joint], joint] for bag, r in zip(bags, residuals, strict=True)
     ]

@@ -13,9 +13,9 @@ def solve_least_squares(
 ) -> Array:
     """Minimize the torque error without constraints.
 
-    Only base parameters have a unique solution. The returned vector has these base parameters and
-    takes all other parameters from the reference. The solution has the least error and may be
-    physically impossible.
+    Only base parameters have a unique solution. The returned parameter vector has the optimal
+    base parameters; all dependent parameters are those of the reference. The solution has the
+    smallest possible torque error, but may be physically impossible.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Joint coefficients from simulated positions (output error), with fixed links."""
+"""Solver that fits joint coefficients to simulated positions (output error), with fixed links."""
 
 import numpy as np
 
@@ -10,7 +10,8 @@ from aerarm_ros.motion.signals import Array
 _ROUNDS = 8
 _SETTLED = 1e-3  # relative change of the cost at convergence
 _SHORTEST = 0.05  # shortest Gauss-Newton step
-# Errors within one window are correlated; a window counts as this many independent ones.
+# Errors within one window are correlated, so a window counts as this number of independent
+# samples.
 _INDEPENDENT = 2.0
 
 
@@ -89,7 +90,7 @@ class _Trial:
         return total if np.isfinite(total) else np.inf
 
     def step(self, weight: Array, start: Array, std: Array, least: Array) -> Array:
-        """Return the (k,) optimal step if positions were linear in the coefficients."""
+        """Return the Gauss-Newton step (k,) of the joint coefficients."""
         # Local import, because the import is slow and few users need this solver.
         from scipy.optimize import lsq_linear
 

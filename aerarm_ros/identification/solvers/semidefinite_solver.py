@@ -19,7 +19,7 @@ _MARGIN = 1e-6
 
 
 def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalLimits) -> Array:
-    """Minimize torque error plus distance from the prior over all possible bodies.
+    """Minimize torque error plus distance from the prior over all physically possible arms.
 
     Every link's 4x4 pseudo-inertia matrix is positive definite (Wensing, Kim, Slotine, RA-L 2018),
     which thesis (3.9) with (3.15) does not ensure; friction and rotor inertia are non-negative. The
@@ -55,11 +55,12 @@ def solve_relaxed(
     limits: PhysicalLimits,
     solve: Callable[[TriangularSystem, Prior, PhysicalLimits], Array] = solve_semidefinite,
 ) -> tuple[Array, tuple[str, ...]]:
-    """Solve with the user's bounds, or with as many of them as are feasible.
+    """Solve with the user's bounds, without bounds that are contradictory.
 
-    Thesis section 3.2.2 requires a relaxation. In this order, the program drops the bounds of the
-    centres of mass (boxes only approximate the links' hulls), the total mass, and both. Masses near
-    CAD and physical consistency are always kept, because they are always feasible.
+    Thesis section 3.2.2 requires a relaxation. If the bounds are contradictory, the solver drops
+    first the bounds of the centres of mass (boxes only approximate the links' hulls), then
+    instead that of the total mass, then both. Masses near CAD and physical consistency are always
+    kept, because they are always feasible.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def solve_relaxed(
     Raises
     ------
     IdentificationError
-        If there is no solution without these bounds.
+        If no solution exists even without the user's bounds.
     """
     failures: dict[LinkBounds, IdentificationError] = {}
     for bounds in _relaxations(limits):
@@ -93,7 +94,7 @@ def solve_relaxed(
 
 
 def _relaxations(limits: PhysicalLimits) -> Iterator[LinkBounds]:
-    """Yield bounds to try, from all requested bounds to none."""
+    """Yield sets of bounds to try, from all requested bounds to none."""
     wanted = limits.bounds
     totals = [None] if wanted.total_mass is None else [wanted.total_mass, None]
     if not _total_within_masses(limits):

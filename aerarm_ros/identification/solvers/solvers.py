@@ -66,7 +66,7 @@ def solve_all(
     progress : callable, optional
         Function that receives the name of each slow solver.
     bounds : LinkBounds, optional
-        Bounds, dropped if contradictory; the recommended estimate's notes report that.
+        User's bounds, dropped if contradictory; the notes of the recommended estimate then say so.
     windows : RolloutWindows, optional
         Windows of the same motion; only 'output_error' needs them.
 
@@ -111,7 +111,7 @@ def _solvers(
     bags: Sequence[SampleColumns],
     windows: RolloutWindows | None,
 ) -> dict[str, Callable[[], tuple[Array, tuple[str, ...]]]]:
-    """Return functions that compute parameters and notes for the user."""
+    """Return, by solver name, functions that compute parameters and notes for the user."""
     regression, prior, weights = fit.regression, fit.prior, fit.noise.weights
     return {
         'cad': lambda: (prior.mean, ()),
@@ -132,7 +132,8 @@ def _solvers(
 def _drawn_with_friction(fit: ModelFit, limits: PhysicalLimits) -> Array:
     """Return nominal links and rotors with the friction that fits best.
 
-    A comparison with a nominal model without friction would only show that arms have friction.
+    Friction is fitted because a URDF often has none, which would make the comparison with CAD
+    meaningless.
     """
     system = fit.regression.system(fit.noise.weights)
     rotors = np.array([term.kind is TermKind.ROTOR for _, term in fit.model.joint_columns])
@@ -180,7 +181,7 @@ def physical_limits(
 
 
 def _with_uncertainty(estimate: Estimate, fit: ModelFit) -> Estimate:
-    """Add standard deviations from normal prior and data, without constraints.
+    """Add standard deviations to an estimate, from normal prior and data, without constraints.
 
     A coefficient at its bound, within the solver's accuracy, is set to 0.
     """

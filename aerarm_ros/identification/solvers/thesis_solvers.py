@@ -9,7 +9,7 @@ from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia, pseudo_inertia
 from aerarm_ros.motion.signals import Array
 
-# Least eigenvalue of an inertia relative to mass and size that approximates "> 0".
+# Smallest eigenvalue of an inertia, relative to mass and size, that counts as positive.
 _MARGIN = 1e-4
 _STRETCH = 0.3  # relative stretch of the initial bodies, in each direction
 _SHIFT = 0.2  # shift of their centres of mass, relative to the link's size
@@ -18,7 +18,7 @@ _STEP = 1e-6  # relative step of numerical derivatives
 
 @dataclass(frozen=True, eq=False)
 class ThesisProblem:
-    """Cost and constraints as functions of theta, for solvers without cone constraints.
+    """Cost and constraints of thesis problem (3.11), for solvers without cone constraints.
 
     The barycentric inertia contains the factor 1/m that the printed (3.9) lacks. Its positive
     definiteness is not sufficient for a body: a solution may violate the triangle inequality of the
@@ -45,7 +45,7 @@ class ThesisProblem:
         return len(self.limits.mass)
 
     def cost(self, theta: Array) -> float:
-        """Return the squared torque error divided by the squared torque, both reduced."""
+        """Return the squared torque error divided by the squared torque, of the reduced data."""
         residual = self.system.R @ theta - self.system.z
         return float(residual @ residual / max(float(self.system.z @ self.system.z), 1e-300))
 
@@ -58,7 +58,8 @@ class ThesisProblem:
     def bounds(self) -> tuple[Array, Array]:
         """Return the (p,) lower and upper bounds.
 
-        The bounds of inertias only limit parameters that the motion does not excite.
+        The bounds of inertia tensors are so wide that they only limit parameters that the motion
+        does not excite.
         """
         lower, upper = np.full((2, len(self.start)), np.inf)
         lower *= -1.0
@@ -106,8 +107,8 @@ class ThesisProblem:
     def inequality_slopes(self, inertial: Array) -> Array:
         """Return the (9 n + 2, 10 n) derivatives of `inequalities` at (n, 10) parameters.
 
-        A link's constraints depend only on its own parameters, and the total mass on the sum. So
-        one parameter of every link is varied at a time.
+        A link's constraints depend only on its own parameters, and the total mass on the sum. The
+        derivatives by one parameter of every link are therefore computed at once.
         """
         n = self.n
         slopes = np.zeros((9 * n + 2, n, 10))
@@ -161,7 +162,7 @@ def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
     Returns
     -------
     (p,) ndarray
-        Feasible solution with the least cost, or CAD without any.
+        Feasible solution with the smallest cost; the CAD parameters if no solution is feasible.
     """
     random = np.random.default_rng(seed)
     best, least = problem.start, problem.cost(problem.start)
@@ -175,7 +176,7 @@ def solve_slsqp(problem: ThesisProblem, seed: int = 0) -> Array:
 
 
 def _local(problem: ThesisProblem, start: Array) -> Array:
-    """Return a local solution, relative to the parameters' sizes."""
+    """Return a local solution, computed in units of the parameters' natural sizes."""
     from scipy.optimize import minimize
 
     scale, links = problem.scale, 10 * problem.n
@@ -228,7 +229,8 @@ def solve_annealing(problem: ThesisProblem, seed: int = 0, sweeps: int = _SWEEPS
     Returns
     -------
     (p,) ndarray
-        Feasible result with the least cost among the searches, or CAD.
+        Feasible result with the smallest cost among the searches; the CAD parameters if no result
+        is feasible.
     """
     search = _Search(problem, np.random.default_rng(seed))
     temperatures = np.geomspace(_HOT, _COLD, sweeps)

@@ -1,1 +1,1 @@
-"""Controllers, one executable per file; launch files and the page offer each by its name."""
+"""Controllers, one executable per file; launch files and the web page use the files' names."""

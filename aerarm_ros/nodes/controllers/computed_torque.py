@@ -120,7 +120,7 @@ class ComputedTorqueNode(ControllerNode):
         setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
-        """Require one gain or one per joint, and a control law that uses the gain."""
+        """Reject a wrong number of gains, and a gain that the control law does not use."""
         if name in ('kp', 'kd'):
             if not isinstance(self.law, ComputedTorque):
                 raise ValueError(

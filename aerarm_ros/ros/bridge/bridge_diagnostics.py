@@ -50,7 +50,7 @@ class BridgeTiming:
         self._summaries: dict[str, TimingSummary] = {}
 
     def add_command(self, age_ns: int, answers_last_state: bool) -> None:
-        """Count a command: age of the answered state [ns], and whether it was the last state."""
+        """Count a command: age [ns] of the answered state, and whether that was the last state."""
         self._command_age.add(age_ns)
         self._answered += answers_last_state
 
@@ -148,9 +148,9 @@ class Watched:
 class BridgeDiagnostics:
     """Publish the diagnostics of the arm's state, of its motors and of the loop's timing.
 
-    A message takes most of a millisecond to build. During a cycle the message is therefore built
-    in steps, one in the slack of each cycle. Another thread would hold the interpreter lock and
-    delay nearly every cycle.
+    Building a message takes most of a millisecond. While the loop runs, the message is therefore
+    built in steps, one after each cycle. Building in another thread would hold the interpreter lock
+    and delay nearly every cycle.
 
     Parameters
     ----------
@@ -180,20 +180,20 @@ class BridgeDiagnostics:
         self._output.arm = name
 
     def watch(self, watched: Watched) -> None:
-        """Report on a cycle from now on; the cycle calls `step`."""
+        """Publish the diagnostics of a cycle from now on; the cycle calls `step`."""
         self._timer.cancel()
         self._pieces = None
         self._watched = watched
         self.publish_soon()
 
     def unwatch(self) -> None:
-        """Report from now on that no cycle runs."""
+        """Report on /diagnostics from now on that no cycle runs."""
         self._watched = None
         self._timer.reset()
         self._publish_inactive()
 
     def publish_soon(self) -> None:
-        """Publish a report with the next steps, because a value has changed."""
+        """Begin a report with the next call of `step`, because a value has changed."""
         self._due = -inf
 
     def step(self, now: float) -> None:
@@ -308,9 +308,9 @@ _SINKS = 'The arm sinks until a valid command arrives'
 class ModeLog:
     """Log every new mode, faults with reason and recovery hint, and a sinking arm as a warning.
 
-    The cycle only stores the mode, because logging takes up to a millisecond; the executor's
-    thread logs it. Boards without an answer are logged after a delay, because every start begins
-    so.
+    The cycle only stores the mode, because logging takes up to a millisecond; the executor's thread
+    logs it. Boards without an answer are logged after a delay, because no board answers in the
+    first moments after a start.
 
     Parameters
     ----------
@@ -390,7 +390,7 @@ _OF_PUBLISHERS = ('source', 'not_allowed')
 class RejectionLog:
     """Log a warning when rejections begin, at most one line per reason in 10 s.
 
-    The cycle only stores the rejection, as for `ModeLog`.
+    The cycle only stores the rejection; the executor's thread logs it.
 
     Parameters
     ----------

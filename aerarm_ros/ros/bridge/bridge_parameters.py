@@ -153,7 +153,7 @@ def bridge_settings(values: SimpleNamespace) -> BridgeSettings:
 
 
 def state_file(values: SimpleNamespace, node: str, emulated: bool) -> Path | None:
-    """Return the file that stores the zeros of a bridge, or None if it stores none.
+    """Return the file in which a bridge stores the joints' zeros, or None without such a file.
 
     Raises ValueError if the user has no home directory for the file.
     """

@@ -79,12 +79,12 @@ class CycleRequests:
                 answer.set_exception(error)
 
     def open(self) -> None:
-        """Accept requests: a cycle runs from now on."""
+        """Accept requests from now on, because a cycle runs."""
         self._waiting.clear()
         self._closed.clear()
 
     def close(self) -> None:
-        """Accept no more requests: the last cycle has run."""
+        """Reject requests from now on, because the last cycle has run."""
         self._closed.set()
 
     def wait_closed(self, timeout: float) -> bool:
@@ -98,7 +98,7 @@ class CycleRequests:
 
     @property
     def are_waiting(self) -> bool:
-        """Whether requests are waiting."""
+        """Whether actions wait for the cycle's thread."""
         return bool(self._waiting)
 
     def _put(self, action: Action) -> Future[Answer]:
@@ -144,9 +144,10 @@ class BridgeServices:
             node.create_service(Trigger, f'~/{name}', self._handler(name, action))
 
     def _twin(self) -> str:
-        """Return the recovery hint if another node has the bridge's name, else an empty text.
+        """Return a recovery hint if another node has the bridge's name, else an empty text.
 
-        A request reaches both nodes, and the client accepts the first answer.
+        If two nodes share the name, a request reaches both, and the client accepts the first
+        answer.
         """
         name, namespace = self._node.get_name(), self._node.get_namespace()
         if self._node.get_node_names_and_namespaces().count((name, namespace)) < 2:

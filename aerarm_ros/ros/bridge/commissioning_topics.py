@@ -56,7 +56,8 @@ class RecordWatch:
     Attributes
     ----------
     problem
-        Reason why the arm counts as not commissioned; empty if it is, or if no record is used.
+        Reason why the arm counts as not commissioned; empty for a commissioned arm, or if no record
+        is used.
     """
 
     def __init__(

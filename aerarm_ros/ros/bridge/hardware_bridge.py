@@ -134,7 +134,7 @@ class World:
     clock
         Clock of the states' stamps.
     live
-        Action of the cycle after a live parameter has changed, by parameter name.
+        Action that the cycle runs after a change of a live parameter, by parameter name.
     """
 
     emulated = False
@@ -193,8 +193,8 @@ class HardwareBridge(LifecycleNode):
     """Managed node around a `BridgeCycle`.
 
     Configuring opens the buses, activating starts the cycle, deactivating switches the motor
-    currents off. The cycle runs in the thread that calls `run`, all else in the executor's thread.
-    The threads share only the queue of requests and finished results.
+    currents off. The cycle runs in the thread that calls `run`, all other work in the executor's
+    thread. The threads share only the queue of requests and finished results.
 
     Parameters
     ----------
@@ -336,7 +336,7 @@ class HardwareBridge(LifecycleNode):
         return SUCCESS
 
     def _try_wires(self, profile: FrameProfile) -> None:
-        """Log the link quality of each board, which may still be without supply."""
+        """Log the link quality of each board; a board may still be without supply."""
         if not isinstance(self._transport, SpidevTransport):
             return
         for answer in self_test(self._transport, self.config, profile):

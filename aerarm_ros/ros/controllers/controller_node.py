@@ -70,7 +70,7 @@ class ControllerNode(StateNode):
         """Subscribe to the references."""
 
     def before_update(self, state: ArmState, now: float) -> None:
-        """Act before the control law; called in the loop's thread."""
+        """Do work that must precede the control law; called in the loop's thread."""
 
     # For derived controllers.
 

@@ -57,7 +57,7 @@ def inertia_message(header: Header, mass: float, centre: Array, inertia: Array) 
     header : Header
         Header with the frame of centre and axes.
     mass : float
-        [kg]
+        Mass of the body [kg].
     centre : (3,) ndarray
         Centre of mass [m].
     inertia : (3, 3) ndarray
@@ -276,7 +276,7 @@ class ControlledArm:
         return model
 
     def load(self, model: CarryingModel, values: SimpleNamespace) -> None:
-        """Give a model the arm's payload, now and after each change; raises ValueError."""
+        """Set the arm's payload in a model, now and after each change; raises ValueError."""
         model.carry(_payload(getattr(values, PAYLOAD, [])))
         self._models.append(model)
 
@@ -324,11 +324,11 @@ class ControlledArm:
             check_feedback(self.drone, self._whole(values, self.drone, payload))
 
     def hovering_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return an estimator without the drone's reaction, for the drone's feedforward."""
+        """Return a base-motion estimator without the drone's reaction, for feedforward to it."""
         return self._moved_base(values, HOVER)
 
     def measured_base(self, values: SimpleNamespace) -> BaseMotionEstimator:
-        """Return an estimator from measured motion, for nodes that command no motion."""
+        """Return an estimator of the base's measured motion, for nodes that command no motion."""
         mode = FULL if values.base_motion == FREE else values.base_motion
         return self._moved_base(values, mode)
 
@@ -425,11 +425,11 @@ def _payload(values: Sequence[float]) -> Sequence[float]:
 
 
 def load_share(values: SimpleNamespace, robot: Robot) -> npt.NDArray[np.float64]:
-    """Return `load_friction`, by default the URDF's; one value or (n,) [-]."""
+    """Return the load-dependent friction [-], by default the URDF's; one value or (n,)."""
     given = values.load_friction
     return one_or_each(given) if len(given) else robot.load_friction
 
 
 def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Return a list parameter as an array, and a list of one value as that number."""
+    """Return a list parameter as an array, or as a number if the list has only one value."""
     return np.array(values[0] if len(values) == 1 else values, dtype=float)

@@ -104,7 +104,7 @@ class FrictionLog:
         self._lock = Lock()
 
     def offer(self, estimate: OnlineEstimate) -> None:
-        """Process a friction estimate, without delay."""
+        """Process a friction estimate without waiting for the file."""
         if self._last is not None and 0.0 < estimate.time - self._last.time < _LONGEST:
             self._learnt += estimate.time - self._last.time
         self._last = estimate

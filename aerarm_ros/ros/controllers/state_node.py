@@ -129,7 +129,7 @@ class StateNode:
     name
         Node name.
     parameters
-        Its parameters, made by `state_node_parameters`.
+        Parameters of the node, made by `state_node_parameters`.
 
     Attributes
     ----------
@@ -247,7 +247,7 @@ class StateNode:
         self.node.create_subscription(topic.type, topic.name, store, topic.qos)
 
     def act(self, action: Callable[[float], None]) -> None:
-        """Run an action in the loop's thread before the next answer; it may reject its input."""
+        """Run an action (it may reject its input) in the loop's thread before the next answer."""
         self._requests.append(action)
 
     def advertise(self, topic: Topic) -> Any:
@@ -363,11 +363,11 @@ class StateNode:
 
 
 def _arrival(before_ns: int, stamp_ns: int, lead_ns: int) -> int:
-    """Return the arrival of an IMU sample in the time of the states [ns].
+    """Return the arrival time of an IMU sample by the clock of the joint states [ns].
 
     The arrival is the stamp of the state before the sample, because the clocks of drone, arm and
-    host may differ. After a gap, such as a pause of this process, many samples follow one state.
-    Then the arrival lies before the new state by the interval measured on this host.
+    host may differ. After a gap, such as a pause of this process, many samples follow one state. In
+    that case the arrival is the new state's stamp minus the interval measured on this host.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def make_target_follower(values: SimpleNamespace, arm: ControlledArm) -> TargetF
 
 
 def _stretched_length(arm: ControlledArm, frame: str) -> float:
-    """Return the sum of the distances from joint to joint and to the frame [m]."""
+    """Return the stretched arm's length [m]: the distances between joints and to the frame."""
     model, frame = arm.robot.model, arm.robot.full_name(frame)
     offsets = [model.jointPlacements[index].translation for index in range(1, model.njoints)]
     offsets.append(model.frames[model.getFrameId(frame)].placement.translation)

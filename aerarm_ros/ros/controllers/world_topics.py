@@ -50,7 +50,7 @@ class WorldTopics:
     frame
         Frame of the odometry; empty before the first message.
     margin
-        The last reach, None while the tool is not held in the world.
+        The last remaining reach of the arm, None while the tool is not held in the world.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class WorldTopics:
     def _in_world(
         self, what: str, frame: str, place: Array, rotation: Array | None, now: float
     ) -> tuple[Array, Array | None]:
-        """Transform a place and orientation from the base frame to the world frame now."""
+        """Transform a position and orientation from the base frame to the present world frame."""
         if frame in ('', self.frame):
             return place, rotation
         if frame != self._base:
@@ -167,7 +167,7 @@ class WorldTopics:
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
 
     def give_up(self, reason: str) -> None:
-        """Drop the reach while the arm is not controlled."""
+        """Drop the stored reach while the arm is not controlled."""
         self._seen = self.margin = None
         if self._request is not None:
             self._request.reset()
@@ -195,7 +195,7 @@ class WorldTopics:
 
 
 def pose_message(header: Header, place: Array, rotation: Array) -> PoseStamped:
-    """Return the message of a place (3,) [m] and an orientation (3, 3)."""
+    """Return the message of a position (3,) [m] and an orientation (3, 3)."""
     message = PoseStamped(header=header)
     p, r = message.pose.position, message.pose.orientation
     p.x, p.y, p.z = place.tolist()

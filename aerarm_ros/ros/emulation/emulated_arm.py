@@ -69,8 +69,9 @@ _NO_DRONE = 'contact_force needs a flying drone: set drone_file'
 class EmulatedArm(World):
     """Emulated boards on a physics engine, in simulation time.
 
-    A person carries a real arm until its motors hold it. Enabling therefore starts the emulated
-    arm where it is. If the arm fell beyond its limits, enabling returns it to its start.
+    A person supports a real arm until its motors hold it. Enabling therefore starts the emulated
+    arm at its present posture. If the arm fell beyond its limits, enabling returns it to its
+    initial posture.
     """
 
     emulated = True
@@ -94,7 +95,7 @@ class EmulatedArm(World):
         }
 
     def load_arm(self) -> tuple[ArmConfig, Robot]:
-        """Return the arm's description, with the encoder type of the parameters."""
+        """Return the arm's description, with the encoder type that the parameters select."""
         config, robot = super().load_arm()
         encoders = self.bridge.values.encoders
         return (config.with_encoders(encoders) if encoders else config), robot
@@ -309,7 +310,7 @@ class EmulatedArm(World):
     def _enable(self, cycle: BridgeCycle) -> Answer:
         boards = self.boards
         if self._time is not None and self._time.is_waiting:
-            cycle.intake.forget()  # Its publisher is silent: the bridge may hold the arm.
+            cycle.intake.forget()  # The publisher is silent, so the bridge may hold the arm.
         if boards is None or cycle.mode != 'idle':
             return cycle.enable()
         if cycle.gate.is_inside(cycle.q):

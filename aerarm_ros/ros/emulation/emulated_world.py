@@ -129,7 +129,7 @@ class WorldLoop(PeriodicLoop):
         return self.cycles * self.period_ns / host_ns if host_ns > 0 else 1.0
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
-        """Return a level of `timing_assessment` and one line; a slow simulation is no fault."""
+        """Return the level of the timing and one line of text; a slow simulation is not a fault."""
         return OK, f'the simulation runs at {100.0 * self.share_of_real_time:.1f} % of real time'
 
     def account(self) -> str:
@@ -152,7 +152,7 @@ _LAG_NS = 500_000_000
 
 
 class RecordingWatch:
-    """Track up to which time a recorder has the joint states.
+    """Track the time up to which a recorder has received the joint states.
 
     Parameters
     ----------
@@ -280,9 +280,9 @@ class EmulatedWorld:
     """A simulation that advances by one period per cycle and pauses in between.
 
     In lockstep the simulation waits until the last state is answered. The simulation also pauses
-    before the first command, and while the arm is off and at rest. So a controller meets the same
-    states at the same times in every run. Lockstep starts at `start_ns`, `keep_up` at the host's
-    time.
+    before the first command, and while the arm is off and at rest. So a controller receives the
+    same states at the same times in every run. With lockstep the simulation time starts at
+    `start_ns`, with `keep_up` at the host's time.
 
     Parameters
     ----------
@@ -311,7 +311,8 @@ class EmulatedWorld:
     loop
         The bridge's loop.
     is_waiting
-        Whether a request ended the wait for an answer, so that no controller commands the arm.
+        Whether a request ended the wait for an answer, in which case no controller commands the
+        arm.
     """
 
     def __init__(
@@ -466,7 +467,7 @@ class EmulatedWorld:
         return self._stands or self._watch.awaits(self.now_ns())
 
     def _is_alone(self, has_told: bool) -> bool:
-        """Return whether no node commands the arm, with or without re-sending the state."""
+        """Return whether the awaited controller is gone: its publisher ended, or no answer came."""
         commands = self._streams.commands
         if not self._watch.awaits(self.now_ns()):
             return False

@@ -148,7 +148,7 @@ class FlyingDrone(EmulatedDrone):
 
     @property
     def is_flying(self) -> bool:
-        """Whether the drone is unsupported."""
+        """Whether the simulation has released the drone."""
         return not self._flight.is_held
 
     @property

@@ -84,9 +84,10 @@ def set_point_parameters(
 class SetPointNode:
     """Republish set points with the acceleration for the arm's motion, until they are too old.
 
-    Without an attitude for 0.2 s or without the arm's forecast, set points pass unchanged. The
-    arm's time is that of `joint_states`, or else this computer's. The node publishes a warning on
-    /diagnostics if the arm's time is more than 0.2 s ahead, or too late for an acceleration.
+    Without an attitude for 0.2 s or without the arm's forecast, set points pass unchanged. The node
+    takes the arm's time from `joint_states`, or else from this computer's clock. The node publishes
+    a warning on /diagnostics if the arm's time is more than 0.2 s ahead, or too late for an
+    acceleration.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class PlannedExcitation:
         Returns
         -------
         (M,) ndarray
-            Time [s].
+            Time of each sample [s].
         JointReference
             `q`, `dq` and `ddq`, each (M, n).
 
@@ -164,10 +164,11 @@ def plan_excitation(
     seed : int
         Seed of the random starts.
     config : path, optional
-        Motors and gears; known for this package's arm.
+        File with motors and gears; not needed for this package's arm.
     room : path, optional
         Surroundings and used fractions of the limits, in the form of `config/excitation.yaml`. The
-        default is that file for this package's arm, and no surroundings for other arms.
+        default is `config/excitation.yaml` for this package's arm, and no surroundings for other
+        arms.
     bias : (n,) sequence, optional
         Centre of the motion [rad].
     lock : sequence of str
@@ -175,7 +176,7 @@ def plan_excitation(
     package_directories : sequence of paths
         Directories in which `package://` meshes are searched.
     acceleration_limit : float or (n,) array_like
-        [rad/s^2], for an arm without motors and gears.
+        Limits of the joint accelerations [rad/s^2], for an arm without a file of motors and gears.
 
     Raises
     ------

@@ -74,12 +74,12 @@ class IdentifiedModel:
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
 
         Returns
         -------
         (n,) or (M, n) ndarray
-            [Nm]
+            Torque of each joint [Nm].
 
         Raises
         ------
@@ -129,7 +129,7 @@ class IdentifiedArm:
     result : IdentificationResult
         Complete result, with more details than this class offers.
     seconds : dict of str to float
-        Duration of each stage [s].
+        Duration of each stage of the identification [s].
     """
 
     def __init__(self, result: IdentificationResult, seconds: dict[str, float]) -> None:
@@ -143,7 +143,7 @@ class IdentifiedArm:
 
     @property
     def robot(self) -> Robot:
-        """The arm with the identified links and gravity."""
+        """Model of the arm with the identified links and gravity."""
         return self.result.robot.with_inertial_parameters(self.estimate.inertial)
 
     @property
@@ -158,12 +158,12 @@ class IdentifiedArm:
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            [rad], [rad/s], [rad/s^2]
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
 
         Returns
         -------
         (n,) or (M, n) ndarray
-            [Nm]
+            Torque of each joint [Nm].
 
         Raises
         ------
@@ -286,7 +286,7 @@ def from_arrays(
     Parameters
     ----------
     time : (M,) array_like
-        [s]
+        Time of each sample [s].
     q, tau : (M, n) array_like
         Positions [rad] and torques [Nm].
     dq : (M, n) array_like, optional
@@ -371,15 +371,15 @@ def identify(
     holdout : float
         Fraction at the end of each bag that is used for validation only.
     config : path, optional
-        Motors and gears; known for this package's arm.
+        File with motors and gears; not needed for this package's arm.
     topic : str
         JointState topic in the bags.
     rename : mapping, optional
-        Joint of the bags to joint of the URDF.
+        Name of a joint in the URDF, by its name in the bags.
     lock, ignore : str or sequence of str
         Joints of the URDF that do not move; joints of the bags that are not in the URDF.
     effort_gain : mapping, optional
-        Joint to the factor that converts its effort to torque [Nm].
+        Factor that converts a joint's recorded effort to torque [Nm], by joint name.
     gravity : (3,) array_like, optional
         Gravity in the base frame [m/s^2].
     cutoff : float, optional

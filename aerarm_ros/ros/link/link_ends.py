@@ -126,7 +126,7 @@ class LinkEnd:
         raise NotImplementedError
 
     def _greet(self) -> None:
-        """Send the initial data to a newly found other end."""
+        """Send latched messages, stream layouts and services to the other end after its start."""
 
     def _problem(self, now: float) -> str:
         return ''
@@ -234,7 +234,7 @@ class LinkEnd:
 
 
 class DroneEnd(LinkEnd):
-    """The drone's end, which serves one ground."""
+    """The drone's end, which serves one ground computer."""
 
     role, other = DRONE, GROUND
 
@@ -295,7 +295,7 @@ class DroneEnd(LinkEnd):
 
 
 class GroundEnd(LinkEnd):
-    """The ground's end, which connects to its drone at one address."""
+    """The ground computer's end, which connects to its drone at one address."""
 
     role, other = GROUND, DRONE
 
@@ -415,7 +415,7 @@ class RemoteControllers:
 
 
 class GroundWatchdog:
-    """Stop the motion, or move the arm home, when the ground has been silent for a time.
+    """Stop the motion, or move the arm home, after `ground_timeout` without ground datagrams.
 
     Parameters
     ----------
@@ -427,7 +427,7 @@ class GroundWatchdog:
     Attributes
     ----------
     problem
-        Description of the last action; empty while the ground is connected.
+        Description of the last action; empty while the ground computer is connected.
     """
 
     def __init__(self, node: Node, values: SimpleNamespace) -> None:
@@ -451,7 +451,7 @@ class GroundWatchdog:
         return f'{self._action} after {self._timeout:g} s'
 
     def update(self, now: float, last_received: float) -> None:
-        """Act once per loss of connection, but not before the ground's first message."""
+        """Act once per loss of connection, but not before the ground computer's first message."""
         is_lost = 0.0 < self._timeout < now - last_received < inf
         if not is_lost:
             self.problem = ''

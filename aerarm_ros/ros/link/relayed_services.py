@@ -45,14 +45,14 @@ _LOOKS = 0.5  # [s] between two checks for services
 
 
 class DroneServices:
-    """Announce the services of the drone's nodes, and call them for the ground.
+    """Announce the services of the drone's nodes, and call them for the ground computer.
 
     Parameters
     ----------
     node
         Owner of the clients.
     connection
-        Connection to the ground.
+        Connection to the ground computer.
     """
 
     def __init__(self, node: Node, connection: Connection) -> None:
@@ -87,7 +87,7 @@ class DroneServices:
         self._calls = {key: call for key, call in self._calls.items() if call[1] > now}
 
     def call(self, content: bytes, now: float) -> None:
-        """Call a service for the ground."""
+        """Call a service for a client on the ground computer."""
         number, length = _CALL.unpack_from(content)
         name = content[_CALL.size : _CALL.size + length].decode()
         client = self._clients.get(name)
@@ -98,7 +98,7 @@ class DroneServices:
         self._calls[name, sequence] = number, now + _ANSWER_TIMEOUT
 
     def greet(self) -> None:
-        """Announce the services to a ground that has just started."""
+        """Announce the drone's services to a ground computer whose `ground_link` just started."""
         self._connection.send(OFFERED, json.dumps(self._offered).encode())
 
     def _look(self) -> None:
@@ -130,7 +130,7 @@ class _Call:
 
 
 class GroundServices:
-    """Offer the drone's services on the ground.
+    """Offer the drone's services on the ground computer.
 
     An e-stop is re-sent until the drone confirms it, however long the connection is lost. Any
     other request that does not reach the drone within a second is dropped and answered with a

@@ -86,16 +86,16 @@ _LATCHED = topics.LATCHED.durability
 
 
 class DroneTopics:
-    """Send the drone's topics, and publish the ground's commands.
+    """Send the drone's topics to the ground, and publish the ground's commands.
 
     Parameters
     ----------
     node
         Owner of subscriptions and publishers.
     connection
-        Connection to the ground.
+        Connection to the ground computer.
     rates
-        [Hz] by topic name.
+        Rate of each decimated topic [Hz], by topic name.
     """
 
     def __init__(self, node: Node, connection: Connection, rates: Mapping[str, float]) -> None:
@@ -119,7 +119,7 @@ class DroneTopics:
                 self._send_value(channel)
 
     def greet(self) -> None:
-        """Send the initial data to a ground that has just started."""
+        """Send latched messages and layouts to a ground computer whose link has just started."""
         for channel, (payload, message) in list(self._latched.items()):
             if message.is_confirmed:
                 self._send_event(channel, payload)
@@ -128,7 +128,7 @@ class DroneTopics:
                 self._connection.send(LAYOUTS, _layout_text(channel, stream.layout))
 
     def publish(self, channel: int, payload: bytes) -> None:
-        """Publish a command of the ground."""
+        """Publish a command from the ground computer."""
         place = channel - UP_CHANNEL
         if 0 <= place < len(self._publishers):
             self._publishers[place].publish(payload)
@@ -216,7 +216,7 @@ class JointStateStream:
 
 
 class GroundTopics:
-    """Publish the drone's topics on the ground, and send the ground's commands.
+    """Publish the drone's topics on the ground computer, and send the ground's commands.
 
     A topic is created with its first message, so tools show only topics that the drone publishes.
 

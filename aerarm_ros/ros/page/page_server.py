@@ -59,9 +59,9 @@ class PageGuard:
     """Check requests before the server answers them.
 
     A browser lets every site connect to every address, even the loopback one, and sends the site's
-    name in `Origin`: only the page itself is allowed. With DNS rebinding a site passes this check,
-    but its name is in `Host`: only names of this computer are allowed. On a network, the path must
-    also begin with a token.
+    name in `Origin`, so `Origin` must name the page itself. A site that uses DNS rebinding passes
+    this check, but the browser sends the site's name in `Host`, so `Host` must name this computer.
+    On a network, the path must also begin with a token.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class PageGuard:
         path
             Path of the request, with query.
         hosts, origins
-            All headers of these names.
+            All `Host` and `Origin` headers of the request.
         socket_wanted
             Whether the request opens a websocket; browsers then always send the origin.
         """
@@ -268,7 +268,7 @@ Report = Callable[[str], None]
 
 
 class PageError(RuntimeError):
-    """The page cannot be guarded; the message states the recovery hint."""
+    """The installed viser cannot protect the page against other sites."""
 
 
 def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.ViserServer:
@@ -286,7 +286,7 @@ def serve_page(host: str, port: int, guard: PageGuard, report: Report) -> viser.
     Raises
     ------
     PageError
-        If the installed viser cannot be guarded.
+        If the installed viser cannot protect the page; the message states the version to install.
     """
     gate = _Gate(guard, report)
     with _guarded(gate):

@@ -75,7 +75,7 @@ class PageCommissioning:
         return str(client.path) if client is not None and has_any else ''
 
     def begin(self, joints: Sequence[str], resume: bool, emulated: str = '') -> None:
-        """Start with the given joints, or all; `resume` skips joints that have passed.
+        """Start commissioning the given joints, or all; `resume` skips joints that have passed.
 
         If `emulated` names a bridge, an emulated hand turns the joints and confirms everything.
         Raises RuntimeError if a procedure is running.
@@ -97,7 +97,7 @@ class PageCommissioning:
                 guided.answer(yes)
 
     def end(self) -> None:
-        """Stop, and wait until the bridge was requested to switch the motors off."""
+        """Stop the procedure, and wait until the bridge was requested to switch the motors off."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -197,7 +197,7 @@ class ViewCommissioning:
         self._no.on_click(lambda _: self._answer(False))
 
     def show(self, now: float) -> None:
-        """Show the step, at a monotonic time [s], and the verdicts."""
+        """Show the procedure's present step and verdicts, at a monotonic time [s]."""
         procedure = self._procedure
         runs, prompt = procedure.runs, procedure.prompt
         if prompt is not self._prompt:

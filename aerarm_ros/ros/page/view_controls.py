@@ -35,7 +35,7 @@ _LISTENERS = ('recorder', 'view')
 
 
 class PageMotion:
-    """Publish postures for the arm, and places for the tool.
+    """Publish target postures for the arm, and target positions for the tool.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class PageMotion:
     config
         Configuration of the arm, with its limits.
     base
-        Link in whose frame the tool's place is given.
+        Link in whose frame the tool's position is given.
     """
 
     def __init__(self, node: Node, config: ArmConfig, base: str) -> None:
@@ -88,9 +88,9 @@ class PageMotion:
         return True, f'moving, {duration:.1f} s'
 
     def aim(self, place: Sequence[float]) -> tuple[bool, str]:
-        """Move the tool to a place (3,) [m] in the base frame; returns as `go`.
+        """Move the tool to a position (3,) [m] in the base frame; the result is that of `go`.
 
-        Under world_control the tool is then held at the corresponding place in the world.
+        If world_control runs, it then holds the tool at the corresponding position in the world.
         """
         if not self._is_heard(topics.TOOL_TRAJECTORY.name):
             return False, 'no active tool controller: start kinematic_control or world_control'
@@ -257,7 +257,7 @@ class ViewControls:
         posture
             (n,) present joint angles [rad], or None.
         tool
-            (3,) [m] place of the tool in the base frame.
+            (3,) position of the tool in the base frame [m].
         """
         if self._posture is None and posture is not None:
             self._posture = posture

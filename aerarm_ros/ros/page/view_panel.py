@@ -105,7 +105,7 @@ class ViewPanel:
         way_out
             Recovery hint of a fault from the bridge, with commands in quotes.
         emulated
-            Whether the arm can be put back.
+            Whether the arm is emulated, so that its posture can be reset.
         """
         shown = mode or 'waiting for a bridge'
         color = _MODE_COLORS.get(mode, '#495057')

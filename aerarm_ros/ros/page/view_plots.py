@@ -270,10 +270,10 @@ _ACROSS = viser.uplot.Axis(size=64, ticks=_TICKS)  # [pixels] for a minus and th
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity of a plot: rows of `ROWS`, or of `BASE_ROWS` if there is no value.
+    """Quantity of a plot: rows of `ROWS`, or of `BASE_ROWS` if the field `value` is empty.
 
-    Values below `small` do not fill the plot, because they would be noise, and labels have three
-    decimals.
+    The scale of a plot covers at least plus and minus `small`, so that noise does not fill the
+    plot. Labels have three decimals.
     """
 
     title: str
@@ -358,7 +358,7 @@ class ViewPlots:
                 plot.data = self._columns(quantity, time, values)
 
     def show_base(self, time: Array, values: Array) -> None:
-        """Draw the quantities of the base: time (k,) [s], and (k, 6), columns as `BASE_ROWS`."""
+        """Draw the base's `values` (k, 6), with columns as `BASE_ROWS`, over `time` (k,) [s]."""
         if len(time) < 2:
             return
         for quantity, columns in zip(_BASE, (values[:, :3], values[:, 3:]), strict=True):

@@ -31,18 +31,19 @@ class ViewScene:
     Parameters
     ----------
     server
-        Server of the page. The view's up direction is against gravity, so a hanging arm hangs.
+        Server of the page. The view's up direction is opposite to gravity, so a hanging arm appears
+        hanging.
     robot
         The arm, with the visual shapes of its URDF, or else its collision shapes.
     tool
         Frame whose path is drawn; the last frame of the model by default.
     base
-        Fixed link in whose frame the tool's place is given; the URDF's root by default.
+        Fixed link in whose frame the tool's position is given; the URDF's root by default.
 
     Attributes
     ----------
     tool
-        Place (3,) [m] of the tool frame in the base frame.
+        Position (3,) of the tool frame in the base frame [m].
 
     Raises
     ------
@@ -114,7 +115,7 @@ class ViewScene:
             self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
 
     def _usual_place(self, robot: Robot) -> Array:
-        """Return the tool's place in the middle of the joints' ranges, (3,) [m]."""
+        """Return the tool's position in the middle of the joints' ranges, (3,) [m]."""
         low, high = robot.position_min, robot.position_max
         known = np.isfinite(low) & np.isfinite(high)
         middle = np.zeros(robot.n)

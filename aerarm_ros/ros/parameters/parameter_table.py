@@ -43,7 +43,7 @@ class Parameter:
     element
         Type of the elements of a list whose default is empty.
     group
-        Heading in the help; '' for the node's own parameters, which come first.
+        Heading in the help text; '' for the node's own parameters, which come first.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Parameter:
         return descriptor
 
     def heading(self) -> str:
-        """Return name, type, unit, default, bounds and liveness in one line."""
+        """Return name, type, unit, default, bounds and whether the value is live, in one line."""
         kind = self.type.name.lower().replace('_array', ' list')
         default = self._default_text()
         details = (

@@ -41,7 +41,7 @@ class DampingAccount:
         self._begin = self._end = 0
 
     def note(self, mode: str, now_ns: int) -> None:
-        """Store a mode and its reception time on this host [ns]; callable from any thread."""
+        """Store a mode of the bridge and its reception time [ns]; callable from any thread."""
         self._modes.append((now_ns, mode))
 
     def begin(self, now_ns: int) -> None:
@@ -309,8 +309,8 @@ class MotionPlayback:
         player
             Player of the motion.
         silence
-            Longest time without a joint state [s]. For an emulated arm it is longer, because its
-            time pauses when the host is busy.
+            Longest time without a joint state [s]. For an emulated arm the limit is longer, because
+            the arm's time pauses when the host is busy.
         listener
             Called with stamp [ns], state and the serialized command that answers the state.
 

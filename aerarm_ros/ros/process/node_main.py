@@ -50,7 +50,7 @@ class Runnable(Protocol):
         """Work until the ROS context is shut down."""
 
     def close(self) -> None:
-        """Leave everything safe and destroy the node; called once in every case."""
+        """Leave the hardware safe and destroy the node; called once in every case."""
 
 
 def run_node(
@@ -63,11 +63,12 @@ def run_node(
     """Create a node, run it, close it, and return the exit status.
 
     SIGINT, SIGTERM, SIGHUP and an external shutdown are normal ends (0), and so is a request for
-    help. A task that was interrupted before its end returns 130. While the command line is read,
-    an interrupt raises KeyboardInterrupt, because the kind of program is not known yet. An unknown
+    help. A task that was interrupted before its end returns 130. While the command line is read, an
+    interrupt raises KeyboardInterrupt, because the kind of program is not known yet. An unknown
     argument or parameter returns 2. Any other problem that a user can solve, such as an invalid
-    parameter value or file, returns 1 (ValueError during creation, OSError at any time). Each is
-    one line on standard error. Any other exception is a defect and keeps its traceback.
+    parameter value or file, returns 1 (ValueError during creation, OSError at any time). Each such
+    problem is printed as one line on standard error. Any other exception is a defect and keeps its
+    traceback.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def run_node(
 
 
 class _Interruption:
-    """Interrupt interruptible work, and only store the signal at other times.
+    """Raise KeyboardInterrupt in interruptible work; at other times only store the signal.
 
     Extension modules that a constructor imports would swallow an exception. Inside `close`, an
     exception would leave half of the work undone.

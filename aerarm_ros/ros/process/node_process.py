@@ -207,7 +207,7 @@ def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str
     Raises
     ------
     ValueError
-        If AERARM_NETWORK has another value.
+        If AERARM_NETWORK has an invalid value.
     """
     network = environment.get(NETWORK, '')
     if network not in ('', _OPEN):

@@ -1,8 +1,8 @@
 """End of a process: exit status, signals and time limits.
 
 Fast DDS announces its end when a node is destroyed, or else in an exit handler of the C library.
-The exit handler may loop for ever (docs/decisions.md, 70). Python and its signal handlers are gone
-by then or wait in C, so the C library enforces the limit.
+The exit handler may loop for ever (docs/decisions.md, 70). At that time Python and its signal
+handlers have ended or wait in C code, so a timer of the C library enforces the limit.
 
 A node that drives motors must finish its cycle and leave the boards safe. rclpy's signal handlers
 invalidate the context first, so publishing fails. Python's handlers raise KeyboardInterrupt in the
@@ -181,9 +181,10 @@ class _Request:
 class StopSignals:
     """Context in which the stop signals call a function.
 
-    A second SIGINT, SIGTERM or SIGQUIT, one second or more after the first, ends the process.
-    SIGHUP never does, because a closing terminal sends it more than once. A signal that is already
-    ignored, such as SIGHUP under nohup, or that has another handler, stays unchanged.
+    A second SIGINT, SIGTERM or SIGQUIT, one second or more after the first, ends the process. A
+    second SIGHUP does not end the process, because a closing terminal sends SIGHUP more than once.
+    A signal that is already ignored, such as SIGHUP under nohup, or that has another handler, stays
+    unchanged.
 
     Contexts may be nested. A signal received in the inner context counts for the outer one too:
     while a process ends, a further signal calls nothing.
@@ -247,7 +248,7 @@ class StopSignals:
             signal.signal(number, signal.SIG_IGN)
 
     def _may_take(self, number: int) -> bool:
-        """Return whether a signal has no other use, in this or the outer context."""
+        """Return whether a signal is neither ignored nor handled by other code."""
         handler = signal.getsignal(number)
         if number == signal.SIGHUP:
             return handler is not signal.SIG_IGN

@@ -29,7 +29,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Print a one-line error with the way to the help, instead of the whole usage.
+    """Print a one-line error that names the option for help, instead of the whole usage.
 
     The parser also serves a shell's requests for completions.
     """
@@ -84,7 +84,7 @@ class GivenParameter:
     name
         Name of the parameter.
     source
-        Place of the value: ``-p``, or the file.
+        Source of the value: ``-p``, or the file's name.
     """
 
     node: str
@@ -105,7 +105,7 @@ class GivenParameter:
 class RosArguments:
     """Arguments of a process, split into those for ROS and its own.
 
-    Groups of ROS arguments begin with ``--ros-args`` and end with ``--`` or the line.
+    Groups of ROS arguments begin with ``--ros-args`` and end with ``--`` or at the end of the line.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class RosArguments:
     plain : list of str
         Arguments that are not for ROS.
     parameters : list of GivenParameter
-        In their order.
+        Given parameters, in the order of the command line.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def _sections(content: Any, node: str, file: str) -> Iterator[tuple[str, Any]]:
 
 
 def _leaves(values: Any, prefix: str = '') -> Iterator[str]:
-    """Yield the names of parameters, groups joined by dots."""
+    """Yield the names of parameters, with the names of their groups joined by dots."""
     for key, value in values.items() if isinstance(values, Mapping) else ():
         if isinstance(value, Mapping):
             yield from _leaves(value, f'{prefix}{key}.')

@@ -47,9 +47,9 @@ class JointRecording:
     Attributes
     ----------
     time : (T,) ndarray
-        [s]
+        Time of each sample [s].
     position : (T, n) ndarray
-        [rad]
+        Positions of the n joints [rad].
     """
 
     names: tuple[str, ...]
@@ -70,7 +70,7 @@ class CalibratorInput:
     joints : tuple of str
         Joints with positions.
     mapping, messages : list of str
-        Interpretation of the columns or topics; notes for the user.
+        `mapping`: interpretation of the columns or topics. `messages`: notes for the user.
     """
 
     path: Path
@@ -319,7 +319,7 @@ def joined(parts: Sequence[Observations]) -> Observations:
     Raises
     ------
     CalibrationError
-        If the inputs do not have the same sources.
+        If the inputs do not have the same markers and poses.
     """
     first = parts[0]
     if len(parts) == 1:

@@ -61,7 +61,7 @@ class MountRun:
         self._urdf, _ = read_urdf(options.urdf)
 
     def execute(self) -> str:
-        """Estimate, write the drone file and a report, and return a table for the terminal.
+        """Estimate the mount, write the drone file and a report, and return a table to print.
 
         Raises
         ------

@@ -113,7 +113,7 @@ class SearchedBag:
     Attributes
     ----------
     places : list of ContactPlace or None
-        Place of each event.
+        Link, point and force of each event.
     torque, threshold : (M, n) ndarray
         External torque and its threshold [Nm].
     """

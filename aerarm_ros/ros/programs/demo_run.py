@@ -77,7 +77,7 @@ class DemoAccount:
         )
 
     def lines(self) -> Iterator[str]:
-        """Yield the lines to print at the end, warnings last."""
+        """Yield the demo's final lines, with the warnings last."""
         yield f'Bridge    {self.cycles}'
         for name, text in self.messages.items():
             yield f'Recorder  {name}: {text}'

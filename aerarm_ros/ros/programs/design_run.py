@@ -1,4 +1,4 @@
-"""One run of the designer: checks first, then the search, then the files."""
+"""One run of the designer, which checks the inputs, searches a trajectory and writes the files."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def whole_periods(duration: float, fundamental: float) -> int:
     Raises
     ------
     ExcitationError
-        If it is not a whole number.
+        If the duration is not a whole number of periods.
     """
     for name, value in (('fundamental', fundamental), ('duration', duration)):
         if not (math.isfinite(value) and value > 0.0):

@@ -38,8 +38,8 @@ def identify(bag: Path, settings: argparse.Namespace) -> Row:
     Returns
     -------
     dict
-        Column to value. Parameters have the names of the regressor's columns, and their standard
-        deviations the suffix `_std`; None for missing values.
+        Value by column name, None for a missing value. Parameters have the names of the regressor's
+        columns, and their standard deviations the suffix `_std`.
 
     Raises
     ------

@@ -186,7 +186,7 @@ class FleetRun:
 
 
 def find_bags(given: Sequence[Path]) -> list[Path]:
-    """Return the bags that paths, directories, patterns and lists name, each once, sorted.
+    """Return the bags that paths, directories, patterns and lists name, sorted, without repetition.
 
     A directory without bag files is searched recursively; a .txt file lists one path per line.
 

@@ -53,13 +53,13 @@ class IdentifierBags:
     joint_names : tuple of str
         The arm's joints, from base to tool.
     mapping : JointMapping
-        From the bags' joints to the arm's.
+        Mapping from the joint names in the bags to the arm's joint names.
     limits : ReadLimits, optional
         Limits of time and memory while reading a bag.
     table : TableOptions, optional
         Settings of tables, such as units.
     whole : bool
-        Use all messages of a bag, rest included.
+        Whether to use all messages of a bag, including those of the arm at rest.
 
     Attributes
     ----------
@@ -210,8 +210,8 @@ def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) ->
 def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
     """Return warnings of missing messages, by the counts that the bag contains.
 
-    Fewer messages than counted were lost after recording. A killed recorder leaves a count that is
-    too low, or none.
+    If a bag contains fewer messages than it counts, messages were lost after recording. A killed
+    recorder leaves a count that is too low, or no count.
     """
     kept, expected = len(contents.joint_states[topic]), contents.expected
     count = kept + contents.left_out

@@ -29,7 +29,7 @@ class CompareRun:
     Raises
     ------
     IdentificationError
-        If bags are given too.
+        If bags are given in addition to --compare.
     """
 
     passed = True
@@ -41,7 +41,7 @@ class CompareRun:
         self._out: Path | None = options.out
 
     def execute(self) -> str:
-        """Compare, write the output files, and return a table for the terminal.
+        """Compare the two results, write the output files, and return a table for the terminal.
 
         Raises
         ------
@@ -79,7 +79,7 @@ def _estimate(path: Path) -> Path:
 
 
 def _lines(comparison: EstimateComparison) -> list[str]:
-    """Return the significant differences, one per line, and the number of the others."""
+    """Return lines with the significant differences, and with the number of insignificant ones."""
     clear = [change for change in comparison.changes if change.is_clear]
     lines = [
         f'{change.name}: {change.old:.4g} -> {change.new:.4g} {change.unit}'.rstrip()

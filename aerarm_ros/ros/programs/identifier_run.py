@@ -100,7 +100,7 @@ _ROLES = ('identification', 'validation')
 
 
 def exports_text(exports: Sequence[ExportError], judged: Sequence[Recording]) -> str:
-    """Return the torque error of each written model, the largest of the judged bags."""
+    """Return, as text, the largest torque error of each written model over the judged bags."""
     lines = [f'Torque error of the written files [%], filtered, on {_names(judged)}']
     width = max((len(error.file) for error in exports), default=0)
     for error in exports:
@@ -121,7 +121,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     Parameters
     ----------
     facts : mapping
-        Name of a bag to facts about it.
+        Facts about each bag, by the bag's name.
     """
     groups = zip(_ROLES, (result.identification, result.validation), strict=True)
     bags = [(role, bag.samples.name) for role, columns in groups for bag in columns]
@@ -160,16 +160,16 @@ class RecordedArm:
     paths : sequence of Path
         All bags that will be read, for their names.
     whole : bool
-        Use all messages of a bag, rest included.
+        Whether to use all messages of a bag, including those of the arm at rest.
 
     Attributes
     ----------
     config : ArmConfig or None
-        None for the URDF of another arm without a configuration.
+        Configuration of the arm, None for the URDF of another arm without a configuration.
     messages : list of str
         Warnings from reading the bags; callers may add to it.
     read : dict
-        Name of a bag to its RecordedBag.
+        RecordedBag of each read bag, by the bag's name.
 
     Raises
     ------

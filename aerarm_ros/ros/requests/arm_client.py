@@ -50,7 +50,7 @@ class ArmClient:
         Possible node names of the bridge, by default `BRIDGES`. Without this argument a stop
         request also goes to bridges with other names.
     actions
-        Actions that will be called.
+        Names of the actions that will be called.
     on_wait
         Called with a description if no bridge is found within a second.
     everywhere
@@ -135,7 +135,8 @@ class ArmClient:
         Raises
         ------
         ArmClientError
-            At the end, if no bridge runs, or a bridge does not answer, or refuses.
+            Raised after the last answer, if no bridge runs, a bridge does not answer, or it
+            refuses.
         """
         request = StopRequest(self._node, self._finders[action], timeout)
         self._find(lambda: request.poll() or request.has_found, timeout)
@@ -204,7 +205,7 @@ class ArmClient:
         return found[0]
 
     def _expect_one_of_its_name(self, client: Client, timeout: float) -> None:
-        """Raise ArmClientError if several bridges share a name: all would obey."""
+        """Raise ArmClientError if several bridges share a name: all would execute the request."""
         if same_name_problem(self._node, client):
             self._on_wait('one of the bridges of this name to end, if it was killed')
             timeout = min(timeout, _SEEN_AFTER_DEATH)

@@ -33,11 +33,11 @@ class ServiceCall:
     timeout
         Longest time to wait for the answer [s].
     waits
-        Whether to keep waiting for a bridge that has disappeared: a host that pauses for seconds
-        looks the same.
+        Whether to keep waiting for a bridge that has disappeared, because a bridge on a host that
+        pauses for seconds seems to have disappeared too.
     repeats
         Whether to repeat the request until an answer arrives. An answer is lost if the bridge has
-        not yet discovered the client. Only for requests that may be executed twice.
+        not yet discovered the client. Set this only for requests that may be executed twice.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class BridgeFinder:
     Parameters
     ----------
     node
-        Owner of the clients, and place in the graph.
+        Owner of the clients, with whose view of the ROS graph bridges are found.
     action
         A key of `bridge_services.ACTIONS`. The finder searches the node's namespace. If that
         namespace has no bridge, it searches all namespaces for the actions of `REACHES_ALL`.
@@ -189,9 +189,9 @@ class BridgeFinder:
     def find(self, in_vain: bool = False) -> dict[str, Client | None]:
         """Return a client of each running bridge, by the bridges' full names.
 
-        With `in_vain`, after an unsuccessful search of the own namespace, an emergency stop finds
-        all bridges at once. A bridge that has just been found may not be ready yet. The client is
-        None if this node is not allowed to call that bridge.
+        If the own namespace was already searched without success (`in_vain`), an emergency stop
+        finds the bridges of all namespaces at once. A bridge that has just been found may not be
+        ready yet. The client is None if this node is not allowed to call that bridge.
         """
         with self._lock:
             names = self._look(in_vain)
@@ -237,7 +237,7 @@ _POLL = 0.02  # [s]
 class BridgeService:
     """Call a service of the only running bridge.
 
-    If several bridges run, the request goes to none. Use `StopService` for stop requests.
+    If several bridges run, the request goes to none of them. Use `StopService` for stop requests.
 
     Parameters
     ----------
@@ -381,7 +381,8 @@ class StopRequest:
     def _ask_those_of_one_name(self, found: Mapping[str, Client | None]) -> bool:
         """Report bridges with a common name; return whether they received a last request.
 
-        A request that was sent during their discovery may not have reached all of them.
+        A request that was sent during the discovery of these bridges may not have reached all of
+        them.
         """
         asked = False
         for name, client in found.items():
@@ -420,7 +421,7 @@ class StopService:
         self._timeout = timeout
 
     def look(self) -> None:
-        """Create clients of the running bridges now, so that a call need not."""
+        """Find the running bridges and create their clients, so that a later call is quick."""
         self._finder.find()
 
     def call(self) -> tuple[bool, str]:

@@ -1,4 +1,4 @@
-"""Client between the guided commissioning procedure and the bridge."""
+"""Client that connects the guided commissioning procedure with the bridge."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class CommissioningClient:
     Attributes
     ----------
     guided
-        The procedure, None before `begin`.
+        The commissioning procedure, None before `begin`.
     report
         Newest report of the bridge, None before the first.
     """
@@ -106,7 +106,7 @@ class CommissioningClient:
         return True, f'passed: {", ".join(record)}; record: {self.path}'
 
     def begin(self, joints: Sequence[str] = (), resume: bool = False) -> None:
-        """Start the procedure with a bridge that has reported; without names for all joints.
+        """Start the procedure with a bridge that has reported; by default for all joints.
 
         With `resume`, joints that have passed with the present configuration are skipped.
 

@@ -25,7 +25,7 @@ _MODE = 'arm mode'
 
 
 class RejectionWatch:
-    """Follow the number of rejected inputs on /diagnostics.
+    """Watch the number of rejected inputs on /diagnostics.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class RejectionWatch:
         Parameters
         ----------
         timeout
-            Longest time for a new controller to receive the arm's mode [s]. Before that, it
-            rejects every input.
+            Longest time for a new controller to receive the arm's mode [s]. Before that, the
+            controller rejects every input.
         """
         if spin_until(self._node, lambda: self._modes, _REPORT):
             spin_until(self._node, lambda: any(self._modes.values()), timeout)
@@ -219,12 +219,12 @@ class ToolRequest:
         on_wait: Callable[[str], None] = lambda _: None,
         frame: str = BASE,
     ) -> None:
-        """Move the tool to a place and wait until it arrives.
+        """Move the tool to a position and wait until it arrives.
 
         Parameters
         ----------
         place
-            (3,) [m] in the frame.
+            Position of the tool (3,) in `frame` [m].
         tolerance
             Largest error at the target [m].
         timeout
@@ -237,8 +237,8 @@ class ToolRequest:
         Raises
         ------
         ArmClientError
-            If no Cartesian controller runs, the controller is not active, or the place is rejected
-            or not reached.
+            If no Cartesian controller runs, the controller is not active, or the position is
+            rejected or not reached.
         """
         self._find(timeout, on_wait)
         assert self._pose is not None

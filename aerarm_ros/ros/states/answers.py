@@ -52,7 +52,7 @@ class Answers:
     def again(self) -> bool:
         """Republish the last answers if the newest state is re-sent and was answered.
 
-        Return whether the answers were republished; then the state needs no processing.
+        Return whether the answers were republished; in that case the state needs no processing.
         """
         if not (self._is_resent and self._is_answered):
             return False

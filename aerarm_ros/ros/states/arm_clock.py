@@ -19,8 +19,9 @@ _SILENCE = 1.0
 class ArmClock:
     """Clock that continues the stamps of `joint_states`; only one thread may use it at a time.
 
-    If the system clock is set while the motors are on, the stamps do not follow. A comparison of
-    the two is then wrong by the step. Without states this clock is the system time.
+    If the system clock is set while the motors are on, the stamps do not follow. The difference
+    between stamps and system time is then wrong by that step. Without states this clock is the
+    system time.
 
     Parameters
     ----------

@@ -120,7 +120,7 @@ class StateDiagnostics:
         return self._sources.problem() or self._clocks() or self._warning()
 
     def _clocks(self) -> str:
-        """Return a warning if latencies reveal a clock offset between hosts, else an empty text."""
+        """Return a warning if a latency reveals a clock offset between hosts, or an empty text."""
         latency = self.latency.summary()
         if not latency.count or (latency.p50 >= 0.0 and latency.p50 < _LATENCY_MAX):
             return ''

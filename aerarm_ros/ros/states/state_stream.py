@@ -42,11 +42,11 @@ class RotorThrusts(NamedTuple):
     names
         Names of the n rotors.
     thrust
-        (n,) [N]
+        Commanded thrusts (n,) [N].
     stamp
-        [s]
+        Stamp of the command [s].
     lead_ns
-        Time from the command's arrival to that of the newest state [ns].
+        Time from the arrival of the command to the arrival of the newest state [ns].
     """
 
     names: tuple[str, ...]
@@ -156,7 +156,7 @@ class StateStream:
     reject
         Called with the reason why a message is rejected.
     rotors
-        Names of the rotors; without names no commands are read.
+        Names of the rotors; without names no rotor commands are read.
     depth
         Queue length of states and IMU samples. Above 1, every state is returned, the oldest first,
         and each IMU sample with the first state after it.
@@ -244,7 +244,7 @@ class StateStream:
     def latency_ns(self) -> int:
         """Return the time since the newest state was published, in this host's time [ns].
 
-        The stamp of an emulated arm does not show this, because it is in simulation time.
+        The stamps of an emulated arm do not show this latency, because they are in simulation time.
         """
         return time.time_ns() - self._published_ns
 

@@ -41,5 +41,5 @@ def test_contradictory_limits_name_the_joint() -> None:
 
 @pytest.mark.parametrize('share', [0.0, 1.1, float('nan')])
 def test_shares_lie_in_0_1(arm: ArmConfig, share: float) -> None:
-    with pytest.raises(ExcitationError, match='share of velocity'):
+    with pytest.raises(ExcitationError, match='fraction of velocity'):
         MotionLimits.of_arm(arm).scaled(1.0, share, 1.0)

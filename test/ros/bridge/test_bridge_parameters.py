@@ -20,7 +20,7 @@ REJECTED = [
     ('board_kd', [-0.1], 'board_kd must be a list of finite numbers .* from 0'),
     ('board_kd', [0.0, 0.0, 0.0, 0.0], 'kd of joint1 is 0 A s/rad, .*: set kd to at least 0.1'),
     ('board_kp', 'stiff', 'DOUBLE_ARRAY'),
-    ('board_ki', [1.0], 'integral_gain is .* profile uomodri_v3 hold 0 to 0'),
+    ('board_ki', [1.0], 'integral_gain is .* profile uomodri_v3 can only carry 0 to 0'),
     ('period', 0.002, 'period'),
 ]
 
@@ -63,7 +63,7 @@ def test_the_integral_gain_of_the_thesis(start_bridge: StartBridge, ros_node: No
             {'profile_scales': ['tension=0.1']},
             ("profile_scales: profile uomodri_v3 has no field 'te"),
         ),
-        ({'board_kp': [9.0]}, 'hold 0 to 5.09'),
+        ({'board_kp': [9.0]}, 'carry 0 to 5.09'),
         ({'board_kd': [0.5, 0.1, 0.5, 0.5]}, 'kd of joint2 is 0.1.* falling arm'),
         ({'velocity_factor': 1e9}, 'velocity_factor must be a finite number, from 1.0 to 5.0'),
         ({'position_tolerance': 100.0}, 'position_tolerance must be .* from 0.001 to 0.5'),

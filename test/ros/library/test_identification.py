@@ -66,7 +66,7 @@ def test_its_torque_is_that_of_the_assessment(arm: IdentifiedArm) -> None:
     np.testing.assert_allclose(torque, bag.predict(arm.estimate.model, arm.estimate.theta).raw)
     row = arm.torque(samples.q[7].tolist(), samples.dq[7], samples.ddq[7])
     np.testing.assert_allclose(row, torque[7])
-    with pytest.raises(ValueError, match=r'\(3,\): give \(4,\) or \(M, 4\)'):
+    with pytest.raises(ValueError, match=r'\(3,\): pass arrays of shape \(4,\) or \(M, 4\)'):
         arm.torque(samples.q[7], samples.dq[7], samples.ddq[7][:3])
     assert len(repr(arm.errors)) < 300
 
@@ -108,14 +108,14 @@ def test_noise_is_taken_for_no_delay(arrays: tuple[np.ndarray, ...]) -> None:
 def test_shapes_are_checked_with_a_sentence() -> None:
     time, q = np.arange(5.0), np.zeros((5, 4))
     for given, words in (
-        ((q, q, q), r'time has the shape \(5, 4\): give \(M,\)'),
-        ((time, q[:4], q), r'q has the shape \(4, 4\): give \(M, n\) with M = 5'),
-        ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): give \(5, 4\)'),
+        ((q, q, q), r'time has the shape \(5, 4\): pass \(M,\)'),
+        ((time, q[:4], q), r'q has the shape \(4, 4\): pass \(M, n\) with M = 5'),
+        ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): pass \(5, 4\)'),
         ((time, q, [[1.0], [2.0, 3.0]]), 'tau must contain numbers, in rows of equal length'),
     ):
         with pytest.raises(IdentificationError, match=words):
             aerarm_ros.from_arrays(*given)
-    with pytest.raises(IdentificationError, match='2 names for 4 joints'):
+    with pytest.raises(IdentificationError, match='2 joint names for the 4 joints'):
         aerarm_ros.from_arrays(time, q, q, names=['a', 'b'])
     with pytest.raises(IdentificationError, match='holdout = 1.5'):
         aerarm_ros.identify([], holdout=1.5)

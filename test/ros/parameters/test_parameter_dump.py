@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from test_parameter_bounds import nodes
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.ros.parameters.parameter_table import ParameterError, ParameterTable
 from aerarm_ros.ros.process.command_line import CommandLine
 from aerarm_ros.ros.process.node_process import ros_environment
@@ -53,7 +54,7 @@ def declared(name: str, table: ParameterTable, *arguments: str) -> tuple[dict, d
 
 @pytest.mark.parametrize('name', nodes())
 def test_a_dump_loads_again(name: str, tmp_path: Path, ros: None) -> None:
-    table = importlib.import_module(f'aerarm_ros.nodes.{name}').PARAMETERS
+    table = importlib.import_module(command_modules()[name]).PARAMETERS
     values, content = declared(name, table)
     path = tmp_path / 'd.yaml'
     path.write_text(yaml.dump(content, default_flow_style=False))

@@ -166,7 +166,7 @@ def test_without_commands_nothing_is_desired(tmp_path: Path, bag: Path) -> None:
 
 def test_a_gain_of_an_unknown_joint_is_refused() -> None:
     mapping = JointMapping({}, effort_gain={'c': 2.0})
-    with pytest.raises(IdentificationError, match='no joint c: the URDF has a, b'):
+    with pytest.raises(IdentificationError, match='unknown joint c: the URDF has a, b'):
         IdentifierBags('/arm/joint_states', JOINTS, mapping)
 
 

@@ -30,10 +30,10 @@ def test_another_topic_is_given_with_its_type() -> None:
         (['joint_stats'], "'joint_stats' .*unknown: choose from joint_states, .*NAME=TYPE"),
         (['imu', 'imu'], 'name each topic once'),
         ([], 'name each topic once'),
-        (['a=own_msgs/msg/Own'], "'own_msgs/msg/Own' is not installed"),
-        (['a=std_msgs/msg/Own'], "'std_msgs/msg/Own' is not installed"),
-        (['a='], "'' is not installed"),
-        (['a=os'], "'os' is not installed"),
+        (['a=own_msgs/msg/Own'], "'own_msgs/msg/Own' in parameter topics is not installed"),
+        (['a=std_msgs/msg/Own'], "'std_msgs/msg/Own' in parameter topics is not installed"),
+        (['a='], "'' in parameter topics is not installed"),
+        (['a=os'], "'os' in parameter topics is not installed"),
     ],
 )
 def test_a_bad_entry_is_refused_with_advice(entries: list[str], said: str) -> None:
