@@ -282,7 +282,7 @@ def measure_clocks(presses: int) -> None:
     """Print what depends on the two hosts' clocks."""
     table("ground's clock", 'e-stops at 5 % loss', 'median', 'longest', 'offset on /diagnostics',
           'goal reached', 'worst latency on /diagnostics')  # fmt: skip
-    for clock in ('', '+30s', '+30s x1.001'):
+    for clock in ('', '+30s', '-30s', '+30s x1.001'):
         with tempfile.TemporaryDirectory() as folder, Rig(Path(folder), clock) as rig:
             rig.relay.tell('delay 0.005')
             rig.relay.tell('loss 0.05')
