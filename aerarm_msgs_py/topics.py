@@ -151,6 +151,10 @@ CONTACT_FORCE = Topic('contact_force', WrenchStamped, NEWEST)
 STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
 ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
+# Of a host that records on another one through ground_link: JSON objects, see
+# `aerarm_ros.ros.link.recordings`.
+RECORD_REQUEST = Topic('record_request', String, RELIABLE)
+RECORD_REPORT = Topic('record_report', String, LATCHED)
 # Stamp of the newest joint state that the recorder has received.
 RECORDED_UNTIL = Topic('recorded_until', Time, NEWEST)
 # Simulation time, for nodes with use_sim_time.

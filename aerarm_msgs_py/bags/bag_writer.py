@@ -1,5 +1,6 @@
 """Recording into a rosbag2 directory that stays readable if the recorder is killed."""
 
+import io
 import os
 import threading
 import time
@@ -9,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import yaml
 
@@ -103,6 +104,18 @@ def _topic_metadata(topic: RecordedTopic) -> dict[str, object]:
     }
 
 
+class _TimedFile(io.FileIO):
+    """A file that measures how long its writes take."""
+
+    seconds = 0.0
+
+    def write(self, content: Any, /) -> int:
+        begin = time.monotonic()
+        written = super().write(content)
+        self.seconds += time.monotonic() - begin
+        return written
+
+
 _CHUNK_PERIOD = 0.2  # [s]
 _CHUNK_SIZE = 2**20  # [bytes]
 _METADATA_PERIOD = 1.0  # [s]
@@ -144,7 +157,7 @@ class BagWriter:
         self._metadata = BagMetadata(f'{self.directory.resolve().name}_0.mcap', topics)
         self._make_directory()
         try:
-            self._stream = (self.directory / self._metadata.file).open('xb', buffering=0)
+            self._stream = _TimedFile(self.directory / self._metadata.file, 'xb')
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
         except OSError as error:
@@ -163,6 +176,16 @@ class BagWriter:
     def counts(self) -> list[int]:
         """Number of stored messages of each topic."""
         return list(self._metadata.counts)
+
+    @property
+    def waiting(self) -> int:
+        """Messages that are queued and not stored."""
+        return len(self._queue)
+
+    @property
+    def disk_time(self) -> float:
+        """Time that writing to the disk has taken so far [s]."""
+        return self._stream.seconds
 
     def fileno(self) -> int:
         """Return the file descriptor of the MCAP file."""

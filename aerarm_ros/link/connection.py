@@ -45,6 +45,8 @@ _LATE_MAX = 0.5  # [s]; a command that was in transit for so much longer than us
 _URGENT_EVERY, _AGAIN_MIN = 0.018, 0.1  # [s]
 _CLOCK_SPAN = 10.0  # [s] over which the fastest exchange gives the clocks' offset
 _BACKLOG = 2000  # messages
+_TURNS = 4
+_FILL = 0.1  # [s] of the rate that may be saved up
 
 
 class Received(NamedTuple):
@@ -91,7 +93,13 @@ class _Part:
     number: int = -1
     sent: float = -inf
 
+    @property
+    def size(self) -> int:
+        """Bytes in a datagram."""
+        return _ENTRY.size + _PART_HEAD.size + len(self.content)
+
     def packed(self) -> bytes:
+        """Return the part as bytes."""
         head = self.number, self.message.channel, self.sequence, self.index, self.count, self.flags
         return _PART_HEAD.pack(*head) + self.content
 
@@ -132,6 +140,8 @@ class Connection:
         yet.
     dropped
         Number of messages that did not fit into the backlog.
+    delay
+        By which the newest datagram was slower than the quickest of the last minute [s].
     """
 
     def __init__(self, key: bytes, role: str, other_role: str, rate: float) -> None:
@@ -140,6 +150,7 @@ class Connection:
         self.traffic = Traffic()
         self.peers = self.greets = 0
         self.dropped = 0
+        self.delay = 0.0
         self._session = Session(key, role)
         self._other_role = other_role
         self._peer = NO_SESSION
@@ -157,6 +168,7 @@ class Connection:
         self._expected: dict[int, int] = {}
         self._sequences: dict[int, int] = {}
         self._parts: list[_Part] = []
+        self._turn = 0
 
     # Sending
 
@@ -201,7 +213,7 @@ class Connection:
         """Return the datagram to send at `now` [s]; `now_ns` is the same time [ns]."""
         if now > self._filled:
             filled = self._tokens + (now - self._filled) * self._rate
-            self._tokens, self._filled = min(filled, 0.1 * self._rate), now
+            self._tokens, self._filled = min(filled, _FILL * self._rate), now
         self._expire(now)
         their_ns, came_ns = self._their_times
         times = _TIMES.pack(now_ns, system_ns, their_ns, now_ns - came_ns if their_ns else 0)
@@ -219,28 +231,32 @@ class Connection:
         self.traffic.sent_bytes += len(datagram) + HEADERS
         return datagram
 
+    def single(self, channel: int, payload: bytes, now_ns: int, system_ns: int) -> bytes:
+        """Return a datagram with one value and nothing else, outside the bounded rate."""
+        body = _entry(_TIME, _TIMES.pack(now_ns, system_ns, 0, 0))
+        body += _entry(_VALUE, _CHANNEL.pack(channel) + payload)
+        datagram = self._session.seal(self._peer, body)
+        self.traffic.sent += 1
+        self.traffic.sent_bytes += len(datagram) + HEADERS
+        return datagram
+
     def _contents(self, now: float, room: int) -> Iterator[tuple[int, bytes]]:
-        """Yield the contents that fit: urgent parts, then other due parts, then values."""
-        again = _AGAIN_MIN
-        if self.round_trip == self.round_trip:
-            again = max(again, 1.5 * self.round_trip + 0.06)
-        is_up, has_rate = self.is_up(now), self._tokens > 0.0
-        for part in sorted(self._parts, key=lambda part: part.message.priority):
-            is_urgent = part.message.priority == URGENT
-            if not is_urgent and not (is_up and has_rate):
-                break
-            size = _ENTRY.size + _PART_HEAD.size + len(part.content)
-            span = _SPAN if is_urgent else _SPAN - _RESERVED
-            is_held = part.number < 0 and self._next - self._confirmed_below >= span
-            is_early = now - part.sent < (_URGENT_EVERY if is_urgent else again)
-            if size > room or is_held or is_early:
+        """Yield what fits: urgent parts, prompt parts that are due, values, then bulk.
+
+        In every fourth datagram bulk comes before values, so that neither starves: after a cut the
+        backlog of diagnostics must not hold up states, nor many states the diagnostics.
+        """
+        may_send = self.is_up(now) and self._tokens > 0.0
+        self._turn = (self._turn + 1) % _TURNS
+        order = sorted(self._parts, key=lambda part: part.message.priority)
+        is_bulk_first = self._turn == 0
+        for part in order:
+            if part.message.priority == BULK and not is_bulk_first:
                 continue
-            if part.number < 0:
-                part.number, self._next = self._next, self._next + 1
-            part.sent = now
-            room -= size
-            yield _PART, part.packed()
-        if not (is_up and has_rate):
+            if (part.message.priority == URGENT or may_send) and self._is_due(part, now, room):
+                room -= part.size
+                yield _PART, self._numbered(part, now)
+        if not may_send:
             return  # A radio out of range must not queue old values.
         for channel, value in list(self._values.items()):
             size = _ENTRY.size + _CHANNEL.size + len(value)
@@ -248,6 +264,30 @@ class Connection:
                 room -= size
                 del self._values[channel]
                 yield _VALUE, _CHANNEL.pack(channel) + value
+        has_spare = self._tokens > 0.5 * _FILL * self._rate  # else the next values would wait
+        for part in order:
+            is_bulk = part.message.priority == BULK
+            if has_spare and is_bulk and self._is_due(part, now, room):
+                room -= part.size
+                yield _PART, self._numbered(part, now)
+
+    def _is_due(self, part: _Part, now: float, room: int) -> bool:
+        """Tell whether a part fits, has a number or may get one, and is not under way."""
+        is_urgent = part.message.priority == URGENT
+        span = _SPAN if is_urgent else _SPAN - _RESERVED
+        is_held = part.number < 0 and self._next - self._confirmed_below >= span
+        again = _AGAIN_MIN
+        if self.round_trip == self.round_trip:
+            again = max(again, 1.5 * self.round_trip + 0.06)
+        is_early = now - part.sent < (_URGENT_EVERY if is_urgent else again)
+        return part.size <= room and not is_held and not is_early
+
+    def _numbered(self, part: _Part, now: float) -> bytes:
+        """Return a part that is sent now."""
+        if part.number < 0:
+            part.number, self._next = self._next, self._next + 1
+        part.sent = now
+        return part.packed()
 
     # Receiving
 
@@ -305,7 +345,8 @@ class Connection:
         while self._delays and self._delays[-1][1] >= delay:
             self._delays.pop()
         self._delays.append((now, delay))
-        return delay - self._delays[0][1] > _LATE_MAX
+        self.delay = delay - self._delays[0][1]
+        return self.delay > _LATE_MAX
 
     def _on_confirmed(self, base: int, mask: int) -> None:
         self._confirmed_below = max(self._confirmed_below, base)

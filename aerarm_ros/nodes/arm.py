@@ -22,6 +22,7 @@ from aerarm_ros.hardware.bridge_modes import MODES, OFF
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.motion.signals import REACTIONS
 from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
+from aerarm_ros.ros.executors import this_domain
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import (
     USER_ERROR,
@@ -64,8 +65,16 @@ _PROGRAMS = {
         'FILE',
         'play a trajectory file once the arm is ready',
     ),
-    'record': ('recorder', 'bag', 'NAME', 'record a bag with the given name, until Ctrl-C'),
+    'record': (
+        'recorder',
+        'bag',
+        'NAME',
+        'record a bag with the given name, until Ctrl-C; on the ground, record it on the drone and '
+        'fetch it afterwards',
+    ),
 }
+_FETCH = 'fetch a bag that the drone recorded for the ground; resume after a cut'
+_HERE = 64  # status of a search that found no drone behind ground_link
 _HOME = (
     'home the arm first if an encoder zero is unknown; the arm must be in its home configuration'
 )
@@ -99,6 +108,8 @@ class Arm:
         try:
             self._request()
             self.status = 0
+        except _HereError:
+            self.status = _HERE
         except ArmClientError as error:
             print(f'{NAME}: {error}', file=sys.stderr)
 
@@ -182,6 +193,31 @@ def _fault(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     return _set(node, options)
 
 
+def _record(node: Node, options: argparse.Namespace) -> Callable[[], None]:
+    from aerarm_ros.ros.requests.recording_request import RecordingRequest
+
+    folder = Path(options.what).resolve()
+    request = RecordingRequest(node, folder.name, folder, lambda text: print_notice(NAME, text))
+
+    def ask() -> None:
+        if not request.is_on_ground():
+            if options.command == 'record':
+                raise _HereError
+            raise ArmClientError(
+                f'no ground_link of the ground runs in {this_domain()}: start ground_side.launch.py'
+            )
+        if options.command == 'record':
+            request.record()
+        else:
+            request.fetch()
+
+    return ask
+
+
+class _HereError(Exception):
+    """The recorder runs on this host."""
+
+
 def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     # Late import, because this command's model of the arm takes a second to load.
     from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
@@ -263,6 +299,11 @@ def make_parser() -> argparse.ArgumentParser:
             name, help=meaning, description=f'{meaning[0].upper()}{meaning[1:]}: {executable}.'
         )
         command.add_argument('what', metavar=what)
+        if name == 'record':
+            command.set_defaults(make_request=_record)
+            command.add_argument(
+                '--here', action='store_true', help='record on this host in any case'
+            )
     command = add('set', 'set a live parameter of a node', _set)
     command.add_argument('node', help='node name, for example computed_torque')
     command.add_argument('name', help='parameter name')
@@ -272,6 +313,8 @@ def make_parser() -> argparse.ArgumentParser:
     command.add_argument(
         '--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated arm'
     )
+    command = add('fetch', _FETCH, _record)
+    command.add_argument('what', metavar='NAME', help='of the bag')
     _add_commission(add('commission', _COMMISSION, _commission))
     _add_calibrate(add('calibrate', _CALIBRATE, _calibrate))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
@@ -456,6 +499,10 @@ def main(args: Sequence[str] | None = None) -> int:
         return 0
     if options.command == 'init':
         return _init(options)
+    if options.command == 'record' and not options.here:
+        status = run_node(NAME, lambda: Arm(options), args)
+        if status != _HERE:
+            return status
     if options.command in _PROGRAMS:
         _become(options, arguments)
     return run_node(NAME, lambda: Arm(options), args)

@@ -64,6 +64,17 @@ PARAMETERS = ParameterTable(
         "its path, or return 'home'",
         choices=(CONTINUE, STOP, HOME),
     ),
+    Parameter(
+        'bags', '~/aerarm_bags', 'on the drone: folder for bags that the ground has recorded there'
+    ),
+    Parameter(
+        'fetch_rate',
+        4.0,
+        'on the ground: rate at which a bag is fetched, at most; less if the radio is slower',
+        'Mbit/s',
+        0.05,
+        50.0,
+    ),
     *REAL_TIME_PARAMETERS,
     *(item for item in ARM_FILES if item.name in ('config', 'tf_prefix')),
 )

@@ -15,14 +15,28 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py.bags.mcap_writer import COMPRESSIONS
 from aerarm_msgs_py.storage.read_limits import BagError
-from aerarm_msgs_py.topics import DIAGNOSTICS, JOINT_STATES, RECORDED_UNTIL, RECORDER_STATUS
+from aerarm_msgs_py.topics import (
+    DIAGNOSTICS,
+    JOINT_STATES,
+    NEWEST,
+    RECORDED_UNTIL,
+    RECORDER_STATUS,
+)
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import PublisherCheck, SolePublisher
 from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
+from aerarm_ros.ros.process.node_process import is_on_this_host
 from aerarm_ros.ros.process.process_end import StopSignals
-from aerarm_ros.ros.recording import SUITE_TOPICS, BagFeed, LossWatch, find_topics, for_recording
+from aerarm_ros.ros.recording import (
+    SUITE_TOPICS,
+    BagFeed,
+    LossWatch,
+    find_topics,
+    for_recording,
+    receive_buffer_problem,
+)
 
 NAME = 'recorder'
 PARAMETERS = ParameterTable(
@@ -78,7 +92,10 @@ class Recorder:
         self._losses = LossWatch(values.depth)
         self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
         subscribed = [for_recording(topic, values.depth) for topic in topics]
-        self._feed = BagFeed(self._node, topics, subscribed, self._directory, values.compression)
+        self._feed = BagFeed(
+            self._node, topics, subscribed, self._directory, values.compression, self._losses
+        )
+        self._streams = sum(topic.qos == NEWEST for topic in topics)
         until = RECORDED_UNTIL
         self._until = self._node.create_publisher(until.type, until.name, until.offered)
         self._check = PublisherCheck(self._node, subscribed)
@@ -98,6 +115,10 @@ class Recorder:
             f'recording {len(self._feed.names)} topics into {self._directory}'
         )
         self._publish_status('recording')
+        # Messages of this host come through shared memory.
+        problem = '' if is_on_this_host() else receive_buffer_problem(self._streams)
+        if problem:
+            self._node.get_logger().warning(problem)
         with StopSignals(self._on_stop), BackgroundExecutor(self._node):
             try:
                 self._record()
@@ -163,25 +184,33 @@ class Recorder:
     def _report(self) -> None:
         """Publish the recording's state on /diagnostics, and log new losses."""
         heard = self._feed.heard()
-        news = self._losses.news(heard)
-        if news:
+        for news in self._losses.news():
             self._node.get_logger().warning(news)
         losing = {name: lost for name, (_, lost) in heard.items() if lost}
         names = ', '.join(losing)
-        problem = f'lost {sum(losing.values())} messages of {names}: check the load of the computer'
+        last = self._losses.last
+        problem = f'lost {sum(losing.values())} messages of {names}'
+        if last is not None:
+            problem += f', last cause: {last.cause}'
         messages, size = self._feed.written()
         values = {
             'bag': self._directory,
             'messages written': messages,
             'messages lost': self._feed.total_lost(),
+            'messages waiting for the disk': self._feed.waiting,
+            'nothing received of': ', '.join(self._feed.silent()) or 'none',
             'bytes written': size,
         }
         self._diagnostics.report(problem if losing else '', values)
 
     def _log_counts(self) -> None:
+        for news in self._losses.news():
+            self._node.get_logger().warning(news)
         heard = self._feed.heard()
         for name, (count, lost) in heard.items():
             self._log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost', lost)
+        for name in self._feed.silent():
+            self._log(f'{name}: 0 messages: its publisher sent nothing, or all were lost', None)
         if not heard.keys() - {self._own}:
             self._node.get_logger().warning(
                 'no messages received: check that a bridge runs in this ROS domain (ROS_DOMAIN_ID)'
@@ -192,7 +221,7 @@ class Recorder:
 
     def _log(self, text: str, lost: object) -> None:
         # rclpy fixes the severity of each line of code that logs.
-        if lost in (0, None, 'unknown'):
+        if lost in (0, None, 'at least 0'):
             self._node.get_logger().info(text)
         else:
             self._node.get_logger().warning(text)

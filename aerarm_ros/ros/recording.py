@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
+import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
 from importlib import import_module
+from itertools import takewhile
+from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
@@ -25,43 +31,194 @@ from aerarm_msgs_py.topics import (
     TOPICS,
     Topic,
 )
+from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.parameters.parameter_table import ParameterError
 from aerarm_ros.ros.states.answers import Answers
 
+LINK, DISK, PROCESSOR = 'link', 'disk', 'processor'
+"""Causes of a gap."""
+
+_STALL_NS = 50_000_000  # a pass of the recorder's loop takes some milliseconds
+_JOIN_NS = 1_000_000_000  # gaps of one cause that are closer than this are one line of the log
+_PASSES = 4096  # remembered: 10 s and more
+_ADVICE = {
+    LINK: (
+        'the network between both hosts lost them: record on the host that publishes (arm record '
+        'does so through ground_link)'
+    ),
+    DISK: ('the disk was too slow: record to a faster disk, or fewer topics (parameter topics)'),
+    PROCESSOR: (
+        'this computer was too busy: end other programs, record fewer topics (parameter topics), '
+        'or let more messages wait (parameter depth, {depth} now)'
+    ),
+}
+
+
+@dataclass
+class Gap:
+    """Messages lost in a row, or in gaps with the same cause in quick succession.
+
+    Attributes
+    ----------
+    cause
+        `LINK`, `DISK` or `PROCESSOR`.
+    begin_ns, end_ns
+        Reception times of the messages before and after [ns since the epoch].
+    counts
+        Lost messages by topic.
+    is_overflow
+        Whether the kernel dropped datagrams because its receive buffer was full.
+    """
+
+    cause: str
+    begin_ns: int
+    end_ns: int
+    counts: dict[str, int]
+    is_overflow: bool = False
+
+    def text(self, depth: int) -> str:
+        """Return the losses, their time, their cause and advice."""
+        counts = ', '.join(f'{count} of {name}' for name, count in self.counts.items())
+        times = [_time_of_day(time_ns) for time_ns in (self.begin_ns, self.end_ns)]
+        advice = receive_buffer_advice() if self.is_overflow else _ADVICE[self.cause]
+        return (
+            f'losing messages: {counts}, from {times[0]} to {times[1]}, cause: {self.cause}: '
+            + advice.format(depth=depth)
+        )
+
 
 class LossWatch:
-    """Report messages lost since the last report, with advice.
+    """Find the cause of each gap, and report each gap once.
+
+    A long pass of the recorder's loop explains a gap: either the disk took most of its time, or
+    other programs used the processor. Without a long pass, the network lost the messages of
+    another host.
 
     Parameters
     ----------
     depth
         Queue length of a topic in messages.
+    dropped
+        Returns how many datagrams the kernel has dropped because a receive buffer was full; by
+        default that of this host.
+
+    Attributes
+    ----------
+    last
+        The newest gap that was reported, None before the first.
     """
 
-    def __init__(self, depth: int) -> None:
+    def __init__(self, depth: int, dropped: Callable[[], int] | None = None) -> None:
         self._depth = depth
-        self._known: dict[str, int] = {}
+        self._dropped = dropped or dropped_datagrams
+        self._dropped_before = self._dropped()
+        self._passes: deque[tuple[int, int, int]] = deque(maxlen=_PASSES)
+        self._gaps: list[Gap] = []
+        self.last: Gap | None = None
 
-    def news(self, heard: Mapping[str, tuple[int, int | None]]) -> str:
-        """Return a sentence about newly lost messages, or an empty text.
+    def note_pass(self, begin_ns: int, end_ns: int, disk_ns: int) -> None:
+        """Note a pass of the loop [ns since the epoch], and the part that the disk took [ns]."""
+        self._passes.append((begin_ns, end_ns, disk_ns))
+
+    def note_gap(self, topic: str, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> None:
+        """Note lost messages between two received ones.
 
         Parameters
         ----------
-        heard
-            Numbers of received and lost messages of each topic so far; None if unknown.
+        topic
+            Its name.
+        count
+            Messages lost.
+        begin_ns, end_ns
+            Reception times of the messages before and after [ns since the epoch].
+        is_remote
+            Whether another host publishes them.
         """
-        known = self._known
-        self._known = {name: lost or 0 for name, (_, lost) in heard.items()}
-        news = {name: lost - known.get(name, 0) for name, lost in self._known.items()}
-        losing = {name: count for name, count in news.items() if count > 0}
-        if not losing:
-            return ''
-        counts = ', '.join(f'{count} of {name}' for name, count in losing.items())
-        return (
-            f'the recorder has just lost messages ({counts}), because this machine is too busy '
-            'or its disk too slow: end other programs, record fewer topics (parameter topics), '
-            f'or raise the queue length (parameter depth, now {self._depth})'
-        )
+        cause, is_overflow = self._cause(count, begin_ns, end_ns, is_remote)
+        for gap in self._gaps:
+            if gap.cause == cause and begin_ns - gap.end_ns < _JOIN_NS:
+                gap.begin_ns, gap.end_ns = min(gap.begin_ns, begin_ns), max(gap.end_ns, end_ns)
+                gap.counts[topic] = gap.counts.get(topic, 0) + count
+                gap.is_overflow |= is_overflow
+                return
+        self._gaps.append(Gap(cause, begin_ns, end_ns, {topic: count}, is_overflow))
+
+    def news(self) -> list[str]:
+        """Return a sentence about each new gap."""
+        gaps, self._gaps = self._gaps, []
+        if gaps:
+            self.last = gaps[-1]
+        return [gap.text(self._depth) for gap in gaps]
+
+    def _cause(self, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> tuple[str, bool]:
+        if is_remote:
+            before, self._dropped_before = self._dropped_before, self._dropped()
+            if self._dropped_before > before:
+                return PROCESSOR, True
+        recent = takewhile(lambda a_pass: a_pass[1] > begin_ns, reversed(self._passes))
+        overlapping = [(end - begin, disk) for begin, end, disk in recent if begin < end_ns]
+        longest, disk = max(overlapping, default=(0, 0))
+        # What came during the longest pass, at the rate of what was lost: did it overflow?
+        waiting = count * longest / max(end_ns - begin_ns, 1)
+        if is_remote and (longest < _STALL_NS or waiting < 0.5 * self._depth):
+            return LINK, False
+        return (DISK if longest > _STALL_NS and 2 * disk > longest else PROCESSOR), False
+
+
+def _time_of_day(time_ns: int) -> str:
+    return f'{datetime.fromtimestamp(1e-9 * time_ns):%H:%M:%S.%f}'[:-3]
+
+
+def dropped_datagrams() -> int:
+    """Return how many UDP datagrams the kernel has dropped for lack of space in a buffer."""
+    try:
+        lines = Path('/proc/net/snmp').read_text().splitlines()
+    except OSError:
+        return 0
+    names, numbers = (line.split() for line in lines if line.startswith('Udp:'))
+    return int(dict(zip(names, numbers, strict=True)).get('RcvbufErrors', '0'))
+
+
+_DATAGRAM = 1280  # bytes of kernel memory for a message of a few hundred bytes
+_HELD_UP = 0.25  # [s] for which the middleware's thread may be held up
+_BUFFERS = ('rmem_default', 'rmem_max')
+
+
+def receive_buffer_need(streams: int) -> int:
+    """Return the receive buffer [bytes] that a number of topics at 1 kHz needs."""
+    return math.ceil(streams * 1000 * _HELD_UP * _DATAGRAM)
+
+
+def receive_buffer_advice(need: int = 0) -> str:
+    """Return the command that raises the kernel's receive buffers to `need` [bytes]."""
+    need = max(need, 2 * _receive_buffer())
+    settings = ' '.join(f'net.core.{name}={need}' for name in _BUFFERS)
+    return (
+        f"the kernel's receive buffers are full: raise them with 'sudo sysctl -w {settings}', and "
+        'start the recorder again'
+    )
+
+
+def receive_buffer_problem(streams: int) -> str:
+    """Return what to do about receive buffers too small for topics at 1 kHz, '' if they suffice.
+
+    Only for messages of other hosts: those of this host come through shared memory.
+    """
+    need, have = receive_buffer_need(streams), _receive_buffer()
+    if have >= need:
+        return ''
+    settings = ' '.join(f'net.core.{name}={need}' for name in _BUFFERS)
+    return (
+        f"the kernel's receive buffer has {have} bytes, {streams} topics at 1 kHz from other hosts "
+        f"need {need}: raise it with 'sudo sysctl -w {settings}' before the recorder starts"
+    )
+
+
+def _receive_buffer() -> int:
+    try:
+        return int(Path('/proc/sys/net/core/rmem_default').read_text())
+    except (OSError, ValueError):  # not Linux
+        return sys.maxsize // 4
 
 
 _UNRECORDED = {topic.name for topic in (RECORDER_STATUS, RECORDED_UNTIL, CLOCK)}
@@ -132,6 +289,7 @@ def _message_class(kind: str) -> Any:
 
 
 _STAMP_END = ENCAPSULATION_SIZE + 8
+_HOST = 4  # bytes of a DDS identifier: vendor and host
 _DISORDER = 1_000_000_000  # [ns] longest correction of a reception time
 
 
@@ -148,6 +306,8 @@ class BagFeed:
         The topics with the queue lengths of the subscriptions.
     directory, compression
         Directory and compression of the bag.
+    losses
+        Receives each gap.
 
     Attributes
     ----------
@@ -167,12 +327,21 @@ class BagFeed:
         subscribed: Sequence[Topic],
         directory: str,
         compression: str,
+        losses: LossWatch,
     ) -> None:
+        self._node = node
+        self._losses = losses
         self.names = [node.resolve_topic_name(topic.name) for topic in topics]
         recorded = map(as_recorded, topics, self.names)
         self._writer = BagWriter(directory, list(recorded), compression)
         self._reader = RawReader(node, *subscribed, identify=True)
         self._received = [0] * len(topics)  # reception time of each topic's last message [ns]
+        self._lost = [0] * len(topics)
+        self._is_stream = [
+            topic.qos.reliability == ReliabilityPolicy.BEST_EFFORT for topic in topics
+        ]
+        self._host: bytes | None = None
+        self._passed_ns, self._disk = time.time_ns(), 0.0
         self._states = Answers(needed=False)
         self._states_index = next(
             (index for index, topic in enumerate(topics) if topic.name == JOINT_STATES.name), -1
@@ -187,16 +356,21 @@ class BagFeed:
 
         Without a limit, a slow recorder would never return from this call.
         """
-        take, write = self._reader.take, self._writer.write
+        take, write, lost = self._reader.take, self._writer.write, self._reader.lost
+        self._note_pass()
         for index in range(len(self.names)):
             for _ in range(limit):
                 message = take(index)
                 if message is None:
                     break
                 payload, info = message
+                missing = lost(index) or 0
+                if missing != self._lost[index]:
+                    self._note_gap(index, missing, info)
                 repeats = 0
                 if index == self._states_index:
                     if self._states.begin(payload):
+                        self._received[index] = info['received_timestamp']
                         continue
                     repeats = self._states.count
                 received = self._in_order(index, info['received_timestamp'] or time.time_ns())
@@ -210,6 +384,35 @@ class BagFeed:
                         self._number(index, info) - repeats,
                     )
                 )
+
+    def _note_pass(self) -> None:
+        """Note the duration of the pass that ends here."""
+        now_ns, disk = time.time_ns(), self._writer.disk_time
+        self._losses.note_pass(self._passed_ns, now_ns, int(1e9 * (disk - self._disk)))
+        self._passed_ns, self._disk = now_ns, disk
+
+    def _note_gap(self, index: int, missing: int, info: dict[str, Any]) -> None:
+        """Note that messages are missing before the one that was just taken."""
+        news, self._lost[index] = missing - self._lost[index], missing
+        if news <= 0:
+            return  # a guess was taken back
+        end = info['received_timestamp'] or time.time_ns()
+        begin = self._received[index] or end
+        name, is_remote = self.names[index], self._is_remote(info.get('publisher'))
+        self._losses.note_gap(name, news, min(begin, end), end, is_remote)
+
+    def _is_remote(self, publisher: bytes | None) -> bool:
+        """Tell whether a publisher is on another host, by the host's part of DDS identifiers."""
+        if publisher is None:
+            return False
+        if self._host is None:
+            own = self._node.get_fully_qualified_name()
+            ends = self._node.get_subscriptions_info_by_topic(self.names[0])
+            gids = [bytes(end.endpoint_gid) for end in ends if endpoint_name(end) == own]
+            if not gids:
+                return False
+            self._host = gids[0][:_HOST]
+        return publisher[:_HOST] != self._host
 
     def _in_order(self, index: int, received: int) -> int:
         """Return a message's reception time [ns], at least that of its topic's last message.
@@ -249,10 +452,29 @@ class BagFeed:
         heard = {name: (counts[k], read.lost(k)) for k, name in enumerate(self.names)}
         return {name: numbers for name, numbers in heard.items() if numbers[0]}
 
+    def silent(self) -> list[str]:
+        """Return the streams with a publisher from which no message has been received.
+
+        Either the publisher sent nothing, or all messages were lost: only a received message shows
+        how many are missing before it.
+        """
+        counts = self._writer.counts
+        return [
+            name
+            for k, name in enumerate(self.names)
+            if self._is_stream[k] and not counts[k] and self._reader.publishers(k)
+        ]
+
     def total_lost(self) -> object:
-        """Return the number of lost messages, or 'unknown' if a topic cannot be counted."""
+        """Return how many messages are lost, with 'at least' if a topic's can't be counted."""
         lost = [lost for _, lost in self.heard().values()]
-        return 'unknown' if None in lost else sum(filter(None, lost))
+        total = sum(filter(None, lost))
+        return f'at least {total}' if None in lost or self.silent() else total
+
+    @property
+    def waiting(self) -> int:
+        """Number of messages that wait for the disk."""
+        return self._writer.waiting
 
     def written(self) -> tuple[int, int]:
         """Return the number of messages in the bag and their size in bytes."""

@@ -1,13 +1,16 @@
 """Press the e-stop on the ground, or clear it on the drone, by commands on standard input.
 
-Usage: python benchmarks/radio/stop_presser.py
+Usage: python benchmarks/radio/stop_presser.py [watch]
 
-The lines `press` and `clear` call the bridge's services, `state` prints the newest joint states,
-and `sweep` moves joint 1 by 1 rad within 6 s by a trajectory. Each change of `arm_mode` and each
-response is printed as a JSON object with its time on the machine's monotonic clock, which both
-hosts of `two_hosts.py` share.
+With `watch` it prints when states come again after a pause of 0.3 s. The lines `press` and `clear`
+call the bridge's services, `state` prints the newest joint states, `sweep` moves joint 1 by 1 rad
+within 6 s by a trajectory, `diagnostics` prints the offset of the clocks that ground_link estimates
+and the largest latency that a node reports. Each change of `arm_mode` and each answer is printed as
+a JSON object with its time on the machine's monotonic clock, which both hosts of `two_hosts.py`
+share.
 """
 
+import contextlib
 import json
 import select
 import sys
@@ -36,6 +39,26 @@ def joint_state(node: Node) -> dict[str, list[float]]:
     return {'position': list(message.position), 'velocity': list(message.velocity)}
 
 
+def diagnostics(node: Node) -> dict[str, float]:
+    """Return the estimated offset of the clocks [ms] and the largest latency [us] of 2.5 s."""
+    offset, latency = float('nan'), float('-inf')
+    came: list[topics.DiagnosticArray] = []
+    topic = topics.DIAGNOSTICS
+    subscription = node.create_subscription(topic.type, topic.name, came.append, topic.qos)
+    end = time.monotonic() + 2.5
+    while time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.02)
+    node.destroy_subscription(subscription)
+    for status in (status for message in came for status in message.status):
+        for item in status.values:
+            if item.key == 'clock offset [ms]' and status.name.startswith('/ground_link'):
+                offset = float(item.value)
+            elif 'latency' in item.key or 'command age' in item.key:
+                with contextlib.suppress(ValueError):
+                    latency = max(latency, abs(float(item.value)))
+    return {'offset': offset, 'latency': latency}
+
+
 def sweep(node: Node) -> topics.JointTrajectory:
     """Return a trajectory that starts at the present posture."""
     message = newest(node)
@@ -49,6 +72,21 @@ def sweep(node: Node) -> topics.JointTrajectory:
         for place, seconds in ((begin, 0), (end, 6))
     ]
     return topics.JointTrajectory(joint_names=list(message.name), points=points)
+
+
+class StateWatch:
+    """Prints when states come again after a pause, and how long it was."""
+
+    def __init__(self, node: Node) -> None:
+        self._last = 0.0
+        topic = topics.JOINT_STATES
+        node.create_subscription(topic.type, topic.name, self._on_state, topic.qos, raw=True)
+
+    def _on_state(self, _: bytes) -> None:
+        now = time.monotonic()
+        if now - self._last > 0.3:
+            say(back=True, pause=now - self._last)
+        self._last = now
 
 
 def newest(node: Node) -> topics.JointState:
@@ -80,9 +118,11 @@ def main() -> None:
     )
     while not all(client.service_is_ready() for client in clients.values()):
         rclpy.spin_once(node, timeout_sec=0.02)
+    if sys.argv[1:] == ['watch']:
+        StateWatch(node)
     say(ready=True)
     while True:
-        rclpy.spin_once(node, timeout_sec=0.002)
+        rclpy.spin_once(node, timeout_sec=0.01)
         if select.select([sys.stdin], [], [], 0.0)[0]:
             line = sys.stdin.readline().strip()
             if not line:
@@ -90,6 +130,9 @@ def main() -> None:
             say(called=line)
             if line == 'state':
                 say(**joint_state(node))
+                continue
+            if line == 'diagnostics':
+                say(**diagnostics(node))
                 continue
             if line == 'sweep':
                 trajectories.publish(sweep(node))

@@ -67,10 +67,10 @@ class Host:
         """Process id of the keeper, which identifies the namespaces."""
         return self._keeper.pid
 
-    def command(self, *words: str) -> list[str]:
-        """Return the command line that runs a command on this host."""
+    def command(self, *words: str, cwd: Path | None = None) -> list[str]:
+        """Return the command line that runs a command on this host, in a folder."""
         enter = ('nsenter', '-t', str(self.pid), '-n', '-i', '-u', '-m', '--')
-        return [*enter, 'env', '-C', os.getcwd(), *words]
+        return [*enter, 'env', '-C', str(cwd or Path.cwd()), *words]
 
     def run(self, *words: str) -> str:
         """Run a command on this host and return its output; raises CalledProcessError."""
@@ -82,14 +82,18 @@ class Host:
         *words: str,
         environment: Mapping[str, str] | None = None,
         log: Path | None = None,
+        cwd: Path | None = None,
         **options: object,
     ) -> subprocess.Popen[str]:
-        """Start a command on this host; its output goes to `log` if given."""
+        """Start a command on this host, in a folder; its output goes to `log` if given."""
         stream = None if log is None else log.open('w')
         if stream is not None:
             options |= {'stdout': stream, 'stderr': subprocess.STDOUT}
         return subprocess.Popen(
-            self.command(*words), env={**os.environ, **(environment or {})}, text=True, **options
+            self.command(*words, cwd=cwd),
+            env={**os.environ, **(environment or {})},
+            text=True,
+            **options,
         )
 
     def close(self) -> None:
@@ -141,9 +145,10 @@ class TwoHosts:
         environment: Mapping[str, str],
         log: Path,
         stdin: int = subprocess.DEVNULL,
+        cwd: Path | None = None,
     ) -> subprocess.Popen[str]:
-        """Start a command on a host, which `close` ends."""
-        process = host.start(*words, environment=environment, log=log, stdin=stdin)
+        """Start a command on a host, to be ended by `close`."""
+        process = host.start(*words, environment=environment, log=log, cwd=cwd, stdin=stdin)
         self._processes.append(process)
         return process
 

@@ -188,3 +188,23 @@ def test_a_payload_cannot_be_read_on_the_way(link: Link) -> None:
     link.ground.send(1, b'a secret of the ground')
     link.run(2.0, lambda: link.came['drone'])
     assert not any(b'secret' in datagram for _, datagram in link.spy)
+
+
+def test_states_do_not_wait_behind_what_was_kept_during_a_cut() -> None:
+    link = Link()
+    link.run(1.0)
+    link.is_cut = True
+    for k in range(600):  # diagnostics of a minute, not to be compressed
+        link.drone.send(9, random.Random(k).randbytes(500), BULK)
+        link.run(0.1)
+    link.is_cut = False
+    begin, before = link.now, len(link.came['ground'])
+    while link.now < begin + 5.0:
+        link.drone.set_value(1, b'state')
+        link.run(0.02)
+    values = [when for when, received in link.came['ground'][before:] if received.is_value]
+    assert values[0] - begin < 0.2
+    assert len(values) > 150
+    # The backlog gets its share.
+    bulk = [1 for _, received in link.came['ground'][before:] if received.channel == 9]
+    assert len(bulk) > 30

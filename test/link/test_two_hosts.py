@@ -1,5 +1,6 @@
 """Drone and ground as two hosts in network namespaces, with a slow, lossy radio."""
 
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -8,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerarm_msgs_py.bags.bag_reader import topics
+
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / 'benchmarks'))
 
+from radio.rig import Loop, Rig, wait_for_text  # noqa: E402
 from radio.two_hosts import missing_rights  # noqa: E402
-from two_hosts import Rig  # noqa: E402
 
 PROBLEM = missing_rights()
 pytestmark = pytest.mark.skipif(bool(PROBLEM), reason=f'two hosts: {PROBLEM}')
@@ -27,6 +30,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     patch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', '')
     folder = tmp_path_factory.mktemp('two_hosts')
     with Rig(folder, ground_timeout=1.0, ground_lost='stop') as rig:
+        rig.start_controller()
         yield rig
     patch.undo()
 
@@ -72,11 +76,8 @@ def arm(rig: Rig, *words: str) -> str:
 
 
 def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
-    rig.start_controller()
     assert 'arm_mode running' in arm(rig, 'enable', '--wait', 'running')
     assert 'kp' in arm(rig, 'set', 'computed_torque', 'kp', '[400.0]')
-    arm(rig, 'go', '0.3', '1.2', '0.3', '0.3', '--tolerance', '0.1')
-    time.sleep(1.0)
     begin = rig.state()[0]
     rig.ground.tell('sweep')
     deadline = time.monotonic() + 30.0
@@ -89,18 +90,43 @@ def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
     assert begin[0] - position[0] < 0.8, position  # it did not go on to the goal
     assert rig.drone.rows()[-1].get('mode') is None  # it is held, not damped
     rig.relay.tell('cut 0')
-    arm(rig, 'go', '0.0', '1.2', '0.3', '0.3', '--tolerance', '0.1')
+
+
+def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig) -> None:
+    process = rig.arm('record', 'flight')
+    log = rig.folder / 'arm_record.log'
+    wait_for_text(log, 'Ctrl-C ends it')
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    wait_for_text(log, 'fetching')
+    rig.relay.tell('cut 1')
+    time.sleep(1.0)
+    rig.relay.tell('cut 0')
+    assert process.wait(60.0) == 0, log.read_text()
+    there, here = rig.folder / 'bags' / 'flight', rig.folder / 'flight'
+    names = sorted(path.name for path in here.iterdir())
+    assert names == ['flight_0.mcap', 'metadata.yaml']
+    assert all((here / name).read_bytes() == (there / name).read_bytes() for name in names)
+    found = topics(here)['/joint_states']
+    assert found.messages > 500  # at its full rate
+    assert found.lost == 0
 
 
 def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
     rig.listen_on_ground()
-    for rate in ('', '2mbit', '8kbit'):
+    for rate in ('2mbit', '8kbit'):
         rig.hosts.set_rate(rate)
-        result: list[tuple[float, float]] = []
-        kbits, packets = rig.traffic(lambda result=result: result.append(rig.loop(4.0)))
-        lost, longest = result[0]
-        assert lost < 0.02, (rate, result)
-        assert longest < 20.0, (rate, result)
+        loops: list[Loop] = []
+
+        def is_steady(loops: list[Loop] = loops) -> bool:
+            loops.append(rig.loop(2.0))
+            return loops[-1].lost < 0.005 and loops[-1].gaps == 0
+
+        # Other programs on this machine cost cycles now and then; a radio that stops the loop costs
+        # 29 to 100 % of them all the time.
+        kbits, packets = rig.traffic(lambda is_steady=is_steady: any(is_steady() for _ in range(5)))
+        assert min(loop.lost for loop in loops) < 0.005, (rate, loops)
+        assert min(loop.gaps for loop in loops) == 0, (rate, loops)
         assert kbits < 300.0
         assert packets < 100.0
     rig.hosts.set_rate('')

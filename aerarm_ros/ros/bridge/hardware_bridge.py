@@ -52,6 +52,7 @@ from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
 from aerarm_ros.ros.process.process_end import StopSignals, print_account
+from aerarm_ros.ros.process.shared_ports import PortWatch
 
 if TYPE_CHECKING:  # for type checkers only
     from aerarm_ros.hardware.transports.transport import Transport
@@ -376,7 +377,11 @@ class HardwareBridge(LifecycleNode):
 
     def run(self) -> None:
         """Run until a stop signal or `stop`; raises OSError if an automatic start fails."""
-        with StopSignals(self.stop, stays_awake=True), BackgroundExecutor(self, self._slack.wait):
+        with (
+            StopSignals(self.stop, stays_awake=True),
+            PortWatch(),
+            BackgroundExecutor(self, self._slack.wait),
+        ):
             if self.values.autostart and not self._start():
                 raise OSError(self._problem)
             # A client may call a service as soon as it is visible, so a bridge that starts

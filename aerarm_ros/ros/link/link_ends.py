@@ -19,7 +19,15 @@ from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.link.connection import Connection, Received
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.graph import SolePublisher
+from aerarm_ros.ros.graph import SolePublisher, endpoint_name
+from aerarm_ros.ros.link.recordings import (
+    BAG_REPORTS,
+    BAG_REQUESTS,
+    BLOCKS,
+    QUESTIONS,
+    DroneRecordings,
+    GroundRecordings,
+)
 from aerarm_ros.ros.link.relayed_services import DroneServices, GroundServices
 from aerarm_ros.ros.link.relayed_topics import (
     CALLS,
@@ -43,6 +51,7 @@ _POLL = 0.005  # [s] between two checks for requests on the ground
 _RATES = {DRONE: 26_000.0, GROUND: 9_000.0}  # bytes/s: 0.28 Mbit/s in total
 _BUFFER = 8192  # bytes; a slow radio must not queue old datagrams
 _CLOCK_MAX = 0.02  # [s]
+_CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
 _DATAGRAM_MAX = 2048
 # Exceptions caused by messages of another version of `ground_link`.
 _MALFORMED = (ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
@@ -153,11 +162,17 @@ class LinkEnd:
         assert self._address is not None
         self._sent = now
         now_ns = time.monotonic_ns()
-        datagram = self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns())
+        self._send_datagram(self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns()))
+
+    def _send_datagram(self, datagram: bytes) -> bool:
+        """Send a datagram; return whether the interface accepted it."""
+        assert self._address is not None
         try:
             self._socket.sendto(datagram, self._address)
         except OSError:  # the radio's queue is full, or the radio is gone
             self._refused += 1
+            return False
+        return True
 
     def _note_malformed(self, received: Received, error: Exception) -> None:
         self._malformed += 1
@@ -170,7 +185,7 @@ class LinkEnd:
     def _note_return(self, before: float, now: float) -> None:
         self._was_up = True
         silent = now - before
-        if 1.0 < silent < inf:
+        if _CUT_MIN < silent < inf:
             self._away = silent
             self._node.get_logger().info(f'the {self.other} is back after {silent:.2f} s')
 
@@ -236,10 +251,12 @@ class DroneEnd(LinkEnd):
         self._topics = DroneTopics(node, self.connection, rates)
         self._services = DroneServices(node, self.connection)
         self._watchdog = GroundWatchdog(node, values)
+        self._recordings = DroneRecordings(node, self.connection, values)
         self._ticked = -inf
 
     def close(self) -> None:
-        """Close the socket and destroy the subscriptions."""
+        """Complete a bag, close the socket and destroy the subscriptions."""
+        self._recordings.close()
         self._topics.destroy()
         super().close()
 
@@ -247,6 +264,10 @@ class DroneEnd(LinkEnd):
         channel = received.channel
         if channel in (CALLS, STOPS):
             self._services.call(received.payload, time.monotonic())
+        elif channel == BAG_REQUESTS:
+            self._recordings.take_request(received.payload)
+        elif channel == QUESTIONS:
+            self._recordings.take_question(received.payload)
         else:
             self._topics.publish(channel, received.payload)
 
@@ -256,6 +277,9 @@ class DroneEnd(LinkEnd):
             self._topics.update(now)
             self._services.update(now)
             self._watchdog.update(now, self.connection.last_received)
+            self._recordings.update(now, self.connection.last_received)
+        if self._address is not None:
+            self._recordings.send(self._send_datagram)
         return False
 
     def _greet(self) -> None:
@@ -289,17 +313,25 @@ class GroundEnd(LinkEnd):
                 f"drone '{values.drone}' is not reachable ({error.strerror}): set its address"
             ) from None
         self._drone = self._address
+        node.get_logger().info(
+            f'looking for the drone at {":".join(map(str, self._address))} (UDP)'
+        )
         self._expired = 0
         self._topics = GroundTopics(node, self.connection, self._note_expired)
         self._services = GroundServices(node, self.connection, self._log)
+        self._recordings = GroundRecordings(node, self.connection, values)
         self._sole = SolePublisher(node, topics.JOINT_STATES)
+        self._controllers = RemoteControllers(node)
         self._takers = {
+            BAG_REPORTS: self._recordings.take_report,
+            BLOCKS: self._recordings.take_block,
             LAYOUTS: self._topics.take_layout,
             OFFERED: self._services.take_offered,
         }
 
     def close(self) -> None:
         """Close the socket and destroy the subscriptions."""
+        self._recordings.destroy()
         self._topics.destroy()
         super().close()
 
@@ -314,7 +346,8 @@ class GroundEnd(LinkEnd):
 
     def _update(self, now: float) -> bool:
         has_called = self._services.update(now)
-        return self._topics.update(now) or has_called
+        has_asked = self._recordings.update(now, now - self._sent >= _TICK)
+        return self._topics.update(now) or has_called or has_asked
 
     def _greet(self) -> None:
         self._node.get_logger().info('the drone is connected')
@@ -323,7 +356,7 @@ class GroundEnd(LinkEnd):
         kept = self._services.kept_stops
         if kept:
             return f'the drone has NOT CONFIRMED the e-stop yet: {" and ".join(kept)}'
-        return self._sole.problem()
+        return self._sole.problem() or self._controllers.problem()
 
     def _rows(self) -> dict[str, object]:
         return {
@@ -343,6 +376,42 @@ class GroundEnd(LinkEnd):
             self._node.get_logger().warning(text)
         else:
             self._node.get_logger().info(text)
+
+
+class RemoteControllers:
+    """Find controllers on the ground, whose `joint_command` does not reach the drone.
+
+    Parameters
+    ----------
+    node
+        Node whose graph is searched and whose log is used.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._topic = node.resolve_topic_name(topics.JOINT_COMMAND.name)
+        self._known: list[str] = []
+
+    def problem(self) -> str:
+        """Return the nodes that cannot command the arm, with the reason, or an empty text."""
+        ends = self._node.get_publishers_info_by_topic(self._topic)
+        names = sorted({endpoint_name(end) for end in ends} - {'', self._own})
+        text = ''
+        if names:
+            text = (
+                f'{" and ".join(names)} cannot command the arm from this host: joint_command does '
+                'not pass to the drone, where a late command damps the arm. Run the controller '
+                'on the drone; AERARM_NETWORK=open on both hosts allows it here'
+            )
+        if names != self._known:
+            self._known = names
+            if text:
+                self._node.get_logger().warning(text)
+        return text
+
+    @property
+    def _own(self) -> str:
+        return str(self._node.get_fully_qualified_name())
 
 
 class GroundWatchdog:

@@ -12,7 +12,8 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
+from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr, Payloads
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateDecoder
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.page.view_diagnostics import elements
@@ -59,10 +60,61 @@ class ViewHistory:
 
 
 # Rows stored per joint.
-ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power')
+_WINDOWED = ('q', 'dq', 'tau', 'current')
+_MINIMA = tuple(f'{name}_min' for name in _WINDOWED)
+_MAXIMA = tuple(f'{name}_max' for name in _WINDOWED)
+ROWS = ('q', 'dq', 'tau', 'q_ref', 'dq_ref', 'tau_ref', 'current', 'power', *_MINIMA, *_MAXIMA)
 BASE_ROWS = ('x [m]', 'y [m]', 'z [m]', 'roll [rad]', 'pitch [rad]', 'yaw [rad]')
 _SILENT = 1.0  # [s] without states before a notice
+_SIDES = ('minimum', 'maximum')
+_WINDOWS = 10  # that may wait
 _STALE = 0.3  # [s] after which a reference, a current or a power is dropped
+
+
+class WindowReader:
+    """Reads the extremes of the windows that `ground_link` makes of a stream.
+
+    Parameters
+    ----------
+    node
+        Owner of the subscriptions.
+    names
+        Joint names, n of them.
+    topic
+        The stream, of JointState.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str], topic: topics.Topic) -> None:
+        self._names = list(names)
+        sides = [topics.Topic(f'{topic.name}/{side}', topic.type, topic.qos) for side in _SIDES]
+        # More than one window comes between two pictures.
+        self._reader = RawReader(node, *(side.queued(_WINDOWS) for side in sides))
+        self._decoders = [JointStateDecoder() for _ in _SIDES]
+
+    def take(self) -> Array | None:
+        """Return the extremes since the last call: (2, 3, n) of position, velocity, effort.
+
+        The first is the minimum. None if no window came, as on the bridge's own host.
+        """
+        sides = []
+        for index, (decoder, extreme) in enumerate(
+            zip(self._decoders, (np.fmin, np.fmax), strict=True)
+        ):
+            payloads = []
+            while (message := self._reader.take(index)) is not None:
+                payloads.append(message[0])
+            if not payloads:
+                return None
+            _, values = decoder.decode(Payloads.of(payloads))
+            if not set(self._names) <= set(decoder.names):
+                return None
+            columns = [decoder.names.index(name) for name in self._names]
+            sides.append(extreme.reduce(values[:, :, columns], axis=0))
+        return np.stack(sides)
+
+    def destroy(self) -> None:
+        """Destroy the subscriptions."""
+        self._reader.destroy()
 
 
 class ViewFeed:
@@ -84,7 +136,7 @@ class ViewFeed:
     Attributes
     ----------
     joints, base
-        Histories of `ROWS` (8, n), and of `BASE_ROWS` (6,).
+        Histories of `ROWS` (16, n), and of `BASE_ROWS` (6,).
     posture
         (n,) newest joint positions [rad], None before the first.
     pose
@@ -102,6 +154,9 @@ class ViewFeed:
         self._states = StateSampler(node, names)
         self._commands = StateSampler(node, names, topics.JOINT_COMMAND)
         self._motors = StateSampler(node, names, topics.MOTOR_STATES)
+        self._windows = [
+            WindowReader(node, names, topic) for topic in (topics.JOINT_STATES, topics.MOTOR_STATES)
+        ]
         self._powers = RawReader(node, topics.MOTOR_POWER)
         self._power_cdr = Float64ArrayCdr(n)
         self._row = np.full((len(ROWS), n), np.nan)
@@ -121,6 +176,7 @@ class ViewFeed:
         self._heard[0] = now
         self.posture = state[0]
         self._row[:3] = state
+        self._take_windows()
         self.joints.add(now, self._row)
         return True
 
@@ -146,6 +202,8 @@ class ViewFeed:
         """Destroy the subscriptions."""
         for reader in (self._states, self._commands, self._motors, self._powers):
             reader.destroy()
+        for windows in self._windows:
+            windows.destroy()
 
     def _take_rest(self, now: float) -> None:
         command, motors = self._commands.newest(), self._motors.newest()
@@ -162,7 +220,18 @@ class ViewFeed:
             self._heard[3] = now
         old = now - self._heard[1:] > _STALE
         self._row[3:6][:, :] = np.nan if old[0] else self._row[3:6]
-        self._row[6:][old[1:]] = np.nan
+        self._row[6:8][old[1:]] = np.nan
+
+    def _take_windows(self) -> None:
+        """Take the extremes of what came since the last picture."""
+        first = ROWS.index(_MINIMA[0])
+        extremes = self._row[first:].reshape(2, len(_WINDOWED), -1)
+        extremes[:] = np.nan
+        joints, motors = (reader.take() for reader in self._windows)
+        if joints is not None:
+            extremes[:, :3] = joints
+        if motors is not None:
+            extremes[:, 3] = motors[:, 2]
 
     def _take_pose(self, now: float) -> None:
         message, self._odometry = self._odometry, None
@@ -255,13 +324,16 @@ class ViewPlots:
         self._names, self._limits = names, limits
         self._duration = duration
         panel = gui.add_panel()
-        with panel.add_tab('Plots'):
+        self._tab = panel.add_tab('Plots')
+        with self._tab:
             with gui.add_folder('Quantities', expand_by_default=False):
                 quantities = [*_QUANTITIES, *(_BASE if has_base else ())]
                 boxes = {q: gui.add_checkbox(q.title, q.is_shown) for q in quantities}
                 self._with_limits = gui.add_checkbox('limits', False)
             gui.add_html(_legend(names))
+            self._has_windows = False
             self._plots = {q: self._add(gui, q) for q in quantities}
+        self._gui = gui
         for quantity, box in boxes.items():
             box.on_update(partial(self._show, quantity))
         panel.dock_right()
@@ -279,6 +351,8 @@ class ViewPlots:
         """
         if len(time) < 2:
             return
+        if not self._has_windows and np.isfinite(values[-1, ROWS.index(_MINIMA[0])]).any():
+            self._show_windows()
         for quantity, plot in self._plots.items():
             if plot.visible and quantity.value:
                 plot.data = self._columns(quantity, time, values)
@@ -303,17 +377,41 @@ class ViewPlots:
         if quantity.reference:
             wanted = values[:, ROWS.index(quantity.reference)].T
             columns.insert(0, np.where(np.isnan(wanted), rows, wanted))
+        if self._has_extremes(quantity):
+            for side in (f'{quantity.value}_min', f'{quantity.value}_max'):
+                extreme = values[:, ROWS.index(side)].T
+                columns.insert(-1, np.where(np.isnan(extreme), rows, extreme))
         if quantity.limit:
             limits = self._limits[quantity.limit].T[:, :, np.newaxis]
             shown = limits if self._with_limits.value else rows[np.newaxis]
             columns.insert(0, np.broadcast_to(shown, (2, *rows.shape)).reshape(-1, len(time)))
         return (time, *(np.ascontiguousarray(row) for part in columns for row in part))
 
+    def _has_extremes(self, quantity: _Quantity) -> bool:
+        return self._has_windows and quantity.value in _WINDOWED
+
+    def _show_windows(self) -> None:
+        """Draw the plots again with a band from the minimum to the maximum of each window.
+
+        A chart whose number of lines changes is another chart.
+        """
+        self._has_windows = True
+        with self._tab:
+            for quantity, plot in self._plots.items():
+                if self._has_extremes(quantity):
+                    self._plots[quantity] = self._add(self._gui, quantity, plot)
+                    plot.remove()
+
     def _show(self, quantity: _Quantity, event: viser.GuiEvent[viser.GuiCheckboxHandle]) -> None:
         self._plots[quantity].visible = event.target.value
 
-    def _add(self, gui: viser.GuiApi, quantity: _Quantity) -> viser.GuiUplotHandle:
-        """Return a plot with a fixed time axis; an automatic one freezes at the first data."""
+    def _add(
+        self, gui: viser.GuiApi, quantity: _Quantity, old: viser.GuiUplotHandle | None = None
+    ) -> viser.GuiUplotHandle:
+        """Return a plot with a fixed time axis; an automatic one freezes at the first data.
+
+        It replaces the `old` plot, if given.
+        """
         series = self._series(quantity)
         start = np.array([-self._duration, 0.0])
         return gui.add_uplot(
@@ -326,7 +424,9 @@ class ViewPlots:
             legend=viser.uplot.Legend(show=not quantity.value),
             height=_HEIGHT,
             padding=_PADDING,
-            visible=quantity.is_shown,
+            bands=self._bands(quantity, len(series)),
+            order=None if old is None else old.order,
+            visible=quantity.is_shown if old is None else old.visible,
         )
 
     def _series(self, quantity: _Quantity) -> list[viser.uplot.Series]:
@@ -336,12 +436,25 @@ class ViewPlots:
             return [_line(label, _color(k)) for k, label in enumerate(labels)]
         colors = [_color(k) for k in range(len(self._names))]
         lines = [_line(name, color) for name, color in zip(self._names, colors, strict=True)]
+        if self._has_extremes(quantity):
+            lines = [_line(side, f'{c}60') for side in _SIDES for c in colors] + lines
         # The joints last, so that their curves are on top.
         if quantity.reference:
             lines = [_line('reference', color, (5, 4)) for color in colors] + lines
         if quantity.limit:
             lines = [_line('limit', _LIMIT, (2, 4))] * (2 * len(colors)) + lines
         return lines
+
+    def _bands(self, quantity: _Quantity, count: int) -> tuple[viser.uplot.Band, ...] | None:
+        """Return a band for each joint, from its minimum to its maximum."""
+        if not self._has_extremes(quantity):
+            return None
+        n = len(self._names)
+        first = 1 + count - 3 * n  # after the time; minima, maxima and joints are the last
+        return tuple(
+            viser.uplot.Band(series=(first + n + k, first + k), fill=f'{_color(k)}40')
+            for k in range(n)
+        )
 
 
 def _at_least(small: float) -> dict[str, viser.uplot.Scale]:

@@ -1,0 +1,244 @@
+"""Files of the drone, fetched block by block over a radio that loses datagrams and is cut.
+
+The ground asks for numbered blocks and asks again for those that do not come. The drone only
+answers, so a cut or a restart of either end loses nothing: what is stored stays, and the fetch goes
+on behind it. The ground asks less while datagrams are delayed, so that commands and states do not
+wait behind a bag in the radio's queue.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+BLOCK = 1024
+"""Bytes of a block."""
+ASKED_MAX = 32
+"""Blocks in one question."""
+PARTIAL = '.part'
+"""Suffix of a file that is not complete."""
+
+_HEAD = struct.Struct('<HHI')  # manifest, file, block
+_QUESTION = struct.Struct('<HB')  # manifest, questions
+_PLACE = struct.Struct('<HI')  # file, block
+_SPAN = 512  # blocks under way
+_AGAIN = 0.25  # [s] beyond the round trip, after which a block is asked for again
+_DELAY_MAX = 0.05  # [s] of a queue in the radio
+_CALM = 0.2  # [s] between two reductions
+_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
+
+
+def is_name(text: str) -> bool:
+    """Tell whether a text can name a bag or a file: no path, no hidden file."""
+    return _NAME.fullmatch(text) is not None
+
+
+class FileServer:
+    """Answers questions about the files of one folder.
+
+    Parameters
+    ----------
+    folder
+        That holds the files.
+    number
+        Of this manifest, 0 to 65535: questions about another one are not answered.
+
+    Attributes
+    ----------
+    manifest
+        Name and size [bytes] of each file.
+    """
+
+    def __init__(self, folder: Path, number: int) -> None:
+        self._number = number
+        self._paths = sorted(path for path in folder.iterdir() if is_name(path.name))
+        self.manifest = [[path.name, path.stat().st_size] for path in self._paths]
+        self._open: tuple[int, BinaryIO] | None = None
+
+    def blocks(self, question: bytes) -> Iterator[bytes]:
+        """Yield the places that a question names, for `answer`; raises struct.error."""
+        number, count = _QUESTION.unpack_from(question)
+        if number != self._number:
+            return
+        for k in range(count):
+            yield question[_QUESTION.size + k * _PLACE.size :][: _PLACE.size]
+
+    def answer(self, place: bytes) -> bytes:
+        """Return the block at a place; raises struct.error, OSError, IndexError."""
+        file, block = _PLACE.unpack(place)
+        if self._open is None or self._open[0] != file:
+            self.close()
+            self._open = file, self._paths[file].open('rb')
+        content = os.pread(self._open[1].fileno(), BLOCK, block * BLOCK)
+        return _HEAD.pack(self._number, file, block) + content
+
+    def close(self) -> None:
+        """Close the file that was read last."""
+        if self._open is not None:
+            self._open[1].close()
+            self._open = None
+
+
+class Fetch:
+    """Fetches the files of a manifest into a folder.
+
+    Parameters
+    ----------
+    folder
+        Where the files go; it may hold part of them.
+    number, manifest
+        As of the `FileServer`.
+    rate
+        Blocks per second at most.
+
+    Attributes
+    ----------
+    size, stored
+        Bytes in all, and of those that are stored.
+
+    Raises
+    ------
+    ValueError
+        If the manifest names no files, or paths.
+    OSError
+        If the folder cannot be written.
+    """
+
+    def __init__(
+        self, folder: Path, number: int, manifest: list[list[object]], rate: float
+    ) -> None:
+        if not manifest or not all(is_name(str(name)) for name, _ in manifest):
+            raise ValueError(f'the drone offers no bag: {manifest}')
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+        self._number = number
+        self._rate = rate
+        self._files = [(str(name), int(str(size))) for name, size in manifest]
+        self.size = sum(size for _, size in self._files)
+        self.stored = 0
+        self._pace = min(50.0, rate)  # blocks per second
+        self._credit, self._asked_at, self._reduced = 0.0, float('nan'), float('-inf')
+        self._came: deque[bool] = deque(maxlen=100)
+        self._file = -1
+        self._stream: BinaryIO | None = None
+        self._next_file()
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all files are stored."""
+        return self._file >= len(self._files)
+
+    def question(self, now: float, delay: float, round_trip: float) -> bytes | None:
+        """Return what to ask at a time [s], None if nothing is due.
+
+        Parameters
+        ----------
+        now
+            Monotonic time [s].
+        delay
+            By which the newest datagram was slower than the quickest [s].
+        round_trip
+            Of the connection [s].
+        """
+        if self.is_complete:
+            return None
+        self._adapt(now, delay)
+        patience = _AGAIN + 1.5 * (round_trip if round_trip == round_trip else 0.1)
+        places: list[int] = []
+        for block in range(self._block, min(self._block + _SPAN, self._blocks)):
+            if self._credit < 1.0 or len(places) >= ASKED_MAX:
+                break
+            asked = self._asked.get(block)
+            if block in self._waiting or (asked is not None and now - asked < patience):
+                continue
+            if asked is not None:
+                self._came.append(False)
+            self._asked[block] = now
+            self._credit -= 1.0
+            places.append(block)
+        if not places:
+            return None
+        head = _QUESTION.pack(self._number, len(places))
+        return head + b''.join(_PLACE.pack(self._file, block) for block in places)
+
+    def take(self, answer: bytes) -> None:
+        """Store a block; raises OSError if the disk is full, struct.error."""
+        if self.is_complete:
+            return
+        number, file, block = _HEAD.unpack_from(answer)
+        content = answer[_HEAD.size :]
+        if number != self._number or file != self._file or block < self._block:
+            return
+        if len(content) != min(BLOCK, self._files[file][1] - block * BLOCK):
+            return
+        self._came.append(True)
+        self._waiting[block] = content
+        while self._block in self._waiting:
+            content = self._waiting.pop(self._block)
+            assert self._stream is not None
+            self._stream.write(content)
+            self._asked.pop(self._block, None)
+            self._block += 1
+            self.stored += len(content)
+        if self._block >= self._blocks:
+            self._complete_file()
+
+    def close(self) -> None:
+        """Close the file that is being written."""
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+
+    def _adapt(self, now: float, delay: float) -> None:
+        elapsed = min(0.1, now - self._asked_at) if self._asked_at == self._asked_at else 0.02
+        self._asked_at = now
+        is_lossy = len(self._came) == self._came.maxlen and sum(self._came) < 50
+        if (delay > _DELAY_MAX or is_lossy) and now - self._reduced > _CALM:
+            self._reduced = now
+            self._pace = max(2.0, 0.7 * self._pace)
+            self._came.clear()
+        elif delay <= _DELAY_MAX:
+            self._pace = min(self._rate, self._pace + 100.0 * elapsed)
+        self._credit = min(self._credit + elapsed * self._pace, 0.1 * self._pace + 1.0)
+
+    def _next_file(self) -> None:
+        """Open the next file that is not complete."""
+        self._waiting: dict[int, bytes] = {}
+        self._asked: dict[int, float] = {}
+        self._block = self._blocks = 0
+        while True:
+            self._file += 1
+            if self.is_complete:
+                return
+            name, size = self._files[self._file]
+            path = self._folder / name
+            if path.exists() and path.stat().st_size == size:
+                self.stored += size
+                continue
+            partial = self._folder / (name + PARTIAL)
+            have = partial.stat().st_size if partial.exists() else 0
+            self._block = min(have, size) // BLOCK
+            self._blocks = -(-size // BLOCK)
+            self.stored += self._block * BLOCK
+            self._stream = partial.open('r+b' if have else 'wb')
+            self._stream.truncate(self._block * BLOCK)
+            self._stream.seek(self._block * BLOCK)
+            if self._block < self._blocks:
+                return
+            self._complete_file(goes_on=False)
+
+    def _complete_file(self, goes_on: bool = True) -> None:
+        assert self._stream is not None
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._stream.close()
+        self._stream = None
+        name = self._files[self._file][0]
+        (self._folder / (name + PARTIAL)).replace(self._folder / name)
+        if goes_on:
+            self._next_file()

@@ -1,0 +1,153 @@
+"""A recording on the drone, requested from the ground through ground_link."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from math import inf
+from pathlib import Path
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from aerarm_msgs_py import topics
+from aerarm_ros.ros.executors import spin_until
+from aerarm_ros.ros.link.recordings import COMPLETE, FAILED, FETCHING, FINISH, RECORD, RECORDING
+from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClientError
+
+_DISCOVERY_TIME = 4.0  # [s] at most for a bridge or a ground_link of this host to be found
+_ASK_AGAIN = 0.5  # [s]
+_PATIENCE = 30.0  # [s] for the drone's recorder to start
+_SILENT = 1.5  # [s] of the drone that is reported
+_PROGRESS = 1.0  # [s]
+
+
+class RecordingRequest:
+    """Records on the drone, and fetches the bag.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscription; its methods spin it.
+    name
+        Of the bag, on both hosts.
+    folder
+        Where the bag goes on this host.
+    tell
+        Takes progress as text.
+    """
+
+    def __init__(self, node: Node, name: str, folder: Path, tell: Callable[[str], None]) -> None:
+        self._node = node
+        self._name = name
+        self._folder = folder
+        self._tell = tell
+        self._report: dict[str, object] = {}
+        self._is_stopped = False
+        request, report = topics.RECORD_REQUEST, topics.RECORD_REPORT
+        self._publisher = node.create_publisher(request.type, request.name, request.offered)
+        node.create_subscription(report.type, report.name, self._on_report, report.qos)
+
+    def is_on_ground(self) -> bool:
+        """Tell whether this host reaches its bridge through ground_link.
+
+        A node of this host is in the graph, one behind ground_link is not.
+        """
+        node = self._node
+
+        def is_known() -> bool:
+            return bool(self._publisher.get_subscription_count()) or any(
+                name in BRIDGES for name in node.get_node_names()
+            )
+
+        spin_until(node, is_known, _DISCOVERY_TIME)
+        return bool(self._publisher.get_subscription_count())
+
+    def record(self) -> None:
+        """Record until Ctrl-C, then fetch the bag.
+
+        Raises
+        ------
+        ArmClientError
+            If the drone does not record, or the bag cannot be stored.
+        """
+        deadline = time.monotonic() + _PATIENCE
+        with StopSignals(self._stop):
+            self._ask_until(RECORD, lambda: self._state == RECORDING, deadline)
+            self._tell(f'the drone records {self._name}: Ctrl-C ends it and fetches the bag')
+            spin_until(self._node, lambda: self._is_stopped or self._state == FAILED, inf)
+            self._expect_no_failure()
+            # A second Ctrl-C ends this process; ground_link goes on with the fetch.
+            self.fetch()
+
+    def fetch(self) -> None:
+        """Complete the bag on the drone and fetch it; a cut only delays it.
+
+        Raises
+        ------
+        ArmClientError
+            If the drone has no such bag, or it cannot be stored.
+        """
+        self._report = {}
+        self._tell(f'fetching {self._name} into {self._folder}')
+        self._ask_until(FINISH, lambda: self._state in (FETCHING, COMPLETE), inf)
+        while self._state != COMPLETE:
+            spin_until(self._node, lambda: self._state in (COMPLETE, FAILED), _PROGRESS)
+            self._expect_no_failure()
+            if self._state != COMPLETE:
+                self._tell(self._progress())
+                self._ask(FINISH)  # a ground_link that was started again fetches nothing yet
+        self._tell(f'{self._folder}: {_megabytes(self._report.get("size"))} stored')
+
+    @property
+    def _state(self) -> object:
+        return self._report.get('state')
+
+    def _ask_until(self, do: str, condition: Callable[[], bool], deadline: float) -> None:
+        has_told = False
+        while not condition():
+            self._ask(do)
+            spin_until(self._node, condition, _ASK_AGAIN)
+            self._expect_no_failure()
+            if time.monotonic() > deadline:
+                raise ArmClientError(
+                    f'the drone does not record {self._name}: {self._silence() or "no answer"}; '
+                    'look at /diagnostics of ground_link'
+                )
+            if not has_told and self._silence():
+                has_told = True
+                self._tell(self._silence())
+
+    def _ask(self, do: str) -> None:
+        content = {'do': do, 'name': self._name, 'folder': str(self._folder)}
+        self._publisher.publish(String(data=json.dumps(content)))
+
+    def _expect_no_failure(self) -> None:
+        if self._state == FAILED:
+            raise ArmClientError(str(self._report.get('text', '')))
+
+    def _silence(self) -> str:
+        silent = float(str(self._report.get('silent', 0.0)))
+        return f'the drone has been silent for {silent:.0f} s' if silent > _SILENT else ''
+
+    def _progress(self) -> str:
+        stored, size = (self._report.get(key) for key in ('stored', 'size'))
+        text = f'{_megabytes(stored)} of {_megabytes(size)}'
+        return ': '.join(filter(None, (text, self._silence())))
+
+    def _on_report(self, message: String) -> None:
+        try:
+            report = json.loads(message.data)
+        except ValueError:
+            return
+        if report.get('name') == self._name:
+            self._report = report
+
+    def _stop(self) -> None:
+        self._is_stopped = True
+
+
+def _megabytes(size: object) -> str:
+    return f'{1e-6 * float(str(size or 0)):.2f} MB'

@@ -1,0 +1,58 @@
+"""New processes that listen to the bridge, one after the other, and how soon each has states.
+
+Usage: python benchmarks/radio/new_listener.py COUNT
+
+Each one is forked from a process that has only imported rclpy, so it makes a participant of its own
+without the time that Python takes to start. Prints a JSON list of seconds.
+"""
+
+import json
+import os
+import sys
+import time
+
+import rclpy
+
+from aerarm_msgs_py import topics
+from aerarm_msgs_py.live_topics import RawReader
+from aerarm_ros.ros.process.node_process import stay_on_this_host, use_packaged_profile
+
+_PATIENCE = 20.0  # [s]
+
+
+def listen() -> float:
+    """Return how long a new participant waits for states and mode [s]."""
+    begin = time.monotonic()
+    rclpy.init()
+    node = rclpy.create_node('new_listener')
+    reader = RawReader(node, topics.JOINT_STATES, topics.ARM_MODE)
+    came: set[int] = set()
+    while len(came) < 2 and time.monotonic() - begin < _PATIENCE:
+        reader.wait(0.02)
+        came |= {index for index in (0, 1) if reader.take(index) is not None}
+    took = time.monotonic() - begin
+    reader.destroy()
+    node.destroy_node()
+    rclpy.shutdown()
+    return took
+
+
+def main() -> None:
+    """Start one process after the other."""
+    stay_on_this_host()
+    use_packaged_profile()
+    times = []
+    for _ in range(int(sys.argv[1])):
+        reading, writing = os.pipe()
+        if os.fork() == 0:
+            os.write(writing, json.dumps(listen()).encode())
+            os._exit(0)
+        os.close(writing)
+        with os.fdopen(reading) as stream:
+            times.append(json.loads(stream.read()))
+        os.wait()
+    print(json.dumps(times), flush=True)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,312 @@
+"""The bench of two hosts: bridge, both ends of ground_link, a lossy relay and their watchers."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from radio.two_hosts import DRONE, TwoHosts, stop
+
+HERE = Path(__file__).parent
+PORT, RELAY_PORT = 7447, 7500
+DOMAIN = {'ROS_DOMAIN_ID': '64'}
+PATIENCE = 60.0  # [s] for anything to start
+
+
+class Speaker:
+    """A process that takes lines and prints JSON objects, see `stop_presser.py`."""
+
+    def __init__(self, process: subprocess.Popen[str], log: Path) -> None:
+        self._process = process
+        self._log = log
+        self._read = 0
+        self._rows: list[dict[str, object]] = []
+
+    def tell(self, line: str) -> None:
+        """Send a line."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f'{line}\n')
+        self._process.stdin.flush()
+
+    def rows(self) -> list[dict[str, object]]:
+        """Return what it has printed."""
+        with self._log.open() as stream:
+            stream.seek(self._read)
+            for line in iter(stream.readline, ''):
+                if not line.endswith('\n'):
+                    break
+                self._read += len(line.encode())
+                if line.startswith('{'):
+                    self._rows.append(json.loads(line))
+        return self._rows
+
+    def wait(self, found: Callable[[dict[str, object]], object], since: float = 0.0) -> float:
+        """Wait for a row that was printed after a time [s] and return its time [s]."""
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            for row in self.rows():
+                if float(str(row['time'])) >= since and found(row):
+                    return float(str(row['time']))
+            if time.monotonic() > deadline or self._process.poll() is not None:
+                raise TimeoutError(f'{self._log.name} never printed that: {self.rows()[-3:]}')
+            time.sleep(0.005)
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What became of the 1 kHz loop within a time.
+
+    Attributes
+    ----------
+    lost
+        Share of the cycles that did not come, on the monotonic clock of this machine.
+    longest
+        Longest time between two states [s].
+    gaps
+        Times above 20 ms between two states.
+    """
+
+    lost: float
+    longest: float
+    gaps: int
+
+    @classmethod
+    def of(cls, row: dict[str, float], elapsed: float) -> Loop:
+        """Return the loop of an account that took `elapsed` [s]."""
+        states = row['states'] + row['unread']
+        # Both clocks must agree that states are missing: a state more or less is at either end.
+        lost = 1.0 - (states + 1) / (1000.0 * min(row['span'], elapsed))
+        return cls(max(0.0, lost), row['longest'], int(row['gaps']))
+
+
+class Rig:
+    """Both hosts with bridge, both ends of ground_link, and a relay that loses datagrams.
+
+    The emulated bridge keeps real time: a cycle that comes too late is missed, as on hardware.
+
+    Parameters
+    ----------
+    folder
+        For logs, key and bags.
+    clock
+        Of the ground, as libfaketime reads it: '+30s', or '+30s x1.001' for one that drifts.
+    link
+        Parameters of the drone's end of ground_link.
+    """
+
+    def __init__(self, folder: Path, clock: str = '', **link: object) -> None:
+        self.folder = folder
+        self._clock = shifted_clock(clock) if clock else {}
+        self._common = {'key_file': folder / 'key', 'realtime_priority': 40}
+        self._given = {'bags': folder / 'bags', **link}
+        self._stack = ExitStack()
+        self.hosts = self._stack.enter_context(TwoHosts())
+        try:
+            self._start()
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def _start(self) -> None:
+        folder, drone, ground = self.folder, self.hosts.drone, self.hosts.ground
+        first = {'realtime_priority': 50, 'encoders': 'absolute', 'seed': 3, 'pace': 'real_time'}
+        self._node(drone, 'fake_hardware', **first)
+        self.relay = self._speak(drone, 'lossy_relay', str(RELAY_PORT), '127.0.0.1', str(PORT))
+        self._drone_link = self._node(drone, 'ground_link', **self._common, **self._given)
+        self._watch = self._speak(drone, 'loop_watch')
+        self.drone = self._speak(drone, 'stop_presser')
+        self._wait_for((folder / 'key').exists)
+        self._start_ground_link()
+        self.ground = self._speak(ground, 'stop_presser', 'watch')
+        for speaker in (self._watch, self.drone, self.ground):
+            speaker.wait(lambda row: 'ready' in row)
+
+    def press(self) -> float:
+        """Press the e-stop on the ground, and return after how long the arm was damped [s]."""
+        self.ground.tell('press')
+        begin = self.ground.wait(lambda row: row.get('called') == 'press', self._cleared)
+        return self.drone.wait(is_fault, begin) - begin
+
+    def clear(self) -> None:
+        """Clear the fault, on the drone."""
+        self._cleared = time.monotonic()
+        self.drone.tell('clear')
+        self.drone.wait(lambda row: row.get('mode') not in (None, 'fault'), self._cleared)
+        # The ground receives the mode as well; a button is not pressed before that.
+        time.sleep(0.1 + 0.1 * np.random.default_rng().random())
+
+    _cleared = 0.0
+
+    def mark(self) -> dict[str, float]:
+        """Return the account of the 1 kHz loop since the last mark, see `loop_watch.py`."""
+        begin = time.monotonic()
+        self._watch.tell('mark')
+        when = self._watch.wait(lambda row: 'states' in row, begin)
+        row = next(row for row in self._watch.rows() if row['time'] == when and 'states' in row)
+        return {key: float(str(value)) for key, value in row.items()}
+
+    def loop(self, seconds: float) -> Loop:
+        """Return what became of the 1 kHz loop within a time [s]."""
+        self.mark()
+        begin = time.monotonic()
+        time.sleep(seconds)
+        return Loop.of(self.mark(), time.monotonic() - begin)
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [rad] and velocity [rad/s] of the joints, on the drone."""
+        begin = time.monotonic()
+        self.drone.tell('state')
+        when = self.drone.wait(lambda row: 'position' in row, begin)
+        row = next(row for row in self.drone.rows() if row['time'] == when)
+        return np.array(row['position']), np.array(row['velocity'])
+
+    def arm(self, *words: str, host: str = 'ground') -> subprocess.Popen[str]:
+        """Start `arm` on a host; its output is `log('arm', words[0])`."""
+        log = self.folder / f'arm_{words[0]}.log'
+        # As prompt as what it measures: other work on this machine must not count.
+        start = ('chrt', '-f', '20', sys.executable, '-m', 'aerarm_ros.executables', 'arm')
+        place = self.hosts.ground if host == 'ground' else self.hosts.drone
+        environment = DOMAIN | (self._clock if host == 'ground' else {})
+        return self.hosts.start(
+            place, *start, *words, environment=environment, log=log, cwd=self.folder
+        )
+
+    def start_controller(self) -> None:
+        """Start computed_torque on the drone."""
+        self._node(self.hosts.drone, 'computed_torque', realtime_priority=45)
+
+    def start_on_ground(self, name: str, *words: str, **parameters: object) -> object:
+        """Start an executable on the ground."""
+        return self._node(self.hosts.ground, name, **parameters)
+
+    def restart_drone_link(self, **link: object) -> None:
+        """Start the drone's end of ground_link again, with other parameters."""
+        stop([self._drone_link])
+        begin = time.monotonic()
+        self._drone_link = self._node(
+            self.hosts.drone, 'ground_link', **self._common, **self._given, **link
+        )
+        self.ground.wait(lambda row: 'back' in row, begin)
+        time.sleep(1.0)
+
+    def restart_ground_link(self) -> tuple[float, float]:
+        """Start the ground's end again; return how long the process and its search took [s]."""
+        stop([self._ground_link])
+        time.sleep(0.5)
+        begin = time.monotonic()
+        self._start_ground_link()
+        back = self.ground.wait(lambda row: 'back' in row, begin)
+        self._wait_for(lambda: 'the drone is connected' in self.log('ground', 'ground_link'))
+        stamps = [
+            float(line.split('[')[2].split(']')[0])
+            for line in self.log('ground', 'ground_link').splitlines()
+            if 'looking for' in line or 'is connected' in line
+        ]
+        return back - begin, stamps[-1] - stamps[0]
+
+    def traffic(self, act: Callable[[], object]) -> tuple[float, float]:
+        """Return the radio's traffic while a function runs, both ways [kbit/s], [packets/s]."""
+        hosts = self.hosts
+        before = [hosts.traffic(host) for host in (hosts.drone, hosts.ground)]
+        begin = time.monotonic()
+        act()
+        elapsed = time.monotonic() - begin
+        after = [hosts.traffic(host) for host in (hosts.drone, hosts.ground)]
+        sums = np.sum(np.array(after) - np.array(before), axis=0)
+        return 8e-3 * sums[0] / elapsed, sums[1] / elapsed
+
+    def listen_on_ground(self) -> None:
+        """Start a recorder on the ground, as a tool that listens to everything."""
+        self._node(self.hosts.ground, 'recorder', bag=self.folder / 'bag')
+        time.sleep(3.0)
+
+    def log(self, host: str, name: str) -> str:
+        """Return what a process has printed."""
+        return (self.folder / f'{host}_{name}.log').read_text()
+
+    def __enter__(self) -> Rig:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.close()
+
+    def _start_ground_link(self) -> None:
+        there = {'role': 'ground', 'drone': DRONE, 'port': RELAY_PORT}
+        self._ground_link = self._node(self.hosts.ground, 'ground_link', **self._common, **there)
+
+    def _node(self, host: object, name: str, **parameters: object) -> subprocess.Popen[str]:
+        given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
+        environment = DOMAIN | (self._clock if host is self.hosts.ground else {})
+        return self.hosts.node(
+            host, name, '--ros-args', *given, environment=environment, folder=self.folder
+        )
+
+    def _speak(self, host: object, name: str, *words: str) -> Speaker:
+        log = self.folder / f'{host.name}_{name}.log'
+        # As prompt as what it measures: other work on this machine must not count.
+        command = ('chrt', '-f', '30', sys.executable, str(HERE / f'{name}.py'), *words)
+        process = self.hosts.start(
+            host, *command, environment=DOMAIN, log=log, stdin=subprocess.PIPE
+        )
+        return Speaker(process, log)
+
+    @staticmethod
+    def _wait_for(condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            if time.monotonic() > deadline:
+                raise TimeoutError('ground_link did not start')
+            time.sleep(0.05)
+
+
+def is_fault(row: dict[str, object]) -> bool:
+    """Tell whether a row says that the arm is damped by an e-stop."""
+    return row.get('mode') == 'fault'
+
+
+def shifted_clock(offset: str) -> dict[str, str]:
+    """Return the environment of a process whose system clock is shifted, by libfaketime.
+
+    A time namespace of Linux shifts no system clock.
+    """
+    library = next(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'), None)
+    if library is None:
+        raise OSError('libfaketime is not installed: apt-get install faketime')
+    return {
+        'LD_PRELOAD': str(library),
+        'FAKETIME': offset,
+        'FAKETIME_DONT_FAKE_MONOTONIC': '1',
+        'DONT_FAKE_MONOTONIC': '1',
+    }
+
+
+def wait_for_text(log: Path, text: str) -> None:
+    """Wait until a process has printed a text."""
+    deadline = time.monotonic() + PATIENCE
+    while text not in log.read_text():
+        if time.monotonic() > deadline:
+            raise TimeoutError(f'{log.name} lacks {text!r}: {log.read_text()}')
+        time.sleep(0.02)
+
+
+def run(rig: Rig, *words: str) -> str:
+    """Run `arm` on the ground, and return what it printed."""
+    process = rig.arm(*words)
+    status = process.wait(PATIENCE)
+    text = (rig.folder / f'arm_{words[0]}.log').read_text()
+    if status:
+        raise RuntimeError(f'arm {" ".join(words)}: {text}')
+    return text

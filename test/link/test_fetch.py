@@ -1,0 +1,133 @@
+"""A bag fetched over a bad link, in simulated time."""
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name
+
+TICK = 0.02
+
+
+class Radio:
+    """A link with loss, delay, a rate and a queue, between a server and a fetch."""
+
+    def __init__(self, folder: Path, loss: float = 0.0, rate: float = 1e9) -> None:
+        self.server = FileServer(folder, 3)
+        self.loss, self.rate = loss, rate  # rate in bytes/s
+        self.now, self.free_at = 10.0, 0.0
+        self.delay = self.longest = 0.0
+        self.is_cut = False
+        self.blocks = 0
+        self._random = random.Random(1)
+        self._under_way: list[tuple[float, bytes]] = []
+
+    def run(self, fetch: Fetch, seconds: float, until: Callable[[], object]) -> float:
+        begin = self.now
+        while self.now < begin + seconds and not until():
+            self.now += TICK
+            arrived = [item for item in self._under_way if item[0] <= self.now]
+            self._under_way = [item for item in self._under_way if item[0] > self.now]
+            for _, answer in arrived:
+                self.delay = self._queue()
+                fetch.take(answer)
+            question = fetch.question(self.now, self.delay, 0.02)
+            if question is None or self.is_cut or self._random.random() < self.loss:
+                continue
+            for place in self.server.blocks(question):
+                self._send(self.server.answer(place))
+        return self.now - begin
+
+    def _queue(self) -> float:
+        return max(0.0, self.free_at - self.now)
+
+    def _send(self, answer: bytes) -> None:
+        self.blocks += 1
+        self.free_at = max(self.free_at, self.now) + len(answer) / self.rate
+        self.longest = max(self.longest, self._queue())
+        if self._random.random() >= self.loss:
+            self._under_way.append((self.free_at + 0.01, answer))
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    folder = tmp_path / 'drone' / 'bag'
+    folder.mkdir(parents=True)
+    source = random.Random(2)
+    (folder / 'bag_0.mcap').write_bytes(source.randbytes(300 * BLOCK + 17))
+    (folder / 'metadata.yaml').write_bytes(b'rosbag2')
+    (folder / 'empty').touch()
+    return folder
+
+
+def fetch_into(radio: Radio, folder: Path, rate: float = 500.0) -> Fetch:
+    return Fetch(folder, 3, radio.server.manifest, rate)
+
+
+def same(one: Path, other: Path) -> bool:
+    names = sorted(path.name for path in one.iterdir())
+    return names == sorted(path.name for path in other.iterdir()) and all(
+        (one / name).read_bytes() == (other / name).read_bytes() for name in names
+    )
+
+
+@pytest.mark.parametrize('loss', [0.0, 0.2, 0.5])
+def test_a_bag_arrives_whole(bag: Path, tmp_path: Path, loss: float) -> None:
+    radio = Radio(bag, loss)
+    fetch = fetch_into(radio, tmp_path / 'ground')
+    assert radio.run(fetch, 120.0, lambda: fetch.is_complete) < 60.0
+    assert same(bag, tmp_path / 'ground')
+    assert fetch.stored == fetch.size == 300 * BLOCK + 17 + 7
+
+
+def test_a_cut_only_delays_it(bag: Path, tmp_path: Path) -> None:
+    radio = Radio(bag, 0.1)
+    fetch = fetch_into(radio, tmp_path / 'ground', 100.0)
+    radio.run(fetch, 1.0, lambda: False)
+    before, radio.is_cut = fetch.stored, True
+    radio.run(fetch, 5.0, lambda: False)
+    assert fetch.stored - before < 50 * BLOCK
+    radio.is_cut = False
+    radio.run(fetch, 60.0, lambda: fetch.is_complete)
+    assert same(bag, tmp_path / 'ground')
+
+
+def test_a_fetch_that_starts_again_goes_on_behind_what_is_stored(bag: Path, tmp_path: Path) -> None:
+    radio = Radio(bag)
+    first = fetch_into(radio, tmp_path / 'ground', 100.0)
+    radio.run(first, 60.0, lambda: first.stored > 100 * BLOCK)
+    first.close()
+    second = fetch_into(radio, tmp_path / 'ground')
+    assert second.stored > 90 * BLOCK
+    radio.run(second, 60.0, lambda: second.is_complete)
+    assert same(bag, tmp_path / 'ground')
+    assert radio.blocks < 420
+    third = fetch_into(radio, tmp_path / 'ground')
+    assert third.is_complete
+
+
+def test_a_slow_radio_gets_no_queue_that_delays_commands(bag: Path, tmp_path: Path) -> None:
+    radio = Radio(bag, rate=30_000.0)  # bytes/s; 500 blocks/s would be 17 times that
+    fetch = fetch_into(radio, tmp_path / 'ground')
+    took = radio.run(fetch, 120.0, lambda: fetch.is_complete)
+    assert took < 30.0  # 10 s at the full rate
+    assert radio.longest < 0.6
+    assert same(bag, tmp_path / 'ground')
+
+
+def test_a_bag_that_was_recorded_again_is_not_mixed_with_the_old_one(
+    bag: Path, tmp_path: Path
+) -> None:
+    radio = Radio(bag)
+    fetch = Fetch(tmp_path / 'ground', 4, radio.server.manifest, 500.0)
+    radio.run(fetch, 2.0, lambda: False)
+    assert fetch.stored == 0
+
+
+@pytest.mark.parametrize('name', ['../x', '/etc/passwd', '.hidden', '', 'a/b', 'a' * 101])
+def test_no_path_is_a_name(name: str, tmp_path: Path) -> None:
+    assert not is_name(name)
+    with pytest.raises(ValueError, match='offers no bag'):
+        Fetch(tmp_path, 1, [[name, 5]], 10.0)
