@@ -78,7 +78,7 @@ class ControlLoop(Generic[Reference]):
     take_overs : int
         Number of times that control began at the arm's posture: at the start, and after every gap.
     skipped : int
-        States without a command because a number was missing or their time did not advance.
+        Number of states without a command: a value was not finite, or the time did not advance.
 
     Raises
     ------

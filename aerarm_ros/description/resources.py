@@ -32,7 +32,7 @@ def share_directory() -> Path:
 
 
 def find_file(path: Path | str) -> Path:
-    """Return the path of an existing file; otherwise, of the packaged file with this name.
+    """Return `path` if it exists, else the packaged file of this name, else `path` unchanged.
 
     From any folder, `config/drone.yaml`, `drone.yaml` and `drones/quadrotor.yaml` refer to packaged
     files. A user's file with this path, relative to the working directory, takes precedence.

@@ -209,7 +209,7 @@ def load_robot(
         Joints locked at zero, or at their limit nearest to zero if zero is outside their range;
         for example gripper fingers.
     prefix : str
-        Prefix added to the name of every link and joint, including `joint_names` and `locked`.
+        Prefix added to the name of every link and joint. `joint_names` and `locked` have no prefix.
 
     Raises
     ------

@@ -436,7 +436,7 @@ class ArmDraft:
         Configuration that passes the bridge's checks: SPI frames can represent the gains, and the
         drives can hold the arm.
     guesses : tuple of frozenset of str
-        Names of guessed fields of each joint, which neither URDF nor estimate provides.
+        Names of the guessed fields per joint: neither URDF nor estimate provides them.
     known_rotors : tuple of bool
         Whether each joint's rotor inertia is from an estimate.
     excitation : ExcitationConfig

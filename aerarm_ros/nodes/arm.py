@@ -377,7 +377,7 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         'excitation configuration with clearances and ground (default: packaged)'
     ))  # fmt: skip
     add('--out', default='', metavar='BAG', help='bag to record (default: calibration_DATE_TIME)')
-    add('--seed', type=int, default=0, help='seed of the selected configurations (default: 0)')
+    add('--seed', type=int, default=0, help='seed of the random arm configurations (default: 0)')
     add('--dry-run', action='store_true', help='print the configurations without moving')
 
 

@@ -256,8 +256,8 @@ class MavlinkFeedforward:
             delay = stamp - 1e-9 * self._clock.now_ns() if stamp else 0.0
             if not -1.0 < delay < 60.0:
                 raise RejectedInputError(
-                    f'flight_trajectory: its stamp is {delay:+.1f} s from now; set the stamp to '
-                    'zero ("now"), and check the clocks'
+                    f'flight_trajectory: its stamp is {delay:+.1f} s from now, but -1 to 60 s are '
+                    'accepted; set the stamp to zero ("now"), or synchronize the clocks'
                 )
             self._path = now + delay, to_path(message, _WORLD, FlightTarget.here(state))
 

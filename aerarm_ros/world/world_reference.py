@@ -136,7 +136,7 @@ class WorldToolReference:
     reason : str
         Reason why the tool is not held in the world; empty if it is held.
     stops : int
-        Number of stops in the base frame.
+        Number of times that a problem stopped the arm in the base frame.
     error : float
         Distance of the tool from its reference [m].
     reference : WorldReference or None

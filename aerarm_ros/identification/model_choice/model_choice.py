@@ -217,7 +217,7 @@ class Comparison:
     joint : int
         Index of the joint.
     terms : tuple of JointTerm
-        Terms of the joint.
+        Torque terms that were tried for the joint.
     error : float
         Squared torque error of the arm in held-out parts, relative to that of the initial model.
     chosen : bool
@@ -241,7 +241,8 @@ def select_terms(
 ) -> tuple[tuple[tuple[JointTerm, ...], ...], list[Comparison]]:
     """Choose the friction and rotor terms of every joint by cross-validation.
 
-    Joint by joint, three steps follow each other. First the velocity width of dry friction and
+    Each joint goes through three steps before the next joint. First the velocity width of dry
+    friction and
     its dependence on load are chosen. Then saturating viscous friction, Stribeck friction,
     asymmetry and offset are tested on held-out motion. Finally the first step is repeated.
 

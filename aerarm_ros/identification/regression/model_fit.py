@@ -140,7 +140,7 @@ _ROUNDS = 2  # noise and fit depend on each other; two rounds are sufficient
 
 @dataclass(frozen=True, eq=False)
 class ModelFit:
-    """Regression with prior and noise, for use by any solver.
+    """Regression of a model, its prior and its torque noise, from which each solver starts.
 
     Attributes
     ----------

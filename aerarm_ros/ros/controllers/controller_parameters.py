@@ -260,7 +260,7 @@ REACTION_PARAMETERS = grouped(
     Parameter(
         'retreat_time',
         0.3,
-        'the arm retreats to its position this long before the contact',
+        'the arm returns to the position of its reference this long before the contact',
         's',
         0.01,
         5.0,
