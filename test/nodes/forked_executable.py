@@ -21,6 +21,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from aerarm_ros.executables import command_modules
 from aerarm_ros.ros.process.die_with_parent import die_with_parent
 from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environment
 
@@ -43,7 +44,7 @@ def run(
     parameters: Mapping[str, object] | None = None,
     cwd: Path | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """Run `python -m aerarm_ros.nodes.NAME` with arguments and parameters, in this environment.
+    """Run the module of a command with arguments and parameters, in this environment.
 
     The run is killed after ten minutes.
     """
@@ -53,7 +54,7 @@ def run(
     with tempfile.TemporaryDirectory() as folder:
         said = [Path(folder, stream) for stream in ('stdout', 'stderr')]
         request = {
-            'module': f'{_NODES}.{name}',
+            'module': command_modules()[name],
             'arguments': [*map(str, arguments), *parameter_arguments(parameters or {})],
             'cwd': str(cwd or Path.cwd()),
             'environment': ros_environment(),
@@ -82,9 +83,7 @@ def _server() -> subprocess.Popen[str]:
 def _serve() -> None:
     """Answer each request, a line, with its exit status."""
     die_with_parent(int(sys.argv[1]))
-    (folder,) = importlib.import_module(_NODES).__path__
-    names = [file.stem for file in Path(folder).glob('[a-z]*.py')]
-    for module in (*(f'{_NODES}.{name}' for name in names), *_LATE):
+    for module in (*command_modules().values(), *_LATE):
         importlib.import_module(module)
     # They run as programs, so they must not be imported before.
     for module in [name for name in sys.modules if name.startswith(f'{_NODES}.')]:

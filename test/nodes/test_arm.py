@@ -149,7 +149,7 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
             status, text = ask('set', node, name, value)
             assert (status, problem in text) == (1, True), text
     status, text = ask('set', node, 'kp', '1', '--timeout', '1')
-    assert (status, 'no node gravity_compensation' in text) == (1, True)
+    assert (status, 'node gravity_compensation was not found' in text) == (1, True)
 
 
 def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ def test_without_a_configuration_the_offsets_are_in_the_urdf(
         ('mm', (), 'look like millimetres; pass --length-unit mm'),
         ('swap', (), 'markers marker1 and marker2 are swapped'),
         ('few', (), 'only 4 postures have measurements'),
-        ('', ('--link', 'wing'), '--link wing: unknown link'),
+        ('', ('--link', 'wing'), 'link wing (--link) is unknown'),
         ('', ('--holdout', '2'), '--holdout 2 must lie in 0 .. 1'),
         ('none', (), 'check the path'),
     ],

@@ -48,7 +48,7 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
         (['--fundamental', '-1'], 'fundamental must be positive'),
         (['--duration', 'inf'], 'duration must be positive'),
         (['--harmonics', '200'], 'highest_frequency of the excitation configuration'),
-        (['--harmonics', '6000'], '500 Hz, half the control rate (sampling limit)'),
+        (['--harmonics', '6000'], '500 Hz (half the control rate'),
         (['--harmonics', '0'], 'at least one harmonic'),
         (['--bias', '0', '-0.4', '0', '0'], '(bias) is infeasible: ground clearance of link4'),
         (['--bias', '0', '9', '0', '0'], '(bias) is infeasible: position of joint2: 9 rad'),
@@ -64,7 +64,10 @@ def test_writes_trajectory_preview_and_validation(tmp_path: Path, capsys) -> Non
         (['--starts', '0'], 'at least one start'),
         (['--time-limit', 'nan'], 'time limit must be positive'),
         (['--time-limit', '1e-6'], 'no files were written'),
-        (['--acceleration-limit', '3'], '--acceleration-limit: only for an arm without'),
+        (
+            ['--acceleration-limit', '3'],
+            '--acceleration-limit cannot be combined with',
+        ),
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, capsys, arguments, message) -> None:
@@ -82,7 +85,7 @@ def test_a_wrong_argument_is_one_line(tmp_path: Path, capsys, arguments: list[st
     assert ended.value.code == 2
     error = capsys.readouterr().err
     assert error.startswith('excitation_designer: ')
-    assert error.endswith(': see excitation_designer --help\n')
+    assert error.endswith('; see excitation_designer --help\n')
     assert error.count('\n') == 1
 
 

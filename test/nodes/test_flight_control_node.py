@@ -140,7 +140,7 @@ def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: Drone
     higher.header.frame_id = 'map'
     drone.set_point.publish(higher)
     drone.refuse(
-        "flight_set_point rejected: its frame is 'map'",
+        "flight_set_point rejected, because its frame is 'map'",
         lambda: (drone.odometry_message(), drone.imu_message()),
     )
     assert drone.thrust() == pytest.approx(WEIGHT, rel=0.01)

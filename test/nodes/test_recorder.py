@@ -224,7 +224,7 @@ def test_a_disk_that_is_full_ends_it_with_one_line_and_a_readable_bag(
         assert recorder.wait(PATIENCE) == 1
     source.wait_for(lambda status: status['state'] == 'failed')
     text = log.read_text()
-    assert text.count('cannot be written: File too large') == 1
+    assert text.count('cannot be written (File too large)') == 1
     assert 'Traceback' not in text
     with pytest.warns(BagWarning):
         assert topics(bag)['/joint_states'].messages > 10

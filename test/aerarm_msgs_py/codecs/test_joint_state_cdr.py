@@ -157,7 +157,7 @@ def test_of_a_block_with_strangers_the_others_are_decoded() -> None:
 
 
 def test_refuses_wrong_lengths_and_names() -> None:
-    with pytest.raises(ValueError, match='give 4 values'):
+    with pytest.raises(ValueError, match='pass 4 values'):
         JointStateCdr(NAMES).pack(0, [1.0])
     with pytest.raises(ValueError, match='differ'):
         JointStateCdr(['a', 'a'])

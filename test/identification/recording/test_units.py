@@ -27,7 +27,7 @@ def test_a_velocity_that_is_something_else_is_not_judged() -> None:
 @pytest.mark.parametrize(
     ('time', 'q', 'dq', 'words'),
     [
-        (T, np.degrees(Q), np.degrees(DQ), 'a moves by 115 rad, 18 turns: .* look like degrees'),
+        (T, np.degrees(Q), np.degrees(DQ), 'a moves by 115 rad, 18 turns, .* look like degrees'),
         (T, np.degrees(Q), None, 'positions look like degrees'),
         (T, Q, np.degrees(DQ), 'look like degrees per second'),
         (T, Q, 30.0 / np.pi * DQ, 'look like turns per minute'),

@@ -56,12 +56,12 @@ def test_one_that_cannot_solve_is_left_out_and_named(result: IdentificationResul
     estimates = solve_all(fit, result.cad, result.identification, ['entropic'])
     assert 'entropic' not in estimates
     (note,) = estimates[RECOMMENDED].notes
-    assert 'solver entropic left out' in note
+    assert 'solver entropic was skipped' in note
     assert 'link 3' in note
 
 
 def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
-    with pytest.raises(IdentificationError, match='choose among cad, cad_friction'):
+    with pytest.raises(IdentificationError, match='choose from cad, cad_friction'):
         solve_all(result.fit, result.cad, names=['magic'])
 
 

@@ -82,7 +82,7 @@ def test_trajectories_and_imu_samples(bench: ControllerBench) -> None:
             refuse(bench, process, lambda m=message: trajectories.publish(m), reason)
         imus = bench.publisher(topics.IMU)
         for reason, sample in (
-            ('length 0, not 1', imu(w=0.0)),
+            ('length 0 instead of 1', imu(w=0.0)),
             ('NaN', imu(x=float('nan'))),
         ):
             refuse(bench, process, lambda s=sample: imus.publish(s), reason)

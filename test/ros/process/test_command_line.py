@@ -43,14 +43,14 @@ def test_help_begins_with_the_node_s_own_parameters() -> None:
     [
         ('periods:=3', "unknown argument 'periods:=3': set parameters with --ros-args -p"),
         ('--periods 3', "unknown argument '--periods'"),
-        ('--ros-args -p perods:=3', "unknown parameter 'perods': did you mean 'periods'?"),
-        ('--ros-args -p speed:=3', "unknown parameter 'speed' .player --help lists all"),
+        ('--ros-args -p perods:=3', "unknown parameter 'perods' in -p, did you mean 'periods'?"),
+        ('--ros-args -p speed:=3', "unknown parameter 'speed' in -p .player --help lists all"),
         ('--ros-args -p player:gain:=[3.0]', "did you mean 'gains'?"),
         (
             '--ros-args -p qos_overrides./joint_states.publisher.depth:=3',
             "unknown parameter 'qos_overrides./joint_states.publisher.depth'",
         ),
-        ('--ros-args -p plyer:periods:=3', '-p plyer:periods is for /plyer, not /player'),
+        ('--ros-args -p plyer:periods:=3', '-p plyer:periods sets a parameter of /plyer'),
     ],
 )
 def test_what_the_node_does_not_have_is_refused(line: str, said: str) -> None:
@@ -70,7 +70,7 @@ def check_file(tmp_path: Path, text: str) -> list[str]:
 
 
 def test_a_files_key_for_this_node_is_refused_with_file_and_hint(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"parameters.yaml: unknown parameter 'perods': did"):
+    with pytest.raises(UsageError, match=r"unknown parameter 'perods' in .*parameters.yaml, did"):
         check_file(tmp_path, '/**/player: {ros__parameters: {perods: 3}}')
 
 
@@ -89,7 +89,7 @@ def test_other_nodes_parameters_in_a_file_are_no_mistake(tmp_path: Path) -> None
     ('text', 'said'),
     [
         ('/**: {ros__parameters: {perods: 3}}', "did you mean 'periods'?"),
-        ('plyer: {ros__parameters: {periods: 3}}', 'no section for /player, but /plyer'),
+        ('plyer: {ros__parameters: {periods: 3}}', 'no section for /player, only for /plyer'),
     ],
 )
 def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
@@ -130,7 +130,7 @@ def test_a_mistyped_parameter_moves_nothing(ros_domain: dict[str, str], tmp_path
     done = run('excitation', parameters={'save': tmp_path / 'drawn.yaml', 'perods': 3})
     assert done.returncode == 2
     assert done.stderr == (
-        "excitation: -p: unknown parameter 'perods': did you mean 'periods'? "
+        "excitation: unknown parameter 'perods' in -p, did you mean 'periods'? "
         '(excitation --help lists all)\n'
     )
     assert not list(tmp_path.iterdir())

@@ -104,10 +104,10 @@ def test_help_may_be_cut_off(ros_domain) -> None:
     ('line', 'said'),
     [
         ('--periods', "script: unknown argument '--periods'"),
-        ('--ros-args -p perods:=3', "script: -p: unknown parameter 'perods': did you mean"),
+        ('--ros-args -p perods:=3', "script: unknown parameter 'perods' in -p, did you mean"),
         (
             '--ros-args -p pace:=3',
-            "script: -p: unknown parameter 'pace' (script --help lists all)\n",
+            "script: unknown parameter 'pace' in -p (script --help lists all)\n",
         ),
         ('--ros-args -p periods:=', 'script: -p periods:= has no value: write -p periods:=VALUE'),
         ('--ros-args --params-file /nowhere', 'script: parameter file /nowhere: No such file'),
@@ -141,5 +141,5 @@ def test_a_file_for_several_nodes_is_used_as_rclpy_understands_it(
     assert run_node('script', create, arguments, PARAMETERS) == 0
     assert found == [3]
     error = capsys.readouterr().err
-    assert error.startswith(f"script: warning: {file}: unknown parameter 'perods': did you")
+    assert error.startswith(f"script: warning: unknown parameter 'perods' in {file}, did you")
     assert error.count('\n') == 1

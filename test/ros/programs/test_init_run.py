@@ -171,4 +171,4 @@ def test_an_estimate_of_another_arm_is_refused(tmp_path: Path, capsys: Any) -> N
     found = {'joint_names': ['other'], 'viscous': [0.1], 'coulomb': [1.0], 'rotor_inertia': [0.0]}
     estimate.write_text(yaml.safe_dump({'/**': {'ros__parameters': found}}))
     assert main(['init', URDF, '--out', str(tmp_path), '--estimate', str(estimate)]) == 2
-    assert 'has no joint turn, shoulder, elbow, but other' in capsys.readouterr().err
+    assert 'has the joints other, but not turn, shoulder, elbow' in capsys.readouterr().err
