@@ -19,7 +19,7 @@ from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClientError
 
 _DISCOVERY_TIME = 4.0  # [s] at most for a bridge or a ground_link of this host to be found
 _ASK_AGAIN = 0.5  # [s]
-_PATIENCE = 30.0  # [s] for the drone's recorder to start
+_PATIENCE = 60.0  # [s] for the drone's recorder to start
 _SILENT = 1.5  # [s] of the drone that is reported
 _PROGRESS = 1.0  # [s]
 
