@@ -154,6 +154,7 @@ class Connection:
         self._session = Session(key, role)
         self._other_role = other_role
         self._peer = NO_SESSION
+        self._former: set[bytes] = set()
         self._rate = rate
         self._tokens, self._filled = 0.0, -inf
         self._values: dict[int, bytes] = {}
@@ -178,13 +179,32 @@ class Connection:
         """Queue a message and return it."""
         message = Message(channel, payload, priority, expires)
         if len(self._messages) >= _BACKLOG:
-            old = next((m for m in self._messages if m.priority == BULK), None)
-            if old is not None:
-                old.expires = -inf
-                self.dropped += 1
+            self._drop_oldest()
         self._messages.append(message)
         self._cut(message)
         return message
+
+    def _drop_oldest(self) -> None:
+        """Drop the oldest message that is least urgent.
+
+        While the other end is present, the numbers of the message must still arrive, so only its
+        content is dropped. After a long silence both ends begin again, with the messages left.
+        """
+        if self.is_joined and not self.is_up(self._filled):
+            self._session.renew()
+            self._former.clear()
+            self._peer = NO_SESSION
+            self._begin_again()
+        droppable = (m for m in self._messages if m.priority != URGENT and m.expires > -inf)
+        old = max(droppable, key=lambda m: m.priority, default=None)
+        if old is None:
+            return
+        old.expires = -inf
+        self.dropped += 1
+        if not self.is_joined:
+            old.is_expired = True
+            self._messages.remove(old)
+            self._parts = [part for part in self._parts if part.message is not old]
 
     def set_value(self, channel: int, payload: bytes) -> None:
         """Replace the value of a channel; it is sent once."""
@@ -302,6 +322,12 @@ class Connection:
             self.greets += 1
             return []
         if session != self._peer:
+            if session in self._former:
+                # The other end kept its numbers, so both ends must begin again.
+                self._session.renew()
+                self._former.clear()
+            if self.is_joined:
+                self._former.add(self._peer)
             self._peer = session
             self.peers += 1
             self._begin_again()

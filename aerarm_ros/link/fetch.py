@@ -8,6 +8,7 @@ wait behind a bag in the radio's queue.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import struct
@@ -20,6 +21,7 @@ BLOCK = 1024
 """Bytes of a block."""
 ASKED_MAX = 32
 """Blocks in one question."""
+_MARKER = '.fetch'  # file with the manifest of an incomplete bag
 PARTIAL = '.part'
 """Suffix of a file that is not complete."""
 
@@ -74,7 +76,8 @@ class FileServer:
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, self._paths[file].open('rb')
-        content = os.pread(self._open[1].fileno(), BLOCK, block * BLOCK)
+        left = int(str(self.manifest[file][1])) - block * BLOCK  # the file may have grown
+        content = os.pread(self._open[1].fileno(), max(0, min(BLOCK, left)), block * BLOCK)
         return _HEAD.pack(self._number, file, block) + content
 
     def close(self) -> None:
@@ -104,7 +107,7 @@ class Fetch:
     Raises
     ------
     ValueError
-        If the manifest names no files, or paths.
+        If the manifest names no files, or paths, or the folder contains another recording.
     OSError
         If the folder cannot be written.
     """
@@ -126,6 +129,7 @@ class Fetch:
         self._came: deque[bool] = deque(maxlen=100)
         self._file = -1
         self._stream: BinaryIO | None = None
+        self._claim(folder)
         self._next_file()
 
     @property
@@ -206,6 +210,21 @@ class Fetch:
             self._pace = min(self._rate, self._pace + 100.0 * elapsed)
         self._credit = min(self._credit + elapsed * self._pace, 0.1 * self._pace + 1.0)
 
+    def _claim(self, folder: Path) -> None:
+        """Mark the folder with the manifest, so that only this bag is continued in it."""
+        self._marker = folder / _MARKER
+        paths = {folder / name: size for name, size in self._files}
+        if all(path.is_file() and path.stat().st_size == size for path, size in paths.items()):
+            return
+        text = json.dumps(self._files)
+        if self._marker.exists() and self._marker.read_text() == text:
+            return
+        for path in paths:
+            if path.exists():
+                raise ValueError(f'{path} belongs to another recording: choose another name')
+            path.with_name(path.name + PARTIAL).unlink(missing_ok=True)
+        self._marker.write_text(text)
+
     def _next_file(self) -> None:
         """Open the next file that is not complete."""
         self._waiting: dict[int, bytes] = {}
@@ -214,6 +233,7 @@ class Fetch:
         while True:
             self._file += 1
             if self.is_complete:
+                self._marker.unlink(missing_ok=True)
                 return
             name, size = self._files[self._file]
             path = self._folder / name

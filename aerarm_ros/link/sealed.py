@@ -100,12 +100,16 @@ class Session:
     """
 
     def __init__(self, key: bytes, role: str) -> None:
-        self.own = secrets.token_bytes(SESSION_SIZE)
         self._key = key
         self._role = role
-        self._counter = 0
-        self._cipher = _cipher(key, role, self.own)
         self._others: dict[bytes, _Other] = {}
+        self.renew()
+
+    def renew(self) -> None:
+        """Begin a new session of this end, as a restart does."""
+        self.own = secrets.token_bytes(SESSION_SIZE)
+        self._counter = 0
+        self._cipher = _cipher(self._key, self._role, self.own)
 
     def seal(self, to: bytes, body: bytes) -> bytes:
         """Return a datagram to a session of the other end, or to `NO_SESSION` if unknown."""

@@ -208,3 +208,48 @@ def test_states_do_not_wait_behind_what_was_kept_during_a_cut() -> None:
     # The backlog gets its share.
     bulk = [1 for _, received in link.came['ground'][before:] if received.channel == 9]
     assert len(bulk) > 30
+
+
+def test_a_former_ground_that_returns_is_received_again() -> None:
+    link = Link()
+    link.run(5.0, lambda: link.drone.is_joined and link.ground.is_joined)
+    first = link.ground
+    for number in range(150):
+        first.send(3, bytes([number]))
+        link.drone.send(4, bytes([number]))
+        link.run(0.05)
+    link.ground = Connection(KEY, 'ground', 'drone', 9_000.0)
+    link.run(5.0, lambda: link.ground.is_up(link.now) and link.drone.peers == 2)
+    link.ground.send(3, b'second')
+    link.run(2.0)
+    link.ground = first
+    link.came = {'drone': [], 'ground': []}
+    link.run(3.0)
+    first.send(5, b'stop', URGENT)
+    link.drone.send(6, b'event')
+    link.run(2.0)
+    assert b'stop' in link.payloads('drone')
+    assert b'event' in link.payloads('ground')
+    assert not first.waiting
+    assert not link.drone.waiting
+
+
+@pytest.mark.parametrize('is_known', [False, True], ids=['no ground yet', 'ground lost'])
+def test_the_backlog_is_bounded_and_keeps_what_is_urgent(is_known: bool) -> None:
+    link = Link()
+    if is_known:
+        link.run(5.0, lambda: link.drone.is_joined and link.ground.is_joined)
+    link.is_cut = True
+    link.run(2.0)
+    link.came = {'drone': [], 'ground': []}
+    link.drone.send(7, b'urgent', URGENT)
+    for number in range(5000):
+        link.drone.send(3, number.to_bytes(2, 'little'), BULK)
+    assert link.drone.waiting <= 2000
+    assert link.drone.dropped >= 3000
+    link.is_cut = False
+    link.run(120.0, lambda: not link.drone.waiting)
+    came = link.payloads('ground')
+    assert b'urgent' in came
+    assert came[-1] == (4999).to_bytes(2, 'little')
+    assert len(came) == len(set(came))

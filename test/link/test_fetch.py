@@ -126,6 +126,37 @@ def test_a_bag_that_was_recorded_again_is_not_mixed_with_the_old_one(
     assert fetch.stored == 0
 
 
+def test_another_recording_of_the_same_name_is_kept(bag: Path, tmp_path: Path) -> None:
+    here = tmp_path / 'ground'
+    here.mkdir()
+    (here / 'bag_0.mcap').write_bytes(b'recorded on the ground')
+    with pytest.raises(ValueError, match='bag_0.mcap belongs to another recording'):
+        fetch_into(Radio(bag), here)
+    assert (here / 'bag_0.mcap').read_bytes() == b'recorded on the ground'
+
+
+def test_part_of_another_recording_is_not_continued(bag: Path, tmp_path: Path) -> None:
+    radio = Radio(bag)
+    fetch = fetch_into(radio, tmp_path / 'ground', 100.0)
+    radio.run(fetch, 60.0, lambda: fetch.stored > 100 * BLOCK)
+    fetch.close()
+    (bag / 'bag_0.mcap').write_bytes(random.Random(5).randbytes(200 * BLOCK))
+    other = Radio(bag)
+    again = fetch_into(other, tmp_path / 'ground')
+    assert again.stored == 0
+    other.run(again, 60.0, lambda: again.is_complete)
+    assert same(bag, tmp_path / 'ground')
+
+
+def test_a_file_that_grows_is_fetched_as_it_was(bag: Path, tmp_path: Path) -> None:
+    radio = Radio(bag)
+    fetch = fetch_into(radio, tmp_path / 'ground')
+    with (bag / 'metadata.yaml').open('ab') as stream:
+        stream.write(b' and more')
+    radio.run(fetch, 60.0, lambda: fetch.is_complete)
+    assert (tmp_path / 'ground' / 'metadata.yaml').read_bytes() == b'rosbag2'
+
+
 @pytest.mark.parametrize('name', ['../x', '/etc/passwd', '.hidden', '', 'a/b', 'a' * 101])
 def test_no_path_is_a_name(name: str, tmp_path: Path) -> None:
     assert not is_name(name)

@@ -53,8 +53,9 @@ _BUFFER = 8192  # bytes; a slow radio must not queue old datagrams
 _CLOCK_MAX = 0.02  # [s]
 _CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
 _DATAGRAM_MAX = 2048
-# Exceptions caused by messages of another version of `ground_link`.
-_MALFORMED = (ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
+_DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
+# Exceptions caused by messages of another version of `ground_link`, or by a full disk.
+_MALFORMED = (OSError, ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
 
 
 class LinkEnd:
@@ -147,7 +148,7 @@ class LinkEnd:
 
     def _receive(self) -> list[Received]:
         came: list[Received] = []
-        while True:
+        for _ in range(_DATAGRAMS_MAX):
             try:
                 datagram, address = self._socket.recvfrom(_DATAGRAM_MAX)
             except OSError:  # no more data, or the other end has not started yet
@@ -157,6 +158,7 @@ class LinkEnd:
             came += self.connection.receive(datagram, 1e-9 * now_ns, now_ns, time.time_ns())
             if before != (self.connection.traffic.received, self.connection.greets):
                 self._address = address  # the datagram is authentic
+        return came
 
     def _send(self, now: float) -> None:
         assert self._address is not None
@@ -277,7 +279,10 @@ class DroneEnd(LinkEnd):
             self._topics.update(now)
             self._services.update(now)
             self._watchdog.update(now, self.connection.last_received)
-            self._recordings.update(now, self.connection.last_received)
+            try:
+                self._recordings.update(now, self.connection.last_received)
+            except _MALFORMED as error:  # a full disk, for example, must not end the e-stop's way
+                self._recordings.fail(error)
         if self._address is not None:
             self._recordings.send(self._send_datagram)
         return False

@@ -78,11 +78,24 @@ class DroneRecordings:
         request = json.loads(content)
         name = str(request['name'])
         if not is_name(name):
-            self._report(name, FAILED, f"'{name}' is no name of a bag: use letters, digits, _ - .")
-        elif request['do'] == RECORD:
-            self._record(name)
-        elif request['do'] == FINISH:
-            self._finish(name)
+            self._report(
+                name, FAILED, f"'{name}' is not a bag name: use letters, digits, _, - and ."
+            )
+            return
+        try:
+            if request['do'] == RECORD:
+                self._record(name)
+            elif request['do'] == FINISH:
+                self._finish(name)
+        except OSError as error:
+            self._report(name, FAILED, f'{self._folder} on the drone: {error}')
+
+    def fail(self, error: Exception) -> None:
+        """Report an error of the recording, and let the recorder complete its bag."""
+        self._report(self._name, FAILED, f'recording of {self._name} on the drone: {error}')
+        if self._process is not None and self._process.returncode is not None:
+            self._process = None
+        self._ask_to_end()
 
     def take_question(self, content: bytes) -> None:
         """Note which blocks the ground asks for."""

@@ -42,6 +42,7 @@ _LIFETIME = 1.0  # [s] in which a call must reach the drone
 _ANSWER_TIMEOUT = 30.0  # [s]; as long as the longest wait of the command `arm`
 _STOP_NOTICE = 1.0  # [s] after which the user is warned that the stop is not delivered yet
 _LOOKS = 0.5  # [s] between two checks for services
+_STOP_AGAIN = 0.2  # [s] between two requests of an e-stop that the bridge has not answered
 
 
 class DroneServices:
@@ -64,12 +65,19 @@ class DroneServices:
         self._clients: dict[str, Client] = {}
         self._offered: dict[str, str] = {}
         self._calls: dict[tuple[str, int], tuple[int, float]] = {}
+        self._stops: dict[int, tuple[str, bytes]] = {}
+        self._stopped = -inf
 
     def update(self, now: float) -> None:
         """Check for services periodically, and send received answers."""
         if now - self._looked > _LOOKS:
             self._looked = now
             self._look()
+        # The bridge may not be discovered yet, or not receive a request to a new client.
+        if self._stops and now - self._stopped > _STOP_AGAIN:
+            self._stopped = now
+            for number, (name, request) in self._stops.items():
+                self._request(number, name, request, now)
         waiting = {name for name, _ in self._calls}
         for name in waiting:
             client = self._clients[name]
@@ -79,6 +87,7 @@ class DroneServices:
                     break
                 call = self._calls.pop((name, header.request_id.sequence_number), None)
                 if call is not None:
+                    self._stops.pop(call[0], None)
                     content = _CALL.pack(call[0], 0) + serialize_message(response)
                     if name.endswith(f'/{E_STOP}'):
                         self._connection.send(STOP_RESULTS, content, URGENT)
@@ -90,10 +99,16 @@ class DroneServices:
         """Call a service for a client on the ground computer."""
         number, length = _CALL.unpack_from(content)
         name = content[_CALL.size : _CALL.size + length].decode()
+        if name.endswith(f'/{E_STOP}'):
+            self._stops[number] = name, content[_CALL.size + length :]
+            self._stopped = now
+        self._request(number, name, content[_CALL.size + length :], now)
+
+    def _request(self, number: int, name: str, content: bytes, now: float) -> None:
         client = self._clients.get(name)
         if client is None:
             return
-        request = deserialize_message(content[_CALL.size + length :], client.srv_type.Request)
+        request = deserialize_message(content, client.srv_type.Request)
         sequence = client.handle.send_request(request)
         self._calls[name, sequence] = number, now + _ANSWER_TIMEOUT
 
@@ -165,7 +180,9 @@ class GroundServices:
     def take_offered(self, content: bytes) -> None:
         """Offer the services that the drone announces, and remove others."""
         offered = json.loads(content)
-        for name in self._services.keys() - offered.keys():
+        # A restarted drone offers nothing before it has discovered its bridge: stops wait for it.
+        gone = {name for name in self._services.keys() - offered.keys() if E_STOP not in name}
+        for name in gone:
             self._node.destroy_service(self._services.pop(name))
         for name in sorted(offered.keys() - self._services.keys(), key=lambda n: E_STOP not in n):
             self._services[name] = self._node.create_service(
@@ -234,6 +251,8 @@ class GroundServices:
                 self._answer(call, Trigger.Response(success=False, message=text))
             if now - call.begin > _ANSWER_TIMEOUT and call.message.is_confirmed:
                 del self._calls[number]
+                self._log(True, f'{name}: the drone received the e-stop, but no bridge answered: '
+                          'check the bridge on the drone')  # fmt: skip
         elif call.message.is_expired and not call.is_answered:
             del self._calls[number]
             text = f'not delivered within {_LIFETIME:g} s, because the drone has been silent for '

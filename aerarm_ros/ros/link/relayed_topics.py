@@ -121,7 +121,7 @@ class DroneTopics:
     def greet(self) -> None:
         """Send latched messages and layouts to a ground computer whose link has just started."""
         for channel, (payload, message) in list(self._latched.items()):
-            if message.is_confirmed:
+            if message.is_confirmed or message.is_expired:
                 self._send_event(channel, payload)
         for channel, stream in enumerate(self._windows):
             if stream.layout:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import mmap
 import os
 import re
 import select
@@ -47,17 +46,16 @@ def shorten_wait(path: Path) -> bool:
     if found is None:
         return False
     port = struct.pack('<I', int(found[1]))
-    with path.open('r+b') as stream:
-        if os.fstat(stream.fileno()).st_size < _FIELDS.size:
-            return False
-        with mmap.mmap(stream.fileno(), 0) as content:
-            place = content.find(port)
-            while 0 <= place <= len(content) - _FIELDS.size:
-                _, _, check, wait = _FIELDS.unpack_from(content, place)
-                if check in _CHECK_MS and wait in (check // 3, WAIT_MS):
-                    struct.pack_into('<I', content, place + 12, min(wait, WAIT_MS))
-                    return True
-                place = content.find(port, place + 1)
+    # Not mapped: a file that its owner shortens would end the bridge with SIGBUS.
+    with path.open('r+b', buffering=0) as stream:
+        content = stream.read()
+        place = content.find(port)
+        while 0 <= place <= len(content) - _FIELDS.size:
+            _, _, check, wait = _FIELDS.unpack_from(content, place)
+            if check in _CHECK_MS and wait in (check // 3, WAIT_MS):
+                os.pwrite(stream.fileno(), struct.pack('<I', min(wait, WAIT_MS)), place + 12)
+                return True
+            place = content.find(port, place + 1)
     return False
 
 
@@ -103,10 +101,13 @@ class PortWatch:
     def _work(self) -> None:
         for path in self._folder.glob('fastrtps_port*'):
             self._shorten(path)
+        poll = select.poll()
+        poll.register(self._events, select.POLLIN)
         while not self._is_over.is_set():
-            if select.select([self._events], [], [], _POLL)[0]:
-                for name in _names(os.read(self._events, 65536)):
-                    self._shorten(self._folder / name)
+            if poll.poll(1e3 * _POLL):
+                with contextlib.suppress(OSError):
+                    for name in _names(os.read(self._events, 65536)):
+                        self._shorten(self._folder / name)
 
     def _shorten(self, path: Path) -> None:
         """Shorten the wait of a port that its owner may not have filled yet."""
