@@ -92,7 +92,10 @@ def test_after_a_gap_an_old_plan_is_none(forecast: ArmForecast) -> None:
     [
         (lambda t, q, dq, ddq: (t[:1], q[:1], dq[:1], ddq[:1]), 'two points or more'),
         (lambda t, q, dq, ddq: (t, q, dq, np.zeros((0,))), 'positions, velocities'),
-        (lambda t, q, dq, ddq: (t, q[:, :3], dq[:, :3], ddq[:, :3]), 'needs 4 joints'),
+        (
+            lambda t, q, dq, ddq: (t, q[:, :3], dq[:, :3], ddq[:, :3]),
+            'each point needs values of 4 joints',
+        ),
         (lambda t, q, dq, ddq: (t, q * np.nan, dq, ddq), 'finite'),
         (lambda t, q, dq, ddq: (t[::-1], q, dq, ddq), 'rise from 0'),
         (lambda t, q, dq, ddq: (200.0 * t, q, dq, ddq), '10 s at most'),

@@ -266,7 +266,7 @@ REACTION_PARAMETERS = grouped(
         5.0,
     ),
     Parameter(
-        'comply_stiffness', 0.02, 'share of kp in effect while the arm complies', '', 1e-4, 1.0
+        'comply_stiffness', 0.02, 'fraction of kp in effect while the arm complies', '', 1e-4, 1.0
     ),
 )
 
