@@ -96,7 +96,7 @@ def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig) -> N
     process = rig.arm('record', 'flight')
     log = rig.folder / 'arm_record.log'
     wait_for_text(log, 'Ctrl-C ends it')
-    time.sleep(1.0)
+    time.sleep(2.0)
     process.send_signal(signal.SIGINT)
     wait_for_text(log, 'fetching')
     rig.relay.tell('cut 1')

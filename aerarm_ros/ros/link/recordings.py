@@ -39,7 +39,7 @@ RECORDING, STORED, FETCHING, COMPLETE, FAILED = STATES = (
 
 METADATA = 'metadata.yaml'
 _REPORT_PERIOD = 0.5  # [s]
-_MATCHING_TIME = 5.0  # [s] for the recorder to find a bridge
+_MATCHING_TIME = 20.0  # [s] for the recorder to find a bridge on a busy computer
 _SILENCE_MAX = 600.0  # [s] of the ground, after which the drone completes the bag
 _BURST = 3  # datagrams of blocks per step: what the socket's buffer holds
 _START_LIFETIME = 2.0  # [s] in which a request to record must reach the drone
