@@ -176,11 +176,6 @@ class MomentumObserver:
     friction : FrictionCompensation, optional
         Model of the friction tau_f, by measured velocity; without it r contains friction.
 
-    Attributes
-    ----------
-    momentum, bias, friction : (n,) ndarray
-        p [Nms], h [Nm] and tau_f [Nm] of the last state.
-
     Raises
     ------
     ValueError
@@ -200,7 +195,6 @@ class MomentumObserver:
         self._last_dq: Array | None = None
         self._summed = np.zeros(dynamics.n)
         self._residual = np.zeros(dynamics.n)
-        self.momentum = self.bias = self.friction = np.zeros(dynamics.n)
 
     @property
     def residual(self) -> Array:
@@ -213,16 +207,6 @@ class MomentumObserver:
         self._summed = np.zeros_like(self._summed)
         self._residual = np.zeros_like(self._residual)
 
-    def rebase(self, q: Array, dq: Array, base: BaseMotion | None = None) -> None:
-        """Go on with dynamics that have changed at a state, as by a payload that moves along.
-
-        The momentum of what was added is there at once; it is no torque.
-        """
-        if self._integral is not None:
-            momentum, _ = self._momentum(q, dq, base)
-            self._integral = self._integral + momentum - self.momentum
-            self.momentum = momentum
-
     def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Array:
         """Process the state after a cycle of `dt` [s] and return r, (n,) [Nm].
 
@@ -230,15 +214,13 @@ class MomentumObserver:
         """
         q, dq, tau = state
         p, inertia_rate = self._momentum(q, dq, base)
-        bias = self._dynamics.bias(q, dq, base)
-        self.momentum, self.bias = p, bias
-        rate = tau - bias + inertia_rate
-        if self._friction is not None:
-            self.friction = self._friction.torque(dq, bias)
-            rate -= self.friction
         if self._integral is None:
             self._integral = p
             return self._residual
+        bias = self._dynamics.bias(q, dq, base)
+        rate = tau - bias + inertia_rate
+        if self._friction is not None:
+            rate -= self._friction.torque(dq, bias)
         integral = self._integral + dt * rate
         # Backward Euler: stable for every gain and cycle.
         self._residual = self._gain * (p - integral) / (1.0 + dt * self._gain)
