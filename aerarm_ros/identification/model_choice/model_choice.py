@@ -242,8 +242,8 @@ def select_terms(
     """Choose the friction and rotor terms of every joint by cross-validation.
 
     Each joint goes through three steps before the next joint. First the velocity width of dry
-    friction and its dependence on load are chosen. Then saturating viscous friction, Stribeck friction,
-    asymmetry and offset are tested on held-out motion. Finally the first step is repeated.
+    friction and its dependence on load are chosen. Then saturating viscous friction,
+    Stribeck friction, asymmetry and offset are tested on held-out motion. Finally the first step is repeated.
 
     Parameters
     ----------
