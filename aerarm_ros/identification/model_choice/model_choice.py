@@ -243,7 +243,8 @@ def select_terms(
 
     Each joint goes through three steps before the next joint. First the velocity width of dry
     friction and its dependence on load are chosen. Then saturating viscous friction,
-    Stribeck friction, asymmetry and offset are tested on held-out motion. Finally the first step is repeated.
+    Stribeck friction, asymmetry and offset are tested on held-out motion. Finally the
+    first step is repeated.
 
     Parameters
     ----------
