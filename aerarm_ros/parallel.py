@@ -13,10 +13,14 @@ import resource
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from aerarm_ros.realtime.scheduling import use_one_thread
@@ -49,9 +53,10 @@ class Failure:
 
 def run_each(
     function: Callable[[Item], Result],
-    items: Sequence[Item],
+    items: Iterable[Item],
     workers: int = 0,
     memory: float = 0.0,
+    prepare: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, Result | Failure]]:
     """Yield the number and the result of each run as soon as the run ends.
 
@@ -61,40 +66,76 @@ def run_each(
     ----------
     function : callable
         Picklable, without side effects: the run of a killed process is repeated.
-    items : sequence
-        Picklable arguments of `function`, one per run.
+    items : iterable
+        Picklable arguments of `function`, one per run; taken when the run starts.
     workers : int
         Number of processes; 0 for the number of CPUs.
     memory : float
         Memory limit of each process [GiB]; 0 for no limit.
+    prepare : callable, optional
+        Picklable; each process calls it once before its first run.
     """
     workers = workers or os.cpu_count() or 1
-    waiting = deque(range(len(items)))
-    suspects: deque[int] = deque()
-    while waiting or suspects:
+    waiting = enumerate(items)
+    suspects: deque[tuple[int, Item]] = deque()
+    while True:
         # Which of the concurrent runs was killed is unknown, so each is repeated alone.
         alone = bool(suspects)
-        source, count = (suspects, 1) if alone else (waiting, workers * _TASKS)
-        batch = deque(source.popleft() for _ in range(min(count, len(source))))
-        running: dict[Future[Result], int] = {}
-        pool = _pool(1 if alone else min(workers, len(batch)), memory)
+        source = iter([suspects.popleft()]) if alone else islice(waiting, workers * _TASKS)
+        running: dict[Future[Result] | None, tuple[int, Item]] = {}
+        pool = _pool(1 if alone else workers, memory, prepare)
+        count = 0
         try:
-            while batch or running:
-                while batch and len(running) < workers:
-                    future = pool.submit(function, items[batch[0]])
-                    running[future] = batch.popleft()
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+            while True:
+                while len(running) < workers and (run := next(source, None)) is not None:
+                    count += 1
+                    running[None] = run  # until it is submitted, which fails in a broken pool
+                    with _interrupts_held_back():
+                        future = pool.submit(function, run[1])
+                    running[future] = running.pop(None)
+                if not running:
+                    break
+                for future in wait(filter(None, running), return_when=FIRST_COMPLETED).done:
                     outcome = _outcome(future)
-                    yield running.pop(future), outcome
+                    yield running.pop(future)[0], outcome
         except BrokenProcessPool:
-            lost = sorted(running.values())
+            lost = sorted(running.values(), key=lambda run: run[0])
             if alone:
-                yield from ((index, Failure(_KILLED, is_final=False)) for index in lost or batch)
+                yield from ((index, Failure(_KILLED, is_final=False)) for index, _ in lost)
             else:
                 suspects.extend(lost)
-                waiting.extendleft(reversed(batch))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+        if not count:
+            return
+
+
+def run_in_order(
+    function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], workers: int = 0
+) -> Generator[Result, None, None]:
+    """Yield the result of each run, in the order of the arguments.
+
+    Parameters
+    ----------
+    function, workers
+        As for `run_each`.
+    arguments : sequence of tuple
+        Picklable positional arguments of `function`, one tuple per run.
+
+    Raises
+    ------
+    RuntimeError
+        If a run has failed.
+    """
+    results: dict[int, Result] = {}
+    following = 0
+    for index, outcome in run_each(partial(_call, function), arguments, workers):
+        if isinstance(outcome, Failure):
+            raise RuntimeError(f'run {index} of {len(arguments)} failed: {outcome.reason}')
+        results[index] = outcome
+        while following in results:
+            yield results.pop(following)
+            following += 1
 
 
 def run_each_on_ray(
@@ -156,6 +197,10 @@ def _here() -> dict[str, Any]:
     return {'env_vars': {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}}
 
 
+def _call(function: Callable[..., Result], arguments: tuple[Any, ...]) -> Result:
+    return function(*arguments)
+
+
 def _outcome(future: Future[Result]) -> Result | Failure:
     try:
         return future.result()
@@ -170,16 +215,33 @@ def _reason(error: BaseException) -> str:
     return f'{type(error).__name__}: {text}' if text else type(error).__name__
 
 
-def _pool(workers: int, memory: float) -> ProcessPoolExecutor:
+def _pool(workers: int, memory: float, prepare: Callable[[], None] | None) -> ProcessPoolExecutor:
     # Spawn instead of fork: the parent may have threads (BLAS, a ROS context).
     context = multiprocessing.get_context('spawn')
-    return ProcessPoolExecutor(workers, context, _prepare, (memory,))
+    return ProcessPoolExecutor(workers, context, _prepare, (memory, prepare))
 
 
-def _prepare(memory: float) -> None:
+def _prepare(memory: float, prepare: Callable[[], None] | None) -> None:
     """Prepare a worker process: ignore Ctrl-C, which the parent handles, and limit the memory."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     use_one_thread()
     if memory > 0.0:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         resource.setrlimit(resource.RLIMIT_DATA, (int(memory * _GIB), most))
+    if prepare is not None:
+        prepare()
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Block SIGINT in this thread, and permanently in processes started in this context.
+
+    Ctrl-C sends SIGINT to every process of the terminal; only the parent handles it.
+    """
+    # started now; the pool would start the resource tracker later, which would unblock SIGINT
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

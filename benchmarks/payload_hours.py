@@ -9,7 +9,6 @@ of each session the arm picks up and puts down a payload; the detection and its 
 import argparse
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from importlib.metadata import files
 from pathlib import Path
@@ -25,6 +24,7 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_estimator import EstimatorSettings, PayloadEstimator
+from aerarm_ros.parallel import run_in_order
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters, Spread
 
 CYCLE = 1e-3  # [s]
@@ -287,15 +287,14 @@ def main() -> int:
     options = parser.parse_args()
     runs = max(round(3600.0 * options.hours / options.seconds), 1)
     jobs = [
-        Job(n, seed, options.seconds, options.runs, options.model_error)
+        (Job(n, seed, options.seconds, options.runs, options.model_error),)
         for seed in range(runs)
         for n in options.joints
     ]
     results = []
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for result in pool.map(session, jobs):
-            results.append(result)
-            print(*result, flush=True)
+    for result in run_in_order(session, jobs, options.jobs):
+        results.append(result)
+        print(*result, flush=True)
     report(results, options.seconds)
     return 0
 

@@ -5,7 +5,6 @@ its frames, the boards' control laws, quantized encoders and filtered velocities
 that every run is reproducible.
 """
 
-import multiprocessing
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,12 +23,12 @@ from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, Compute
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.excitation.parallel_design import interrupts_held_back
 from aerarm_ros.excitation.trajectory import RampedExcitation
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport, mount_on_base
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.motion.signals import ArmState, Array, JointReference
+from aerarm_ros.parallel import run_in_order
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, MOVING, STILL, TILTED
 from aerarm_ros.simulation.flying_plant import MovingBasePlant
@@ -266,8 +265,4 @@ def run_all(
     if workers == 1:
         yield from map(bench.run, cases)
         return
-    # Spawned rather than forked, because MuJoCo and Pinocchio may have threads.
-    with interrupts_held_back():
-        pool = multiprocessing.get_context('spawn').Pool(workers)
-    with pool:
-        yield from pool.imap(bench.run, cases)
+    yield from run_in_order(bench.run, [(case,) for case in cases], workers)

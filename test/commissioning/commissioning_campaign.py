@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 
 from aerarm_ros.commissioning.commissioning import Commissioning
@@ -23,6 +22,7 @@ from aerarm_ros.hardware.boards.commissioning_probe import ProbeReport, ProbeReq
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.emulation.fault_injection import FaultRequest
+from aerarm_ros.parallel import run_in_order
 
 _ASK_EVERY = 100  # cycles between two requests of the client
 _LONGEST = 200.0  # [s] of virtual time
@@ -105,8 +105,7 @@ class CommissionedArm:
         return guided.record
 
 
-def _run(case: tuple[int, str]) -> tuple[int, str, list[str]]:
-    seed, fault = case
+def _run(seed: int, fault: str) -> tuple[int, str, list[str]]:
     joints = None
     if fault:  # the joints of the fault's board, or the joint of its channel
         places = [int(place) for place in fault.split(':')[1:3]]
@@ -124,14 +123,11 @@ def main() -> int:
     cases = [(seed, '') for seed in range(options.seeds)]
     cases += [(seed % 10, fault) for seed, fault in enumerate(ERRORS)]
     wrong = 0
-    with ProcessPoolExecutor(options.processes) as pool:
-        for seed, fault, findings in pool.map(_run, cases):
-            said = '; '.join(findings)
-            good = ERRORS[fault] in said if fault else not findings
-            wrong += not good
-            print(
-                f'{"ok " if good else "BAD"} seed {seed} {fault or "healthy"}: {said}', flush=True
-            )
+    for seed, fault, findings in run_in_order(_run, cases, options.processes):
+        said = '; '.join(findings)
+        good = ERRORS[fault] in said if fault else not findings
+        wrong += not good
+        print(f'{"ok " if good else "BAD"} seed {seed} {fault or "healthy"}: {said}', flush=True)
     print(f'{len(cases)} arms, {wrong} misjudged')
     return 1 if wrong else 0
 

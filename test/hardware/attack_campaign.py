@@ -14,8 +14,8 @@ commands switches its motors off after `board_timeout`, and the arm falls.
 
 import argparse
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from attack_rig import AttackRig
@@ -27,6 +27,7 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
 from aerarm_ros.model.drive_train import DriveTrain
+from aerarm_ros.parallel import run_in_order
 
 BEYOND_MAX = 0.02  # [rad]
 SPEED_MAX = 1.15
@@ -133,15 +134,15 @@ def _row(outcomes: list[Outcome]) -> str:
     )
 
 
-def _sweep(pool: ProcessPoolExecutor, options: argparse.Namespace, rate: float) -> int:
+def _sweep(options: argparse.Namespace, rate: float) -> int:
     """Run all attacks at one rate of lost commands; return the number of broken promises."""
     settings = BridgeSettings(period=options.period)
-    futures = [
-        pool.submit(run, name, number, _LOSING_SECONDS, settings, rate)
+    runs = [
+        (name, number, _LOSING_SECONDS, settings, rate)
         for name in options.only
         for number in range(options.first, options.first + options.runs)
     ]
-    outcomes = [future.result() for future in futures]
+    outcomes = list(run_in_order(run, runs, options.processes))
     broken = [
         outcome
         for outcome in outcomes
@@ -165,12 +166,12 @@ def _zero_row(name: str, outcomes: list[ZeroOutcome]) -> str:
     )
 
 
-def _attack_zeros(pool: ProcessPoolExecutor, names: list[str], numbers: range) -> int:
+def _attack_zeros(names: list[str], numbers: range, processes: int) -> int:
     """Print rows for unknown zeros and for restarts; return the number of broken promises."""
     broken = 0
     for name, attack in (('unknown zeros', attack_unknown), ('restarts', attack_restart)):
-        futures = [pool.submit(attack, one, number) for one in names for number in numbers]
-        outcomes = [future.result() for future in futures]
+        runs = [(one, number) for one in names for number in numbers]
+        outcomes = list(run_in_order(attack, runs, processes))
         print(_zero_row(name, outcomes), flush=True)
         for outcome in outcomes:
             if not outcome.is_clean or outcome.beyond > BEYOND_MAX or outcome.speed > SPEED_MAX:
@@ -186,33 +187,31 @@ def main() -> int:
     parser.add_argument('--first', type=int, default=0, help='number of the first')
     parser.add_argument('--only', nargs='*', default=list(ATTACKS))
     parser.add_argument('--zeros-only', action='store_true', help='unknown zeros and restarts')
-    parser.add_argument('--processes', type=int, default=None)
+    parser.add_argument('--processes', type=int, default=0)
     parser.add_argument('--verbose', action='store_true')
     parser.add_argument('--period', type=float, default=BridgeSettings().period, help="the host's")
     parser.add_argument('--lost-commands', type=float, nargs='*', default=[], metavar='RATE')
     options = parser.parse_args()
     settings = BridgeSettings(period=options.period)
     broken = 0
-    with ProcessPoolExecutor(options.processes) as pool:
-        if options.lost_commands:
-            broken = sum(_sweep(pool, options, rate) for rate in options.lost_commands)
-            print(f'{broken} runs broke a promise')
-            return 1 if broken else 0
-        numbers = range(options.first, options.first + options.runs)
-        futures = {
-            name: [pool.submit(run, name, number, _SECONDS, settings) for number in numbers]
-            for name in ([] if options.zeros_only else options.only)
-        }
-        for waiting in futures.values():
-            outcomes = [future.result() for future in waiting]
-            print(_row(outcomes), flush=True)
-            for outcome in outcomes:
-                fast = outcome.speed > SPEED_MAX
-                bad = outcome.beyond > BEYOND_MAX or fast or outcome.is_doubted
-                broken += bad
-                if bad or options.verbose:
-                    print(f'  #{outcome.number}: {outcome}', flush=True)
-        broken += _attack_zeros(pool, options.only, numbers)
+    if options.lost_commands:
+        broken = sum(_sweep(options, rate) for rate in options.lost_commands)
+        print(f'{broken} runs broke a promise')
+        return 1 if broken else 0
+    numbers = range(options.first, options.first + options.runs)
+    names = [] if options.zeros_only else options.only
+    runs = [(name, number, _SECONDS, settings) for name in names for number in numbers]
+    results = run_in_order(run, runs, options.processes)
+    for _ in names:
+        outcomes = list(islice(results, len(numbers)))
+        print(_row(outcomes), flush=True)
+        for outcome in outcomes:
+            fast = outcome.speed > SPEED_MAX
+            bad = outcome.beyond > BEYOND_MAX or fast or outcome.is_doubted
+            broken += bad
+            if bad or options.verbose:
+                print(f'  #{outcome.number}: {outcome}', flush=True)
+    broken += _attack_zeros(options.only, numbers, options.processes)
     print(f'{broken} runs broke a promise')
     return 1 if broken else 0
 

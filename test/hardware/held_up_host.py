@@ -8,8 +8,9 @@ number of trials, prints one row per kind, and returns 1 if a trial failed.
 import argparse
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from math import inf
 
 import numpy as np
@@ -20,6 +21,7 @@ from attack_world import ANSWER, EXCHANGE, READ, WAKE
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.parallel import run_in_order
 
 POINTS = (WAKE, READ, f'{EXCHANGE} 0', f'{ANSWER} 0', f'{EXCHANGE} 1', f'{ANSWER} 1')
 _MARGIN = 0.35  # [rad] margin of the motions to the position limits
@@ -261,24 +263,21 @@ def main() -> int:
     parser.add_argument('--only', nargs='*', default=list(MOTIONS))
     parser.add_argument('--longest', type=float, default=15e-3, help='hold-up [s]')
     parser.add_argument('--every', type=float, default=25.0, help='cycles')
-    parser.add_argument('--processes', type=int, default=None)
+    parser.add_argument('--processes', type=int, default=0)
     options = parser.parse_args()
     unclean = 0
-    with ProcessPoolExecutor(options.processes) as pool:
-        numbers = range(options.first, options.first + options.runs)
-        delays = {'longest': options.longest, 'every': options.every}
-        futures = {
-            motion: [pool.submit(run, motion, number, **delays) for number in numbers]
-            for motion in options.only
-        }
-        for motion, waiting in futures.items():
-            trials = [future.result() for future in waiting]
-            bad = [trial for trial in trials if not trial.is_clean]
-            unclean += len(bad)
-            count, speed = sum(t.delays for t in trials), max(t.speed for t in trials)
-            print(f'{motion:20}{count:6} hold-ups{speed:7.2f} of the speed limit', flush=True)
-            for trial in bad:
-                print(f'  {trial}', flush=True)
+    numbers = range(options.first, options.first + options.runs)
+    trial_of = partial(run, longest=options.longest, every=options.every)
+    runs = [(motion, number) for motion in options.only for number in numbers]
+    results = run_in_order(trial_of, runs, options.processes)
+    for motion in options.only:
+        trials = list(islice(results, len(numbers)))
+        bad = [trial for trial in trials if not trial.is_clean]
+        unclean += len(bad)
+        count, speed = sum(t.delays for t in trials), max(t.speed for t in trials)
+        print(f'{motion:20}{count:6} hold-ups{speed:7.2f} of the speed limit', flush=True)
+        for trial in bad:
+            print(f'  {trial}', flush=True)
     print(f'{unclean} trials with a false fault, a drop or too much speed')
     return 1 if unclean else 0
 
