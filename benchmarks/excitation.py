@@ -4,7 +4,9 @@
 2. Standard deviations of the parameters identified from the emulated arm after playing them.
 3. A thousand random trajectories around a drone's landing gear: accepted trajectories are checked
    in MuJoCo, which shares only the URDF with the checker.
-4. FIGAROH's trajectory generator on the same arm (excitation_peers.py), unless --no-peers is given.
+4. Designs for a UR10 and a Panda by default settings, compared with the best of 100 random
+   trajectories.
+5. FIGAROH's trajectory generator on the same arm (excitation_peers.py), unless --no-peers is given.
 
 Each figure is printed with its goal. The exit status is 1 if an unsafe trajectory is accepted.
 """
@@ -13,6 +15,7 @@ import argparse
 import os
 import sys
 import time
+from importlib.metadata import files
 from pathlib import Path
 
 from aerarm_ros.realtime.scheduling import use_one_thread
@@ -26,11 +29,12 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
 from aerarm_ros.excitation.parallel_design import design_all
 from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
-from aerarm_ros.excitation.settings import load_excitation_config
+from aerarm_ros.excitation.settings import ExcitationConfig, load_excitation_config
 from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
 from aerarm_ros.excitation.trajectory_designer import (
     DesignResult,
     DesignSpecification,
+    Quality,
     TrajectoryDesigner,
 )
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
@@ -40,6 +44,7 @@ from aerarm_ros.hardware.gate.command_intake import OfferedCommand
 from aerarm_ros.identification.identify import IdentificationOptions, identify
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.parallel import run_in_order
 
 sys.path.append(str(Path(__file__).parents[1] / 'test' / 'excitation'))
 
@@ -49,6 +54,12 @@ RANDOM = 21
 IDENTIFIED_RANDOM = 5
 CHECKED = 1000
 STARTS = 8
+OTHER_ARMS = {
+    'ur10_robot.urdf': (),
+    'panda.urdf': ('panda_finger_joint1', 'panda_finger_joint2'),
+}
+BEST_OF = 100
+TIME_LIMIT = 55.0  # [s], the default of excitation_designer
 # Goals for a designed trajectory.
 LARGEST_CONDITION = 25.0
 LONGEST_DESIGN = 60.0  # [s] on two cores
@@ -251,6 +262,46 @@ def is_safe(trajectory: FourierTrajectory, setup: ExcitationSetup, other: Mujoco
     return True
 
 
+def random_quality(specification: DesignSpecification, seed: int) -> Quality:
+    """Return the quality of a random feasible trajectory."""
+    return TrajectoryDesigner(specification).initial(seed).quality
+
+
+def design_other_arms() -> None:
+    """Design for other arms by default settings; compare with the best of many random ones."""
+    for name, locked in OTHER_ARMS.items():
+        (urdf,) = (
+            str(file.locate())
+            for file in files('example-robot-data') or ()
+            if file.name == name and file.parent.name == 'urdf'
+        )
+        began = time.monotonic()
+        robot = load_robot(urdf, locked=locked)
+        setup = ExcitationSetup.of_robot(robot, ExcitationConfig())
+        specification = DesignSpecification(setup)
+        outcomes = design_all(
+            specification,
+            STARTS,
+            os.cpu_count() or 1,
+            lambda began=began: time.monotonic() > began + TIME_LIMIT,
+        )
+        designs = [outcome for outcome in outcomes if isinstance(outcome, DesignResult)]
+        best = min(designs, key=lambda result: result.quality.objective).quality
+        seconds = time.monotonic() - began
+        numbers = [(specification, 1000 + i) for i in range(BEST_OF)]
+        random = list(run_in_order(random_quality, numbers))
+        deviation = min(quality.log_deviation for quality in random)
+        gain = float(np.exp(deviation - best.log_deviation))
+        condition = min(quality.condition_number for quality in random) / best.condition_number
+        print(
+            f'{name}: {len(designs)} starts in {seconds:.1f} s; best of {BEST_OF} random '
+            f'trajectories: deviations {gain:.2f} times larger (goal: at least '
+            f'{SMALLEST_GAIN:g}: {judged(gain >= SMALLEST_GAIN)}), condition number (5.2) '
+            f'{condition:.2f} times larger',
+            flush=True,
+        )
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
@@ -263,6 +314,7 @@ def main() -> int:
     best, random = design(setup)
     compare_identified(setup, arm, robot, best, random)
     unsafe = check_independently(arm, robot, setup)
+    design_other_arms()
     if not options.no_peers:
         # Local import, because --no-peers must not install anything.
         from excitation_peers import main as peers

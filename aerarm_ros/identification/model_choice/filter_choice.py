@@ -214,15 +214,21 @@ def find_gravity(
     return GravityDirection(stated, used * (size / np.linalg.norm(used)), error)
 
 
+_BLOCK = 4096  # samples
+
+
 def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -> SharedColumns:
     """Return the filtered torque per base tilt about each axis [Nm/rad]."""
     samples = bag.samples
-    rest = np.zeros_like(samples.q)
-    parts = []
-    for axis in axes:
+    parts = np.empty((*samples.q.shape, len(axes)))
+    for k, axis in enumerate(axes):
         turned = Regressor(robot.with_gravity(np.cross(axis, robot.gravity_in_base)))
-        parts.append(turned.stack_rigid(samples.q, rest, rest) @ links)
-    columns = samples.coarse_filter(np.stack(parts, axis=2))
+        # In blocks, because the regressor of half an hour needs hundreds of megabytes.
+        for first in range(0, len(samples.q), _BLOCK):
+            q = samples.q[first : first + _BLOCK]
+            rest = np.zeros_like(q)
+            parts[first : first + _BLOCK, :, k] = turned.stack_rigid(q, rest, rest) @ links
+    columns = samples.coarse_filter(parts)
     return SharedColumns(columns, np.full(len(axes), _TILT_SPREAD))
 
 

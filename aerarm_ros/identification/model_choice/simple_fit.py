@@ -104,10 +104,7 @@ class SimpleFit:
     ) -> None:
         self._bags = bags
         self._terms, self._inertial = tuple(terms), inertial
-        self._filtered = [
-            np.concatenate([bag.rigid, *(own.filtered for own in shared[i : i + 1])], axis=2)
-            for i, bag in enumerate(bags)
-        ]
+        self._shared = [own.filtered for own in shared] or [bag.rigid[..., :0] for bag in bags]
         more = shared[0].spread if shared else np.zeros(0)
         mean = np.concatenate([cad.inertial.ravel(), np.zeros(len(more))])
         self._common = len(mean)
@@ -158,7 +155,9 @@ class SimpleFit:
     def residuals(self) -> list[Array]:
         """Return the residuals of filtered torque [Nm], with shared columns predicted too."""
         columns = [self._joint_columns(bag) for bag in self._bags]
-        return self._residuals(self._filtered, columns, [bag.samples.tau for bag in self._bags])
+        return self._residuals(
+            [bag.rigid for bag in self._bags], columns, [bag.samples.tau for bag in self._bags]
+        )
 
     def _normal_equations(self) -> tuple[Array, Array, Array]:
         """Return Gram matrices and torque products per part, and prior standard deviations."""
@@ -169,10 +168,11 @@ class SimpleFit:
         for joint in range(n):
             index = np.concatenate([np.arange(common), common + own * joint + np.arange(own)])
             used, fold = [], []
-            for bag, links, columns in zip(self._bags, self._filtered, terms, strict=True):
+            for bag, more, columns in zip(self._bags, self._shared, terms, strict=True):
                 rows = bag.samples.usable[:, joint]
-                block = [links[rows, joint], columns[rows, joint], bag.samples.tau[rows, joint]]
-                used.append(bag.weights[joint] * np.column_stack(block))
+                parts = (bag.rigid, more, columns, bag.samples.tau)
+                block = np.column_stack([part[rows, joint] for part in parts])
+                used.append(bag.weights[joint] * block)
                 fold.append(bag.samples.fold[rows])
             stacked, part_of = np.vstack(used), np.concatenate(fold)
             norms = np.linalg.norm(stacked, axis=0)
@@ -192,11 +192,14 @@ class SimpleFit:
         self, links: Sequence[Array], columns: Sequence[Array], torques: Sequence[Array]
     ) -> list[Array]:
         residuals = []
-        for bag, common, own, torque in zip(self._bags, links, columns, torques, strict=True):
+        for bag, rigid, more, own, torque in zip(
+            self._bags, links, self._shared, columns, torques, strict=True
+        ):
             residual, samples = torque.copy(), bag.samples
             for part, values in enumerate(self._parts):
                 rows = samples.fold == part
-                residual[rows] -= common[rows] @ values[: common.shape[2]]
+                inertial, shared, _ = np.split(values, [rigid.shape[2], self._common])
+                residual[rows] -= rigid[rows] @ inertial + more[rows] @ shared
                 joints = values[self._common :].reshape(samples.n, -1)
                 residual[rows] -= (own[rows] * joints).sum(axis=2)
             residuals.append(np.where(samples.measured, residual, np.nan))

@@ -277,11 +277,20 @@ def check_units(bag: str, joints: Sequence[str], time: Array, q: Array, dq: Arra
     )
 
 
+_BLOCK = 65536  # samples that are differentiated together, to save memory
+
+
 def _speed_ratio(time: Array, q: Array, dq: Array) -> float | None:
     """Return the ratio of measured to differentiated velocity, None for different motions."""
-    slope = np.gradient(q, time, axis=0)
-    size, found = float(np.linalg.norm(slope)), float(np.linalg.norm(dq))
+    size, found, along = 0.0, 0.0, 0.0
+    for part in np.array_split(np.arange(len(q)), -(-len(q) // _BLOCK)):
+        rows = slice(part[0], part[-1] + 1)
+        slope = np.gradient(q[rows], time[rows], axis=0)
+        size, found = (
+            np.hypot(size, np.linalg.norm(slope)),
+            np.hypot(found, np.linalg.norm(dq[rows])),
+        )
+        along += float((slope * dq[rows]).sum())
     if min(size, found) == 0.0:
         return None
-    along = float((slope * dq).sum())
     return found / size if along > _AGREES * size * found else None
