@@ -205,9 +205,10 @@ class DroneRecordings:
         bag = self._folder / self._name
         message = self._status.take_newest()
         if message is not None and not self._has_states:
-            status = json.loads(deserialize_message(message[0], String).data)
             states = self._node.resolve_topic_name(topics.JOINT_STATES.name)
-            self._has_states = status['bag'] == str(bag) and states in status['matched']
+            with suppress(ValueError, LookupError, TypeError):  # another program's message
+                status = json.loads(deserialize_message(message[0], String).data)
+                self._has_states = status['bag'] == str(bag) and states in status['matched']
         if not (bag / METADATA).is_file():
             return False
         self._patience = min(self._patience, time.monotonic() + _MATCHING_TIME)
@@ -404,7 +405,7 @@ class GroundRecordings:
             request = json.loads(text)
             name, do, key = (str(request[field]) for field in ('name', 'do', 'id'))
             folder = Path(request['folder'])
-        except (ValueError, LookupError, TypeError):
+        except (ValueError, LookupError, TypeError, RecursionError):
             return  # of another program
         if do == FINISH and self._fetch is not None and self._fetched == name:
             if folder != self._folder:
