@@ -240,6 +240,7 @@ class LinkEnd:
             'messages waiting': connection.waiting,
             'messages dropped': connection.dropped,
             'messages not understood': self._malformed,
+            'datagrams rejected': connection.rejected,
             'datagrams refused by the interface': self._refused,
             **self._rows(),
         }

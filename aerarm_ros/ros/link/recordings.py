@@ -233,7 +233,7 @@ class DroneRecordings:
         if key not in self._finish_ids:
             self._finish_ids.append(key)
         if (self._folder / name / METADATA).is_file():
-            self._reason = self._reason or 'another request ended it'
+            self._reason = self._reason or 'a request to fetch the bag ended it'
             self._ask_to_end()
 
     def _ask_to_end(self) -> None:
