@@ -134,6 +134,8 @@ class DroneRecordings:
             now_ns = time.monotonic_ns()
             try:
                 answer = server.answer(self._places[0])
+            except BlockingIOError:
+                return True  # the disk is busy
             except _MALFORMED:
                 self._places.popleft()
                 continue
