@@ -15,6 +15,7 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.link.connection import Connection, Received
+from aerarm_ros.link.sealed import OVERHEAD
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.graph import SolePublisher, endpoint_name
 from aerarm_ros.ros.link.ground_watchdog import GroundWatchdog
@@ -51,9 +52,14 @@ _CLOCK_MAX = 0.02  # [s]
 _CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
 _DATAGRAM_MAX = 2048
 _STOP_CHANNELS = (STOPS, STOP_RESULTS)
+_REFLECT_EVERY = 1.0  # [s]
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
 # Exceptions caused by messages of another version of `ground_link`, or by a full disk.
-_MALFORMED = (OSError, ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
+_MALFORMED = (
+    *(OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError),
+    *(RuntimeError, struct.error, zlib.error),  # errors of rclpy are RuntimeErrors
+)
+_Address = tuple[str, int]
 
 
 class LinkEnd:
@@ -80,9 +86,10 @@ class LinkEnd:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
-        self._address: tuple[str, int] | None = None
+        self._address: _Address | None = None
         self._sent = self._reported = -inf
         self._was_up = False
+        self._key_problem = ''
         self._away = 0.0  # [s] length of the other end's last silence
         self._peers = 0
         self._counted = (0, 0)
@@ -130,6 +137,20 @@ class LinkEnd:
     def _greet(self) -> None:
         """Send latched messages, stream layouts and services to the other end after its start."""
 
+    def _on_newest(self, address: _Address) -> None:
+        """Process the address of the newest datagram of the other end."""
+
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        """Warn of a datagram that the key does not authenticate, while the other end is silent."""
+        if self.connection.is_up(time.monotonic()) or self._key_problem:
+            return
+        self._key_problem = (
+            f'the key of {address[0]} is not the key of this host ({self._values.key_file}): copy '
+            "the drone's key file to the ground, use one version of aerarm_ros on both hosts, and "
+            'start ground_link again'
+        )
+        self._node.get_logger().warning(self._key_problem)
+
     def _problem(self, now: float) -> str:
         return ''
 
@@ -158,23 +179,28 @@ class LinkEnd:
                 self._stranger = address[0]
                 continue
             now_ns = time.monotonic_ns()
-            before = self.connection.traffic.received, self.connection.greets
-            came += self.connection.receive(datagram, 1e-9 * now_ns, now_ns, time.time_ns())
-            if before != (self.connection.traffic.received, self.connection.greets):
-                self._address = address  # the datagram is authentic
+            connection = self.connection
+            rejected = connection.rejected
+            came += connection.receive(datagram, 1e-9 * now_ns, now_ns, time.time_ns())
+            if connection.answer is not None:
+                self._send_datagram(connection.answer, address)
+            elif connection.rejected != rejected:
+                self._on_rejected(datagram, address)
+            elif connection.is_newest:
+                self._on_newest(address)
         return came
 
     def _send(self, now: float) -> None:
-        assert self._address is not None
         self._sent = now
         now_ns = time.monotonic_ns()
         self._send_datagram(self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns()))
 
-    def _send_datagram(self, datagram: bytes) -> bool:
-        """Send a datagram; return whether the interface accepted it."""
-        assert self._address is not None
+    def _send_datagram(self, datagram: bytes, address: _Address | None = None) -> bool:
+        """Send a datagram, by default to the other end; return whether it left this host."""
+        address = address or self._address
+        assert address is not None
         try:
-            self._socket.sendto(datagram, self._address)
+            self._socket.sendto(datagram, address)
         except OSError:  # the radio's queue is full, or the radio is gone
             self._refused += 1
             return False
@@ -190,6 +216,7 @@ class LinkEnd:
 
     def _note_return(self, before: float, now: float) -> None:
         self._was_up = True
+        self._key_problem = ''
         silent = now - before
         if _CUT_MIN < silent < inf:
             self._away = silent
@@ -230,6 +257,8 @@ class LinkEnd:
                 f'datagrams from {self._stranger} are ignored, because {self.other} is '
                 f'{self._only_host}: set {self.other}:={self._stranger}, or leave it empty'
             )
+        if self._key_problem:
+            return self._key_problem
         if not connection.is_joined:
             return (
                 f'no {self.other} found: check that ground_link runs there with the same key file'
@@ -266,13 +295,24 @@ class DroneEnd(LinkEnd):
         self._services = DroneServices(node, self.connection)
         self._watchdog = GroundWatchdog(node, values)
         self._recordings = DroneRecordings(node, self.connection, values)
-        self._ticked = -inf
+        self._ticked = self._reflected = -inf
 
     def close(self) -> None:
         """Complete a bag, close the socket and destroy the subscriptions."""
         self._recordings.close()
         self._topics.destroy()
         super().close()
+
+    def _on_newest(self, address: _Address) -> None:
+        self._address = address
+
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        super()._on_rejected(datagram, address)
+        # The ground rejects its own datagram too, and so learns that the drone has another key.
+        now = time.monotonic()
+        if self._key_problem and now - self._reflected >= _REFLECT_EVERY:
+            self._reflected = now
+            self._send_datagram(datagram[:OVERHEAD], address)
 
     def _take(self, received: Received) -> None:
         channel = received.channel
@@ -325,7 +365,6 @@ class GroundEnd(LinkEnd):
                 'drone:="\'10.0.0.2\'"'
             )
         self._address = _ip_address(DRONE, values.drone), values.port
-        self._drone = self._address
         node.get_logger().info(
             f'looking for the drone at {":".join(map(str, self._address))} (UDP)'
         )
@@ -348,8 +387,11 @@ class GroundEnd(LinkEnd):
         self._topics.destroy()
         super().close()
 
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        if address == self._address:
+            super()._on_rejected(datagram, address)
+
     def _take(self, received: Received) -> None:
-        self._address = self._drone
         if received.channel in (RESULTS, STOP_RESULTS):
             self._services.take_result(received.payload, time.monotonic())
         elif received.channel in self._takers:

@@ -84,6 +84,8 @@ class Ground:
             while True:
                 datagram, now_ns = self._socket.recv(2048), time.monotonic_ns()
                 self.connection.receive(datagram, 1e-9 * now_ns, now_ns, now_ns)
+                if self.connection.answer is not None:
+                    self._socket.sendto(self.connection.answer, self._drone)
 
     @property
     def is_joined(self) -> bool:

@@ -64,13 +64,21 @@ class Pair:
         for sender, receiver in ((self.ground, self.drone), (self.drone, self.ground)):
             now_ns = int(1e9 * self.now)
             datagram = sender.connection.datagram(self.now, now_ns, now_ns)
-            is_lost = self._random.random() < self.loss
-            came.append(
-                [] if is_lost else receiver.connection.receive(datagram, self.now, now_ns, now_ns)
-            )
+            came.append(self._pass(datagram, sender, receiver))
         for side in (self.drone, self.ground):
             side.spin()
         return came[0], came[1]
+
+    def _pass(self, datagram: bytes, sender: Side, receiver: Side) -> list[Received]:
+        """Pass a datagram, and the answer of a handshake."""
+        if self._random.random() < self.loss:
+            return []
+        now_ns = int(1e9 * self.now)
+        received = receiver.connection.receive(datagram, self.now, now_ns, now_ns)
+        answer = receiver.connection.answer
+        if answer is not None:
+            self._pass(answer, receiver, sender)
+        return received
 
     def until(self, step: Callable[[], object], timeout: float = 10.0) -> None:
         """Repeat `step` until it returns something true."""
