@@ -243,15 +243,16 @@ class JointStateStream:
         full = tuple(name for name in _FIELDS if getattr(sample, name) is not None)
         if not full:
             return
-        slot = self._slot(codec, full)
+        slot = self._slots.get((codec, full)) or self._new_slot(codec, full)
         slot.samples.append(np.concatenate([getattr(sample, name) for name in full]))
         slot.stamp_ns = sample.stamp_ns
 
     def take(self) -> Iterator[tuple[int, bytes]]:
         """Yield place and content of each window since the last call."""
-        for slot in self._slots.values():
+        for key, slot in list(self._slots.items()):
             samples, slot.samples = slot.samples, []
             if samples:
+                self._slots[key] = self._slots.pop(key)  # the last used is the last
                 content = pack_window(window_of(slot.stamp_ns, samples))
                 yield slot.place, _LAYOUT.pack(zlib.crc32(slot.text)) + content
 
@@ -267,16 +268,13 @@ class JointStateStream:
         self._codecs = [codec, *self._codecs][:_LAYOUTS_MAX]
         return codec, sample
 
-    def _slot(self, codec: JointStateCdr, full: tuple[str, ...]) -> _Slot:
-        slot = self._slots.pop((codec, full), None)
-        if slot is None:
-            place = len(self._slots)
-            if place == _LAYOUTS_MAX:  # replace the layout that was not used for the longest time
-                place = self._slots.pop(next(iter(self._slots))).place
-            layout = {'names': codec.names, 'frame': codec.frame_id, 'full': full}
-            slot = _Slot(json.dumps(layout).encode(), place)
-            self._on_layout(slot.text)
-        self._slots[codec, full] = slot
+    def _new_slot(self, codec: JointStateCdr, full: tuple[str, ...]) -> _Slot:
+        place = len(self._slots)
+        if place == _LAYOUTS_MAX:  # replace the layout that was not used for the longest time
+            place = self._slots.pop(next(iter(self._slots))).place
+        layout = {'names': codec.names, 'frame': codec.frame_id, 'full': full}
+        slot = self._slots[codec, full] = _Slot(json.dumps(layout).encode(), place)
+        self._on_layout(slot.text)
         return slot
 
 

@@ -80,7 +80,7 @@ class Pair:
             self._pass(answer, receiver, sender)
         return received
 
-    def until(self, step: Callable[[], object], timeout: float = 10.0) -> None:
+    def until(self, step: Callable[[], object], timeout: float = 60.0) -> None:
         """Repeat `step` until it returns something true."""
         deadline = time.monotonic() + timeout
         while not step():
