@@ -8,6 +8,7 @@ wait behind a bag in the radio's queue.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -28,6 +29,7 @@ PARTIAL = '.part'
 _HEAD = struct.Struct('<HHI')  # manifest, file, block
 _QUESTION = struct.Struct('<HB')  # manifest, questions
 _PLACE = struct.Struct('<HI')  # file, block
+_AHEAD = 1_000_000  # bytes that the disk reads at once
 _SPAN = 512  # blocks under way
 _AGAIN = 0.25  # [s] beyond the round trip, after which a block is asked for again
 _FILES_MAX, _SIZE_MAX = 1 << 16, BLOCK << 32  # what the numbers of files and blocks can name
@@ -72,13 +74,17 @@ class FileServer:
         self._open: tuple[int, BinaryIO] | None = None
 
     def answer(self, place: bytes) -> bytes:
-        """Return the block at a place; raises struct.error, OSError, IndexError."""
+        """Return the block at a place; raises struct.error, OSError, IndexError.
+
+        BlockingIOError means that the disk reads it: try again later. An e-stop must not wait
+        behind a busy disk.
+        """
         file, block = _PLACE.unpack(place)
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, self._paths[file].open('rb')
         left = int(str(self.manifest[file][1])) - block * BLOCK  # the file may have grown
-        content = os.pread(self._open[1].fileno(), max(0, min(BLOCK, left)), block * BLOCK)
+        content = _cached(self._open[1].fileno(), max(0, min(BLOCK, left)), block * BLOCK)
         return _HEAD.pack(self._number, file, block) + content
 
     def close(self) -> None:
@@ -86,6 +92,25 @@ class FileServer:
         if self._open is not None:
             self._open[1].close()
             self._open = None
+
+
+def _cached(file: int, size: int, offset: int) -> bytes:
+    """Return bytes of a file from the page cache; raises BlockingIOError if they are not there."""
+    if not hasattr(os, 'RWF_NOWAIT'):  # not Linux
+        return os.pread(file, size, offset)
+    content = bytearray(size)
+    try:
+        count = os.preadv(file, [content], offset, os.RWF_NOWAIT)
+        if count < size and offset + count < os.fstat(file).st_size:
+            raise BlockingIOError(errno.EAGAIN, 'the disk reads the rest of the block')
+    except BlockingIOError:
+        os.posix_fadvise(file, offset, _AHEAD, os.POSIX_FADV_WILLNEED)
+        raise
+    except OSError as error:
+        if error.errno != errno.EOPNOTSUPP:
+            raise
+        return os.pread(file, size, offset)  # this file system only waits
+    return bytes(content[:count])
 
 
 class Fetch:

@@ -1,6 +1,7 @@
 """A bag fetched over a bad link, in simulated time."""
 
 import contextlib
+import os
 import random
 import struct
 import threading
@@ -243,3 +244,36 @@ def test_no_path_is_a_name(name: str, tmp_path: Path) -> None:
     assert not is_name(name)
     with pytest.raises(ValueError, match='offers no bag'):
         Fetch(tmp_path, 1, [[name, 5]], 10.0)
+
+
+@pytest.mark.skipif(not hasattr(os, 'RWF_NOWAIT'), reason='reading without waiting: Linux only')
+def test_a_block_that_the_disk_must_read_first_is_not_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / 'bag_0.mcap'
+    content = random.Random(3).randbytes(400 * BLOCK)
+    path.write_bytes(content)
+    server = FileServer(tmp_path, 3)
+    first = struct.pack('<HI', 0, 0)
+    with path.open('rb') as file:
+        os.fsync(file.fileno())
+
+        def waits(read: Callable[[], object]) -> bool:
+            """Return whether `read` raises BlockingIOError for a file outside the page cache."""
+            for _ in range(100):
+                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+                try:
+                    read()
+                except BlockingIOError:
+                    return True
+                time.sleep(0.01)  # a page in use stays in the cache
+            return False
+
+        if not waits(lambda: os.preadv(file.fileno(), [bytearray(BLOCK)], 0, os.RWF_NOWAIT)):
+            pytest.skip('the folder of temporary files is in memory')
+        assert waits(lambda: server.answer(first))
+    came, deadline = bytearray(), time.monotonic() + 20.0
+    while len(came) < len(content):
+        assert time.monotonic() < deadline
+        with contextlib.suppress(BlockingIOError):
+            came += server.answer(struct.pack('<HI', 0, len(came) // BLOCK))[8:]
+    assert came == content
+    server.close()

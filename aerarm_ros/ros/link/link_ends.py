@@ -12,15 +12,13 @@ from math import inf, isfinite, isnan
 from types import SimpleNamespace
 
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.link.connection import Connection, Received
 from aerarm_ros.link.sealed import OVERHEAD
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.graph import SolePublisher, endpoint_name
+from aerarm_ros.ros.link.ground_watchdog import GroundWatchdog
 from aerarm_ros.ros.link.recordings import (
     BAG_REPORTS,
     BAG_REQUESTS,
@@ -43,7 +41,6 @@ from aerarm_ros.ros.link.relayed_topics import (
 )
 
 DRONE, GROUND = 'drone', 'ground'
-CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
 
 _TICK = 0.02  # [s] for at most 50 datagrams per second from each end
 _GROUND_TICK = 0.04  # [s] while only acknowledgements are sent
@@ -54,6 +51,7 @@ _BUFFER = 8192  # bytes; a slow radio must not queue old datagrams
 _CLOCK_MAX = 0.02  # [s]
 _CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
 _DATAGRAM_MAX = 2048
+_STOP_CHANNELS = (STOPS, STOP_RESULTS)
 _REFLECT_EVERY = 1.0  # [s]
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
 # Exceptions caused by messages of another version of `ground_link`, or by a full disk.
@@ -97,13 +95,16 @@ class LinkEnd:
         self._counted = (0, 0)
         self._malformed = 0
         self._refused = 0  # datagrams that the radio rejected
+        self._only_host = ''  # address of the only accepted sender; any if empty
+        self._stranger = ''  # address of a datagram that was ignored since the last report
 
     def step(self) -> None:
         """Wait for a datagram or the next check, and do the due work."""
         with contextlib.suppress(InterruptedError):
             select.select([self._socket], [], [], _POLL)
         before = self.connection.last_received
-        for received in self._receive():
+        # E-stops first, so that none waits for the publishing of other messages.
+        for received in sorted(self._receive(), key=lambda r: r.channel not in _STOP_CHANNELS):
             try:
                 self._take(received)
             except _MALFORMED as error:
@@ -175,6 +176,9 @@ class LinkEnd:
                 datagram, address = self._socket.recvfrom(_DATAGRAM_MAX)
             except OSError:  # no more data, or the other end has not started yet
                 return came
+            if self._only_host not in ('', address[0]):
+                self._stranger = address[0]
+                continue
             now_ns = time.monotonic_ns()
             connection = self.connection
             rejected = connection.rejected
@@ -244,10 +248,17 @@ class LinkEnd:
             'datagrams refused by the interface': self._refused,
             **self._rows(),
         }
-        self._diagnostics.report(self._problem(now) or self._usual_problem(now), rows)
+        problems = filter(None, (self._problem(now), self._usual_problem(now)))
+        self._diagnostics.report('; '.join(problems), rows)
+        self._stranger = ''
 
     def _usual_problem(self, now: float) -> str:
         connection = self.connection
+        if self._stranger and not connection.is_up(now):
+            return (
+                f'datagrams from {self._stranger} are ignored, because {self.other} is '
+                f'{self._only_host}: set {self.other}:={self._stranger}, or leave it empty'
+            )
         if self._key_problem:
             return self._key_problem
         if not connection.is_joined:
@@ -280,6 +291,7 @@ class DroneEnd(LinkEnd):
                 f'port {values.port} of {values.address} cannot be opened ({error.strerror}): '
                 'stop the other ground_link of this host, or set another port or address'
             ) from None
+        self._only_host = _ip_address(GROUND, values.ground) if values.ground else ''
         rates = topic_rates(values.rate, values.values_rate, values.rates)
         self._topics = DroneTopics(node, self.connection, rates)
         self._services = DroneServices(node, self.connection)
@@ -318,8 +330,8 @@ class DroneEnd(LinkEnd):
     def _update(self, now: float) -> bool:
         if now - self._ticked >= _TICK:
             self._ticked = max(self._ticked + _TICK, now - _TICK)
+            self._services.update(now)  # first, for the answers to e-stops
             self._topics.update(now)
-            self._services.update(now)
             self._watchdog.update(now, self.connection.last_received)
             try:
                 self._recordings.update(now, self.connection.last_received)
@@ -335,7 +347,8 @@ class DroneEnd(LinkEnd):
         self._services.greet()
 
     def _problem(self, now: float) -> str:
-        return self._watchdog.problem
+        own = self._watchdog.problem or self._watchdog.warning(), self._topics.problem(now)
+        return '; '.join(filter(None, own))
 
     def _rows(self) -> dict[str, object]:
         return {'if the ground is lost': self._watchdog.text}
@@ -353,12 +366,7 @@ class GroundEnd(LinkEnd):
                 'the address of the drone is missing: set -p drone:=ADDRESS, for example '
                 'drone:="\'10.0.0.2\'"'
             )
-        try:
-            self._address = socket.gethostbyname(values.drone), values.port
-        except OSError as error:
-            raise ValueError(
-                f"drone '{values.drone}' is not reachable ({error.strerror}): set its address"
-            ) from None
+        self._address = _ip_address(DRONE, values.drone), values.port
         node.get_logger().info(
             f'looking for the drone at {":".join(map(str, self._address))} (UDP)'
         )
@@ -427,6 +435,15 @@ class GroundEnd(LinkEnd):
             self._node.get_logger().info(text)
 
 
+def _ip_address(role: str, host: str) -> str:
+    try:
+        return socket.gethostbyname(host)
+    except OSError as error:
+        raise ValueError(
+            f"{role} '{host}' is not reachable ({error.strerror}): set its address"
+        ) from None
+
+
 class RemoteControllers:
     """Find controllers on the ground, whose `joint_command` does not reach the drone.
 
@@ -461,59 +478,3 @@ class RemoteControllers:
     @property
     def _own(self) -> str:
         return str(self._node.get_fully_qualified_name())
-
-
-class GroundWatchdog:
-    """Stop the motion, or move the arm home, after `ground_timeout` without ground datagrams.
-
-    Parameters
-    ----------
-    node
-        Owner of the publishers.
-    values
-        `ground_timeout` [s], 0 to do nothing; `ground_lost`; `config` of the arm.
-
-    Attributes
-    ----------
-    problem
-        Description of the last action; empty while the ground computer is connected.
-    """
-
-    def __init__(self, node: Node, values: SimpleNamespace) -> None:
-        self.problem = ''
-        self._node = node
-        self._timeout, self._action = values.ground_timeout, values.ground_lost
-        config = load_arm_config(values.config or None)
-        self._home = JointState(
-            name=[f'{values.tf_prefix}{name}' for name in config.joint_names],
-            position=[float(angle) for angle in config.rest_position],
-        )
-        stop, go = topics.JOINT_TRAJECTORY, topics.SET_POINT
-        self._stops = node.create_publisher(stop.type, stop.name, stop.offered)
-        self._goals = node.create_publisher(go.type, go.name, go.offered)
-
-    @property
-    def text(self) -> str:
-        """Description of the watchdog's action."""
-        if not self._timeout:
-            return CONTINUE
-        return f'{self._action} after {self._timeout:g} s'
-
-    def update(self, now: float, last_received: float) -> None:
-        """Act once per loss of connection, but not before the ground computer's first message."""
-        is_lost = 0.0 < self._timeout < now - last_received < inf
-        if not is_lost:
-            self.problem = ''
-        elif not self.problem:
-            self.problem = f'the ground is silent: {self._act()}'
-            self._node.get_logger().warning(self.problem)
-
-    def _act(self) -> str:
-        if self._action == STOP:
-            self._stops.publish(JointTrajectory())
-            return 'the motion stops along its path'
-        if self._action == HOME:
-            self._stops.publish(JointTrajectory())
-            self._goals.publish(self._home)
-            return 'the arm returns to its home configuration'
-        return 'the motion continues'

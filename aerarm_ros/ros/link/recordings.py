@@ -146,6 +146,8 @@ class DroneRecordings:
                 answer = served.server.answer(place) if served is not None else b''
             except (struct.error, IndexError):
                 answer = b''
+            except BlockingIOError:
+                return True  # the disk is busy
             except OSError as error:
                 answer = b''
                 self._withdraw(number, error)
