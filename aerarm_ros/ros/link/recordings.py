@@ -258,7 +258,8 @@ class DroneRecordings:
         while self._finish_ids:
             key = self._finish_ids.popleft()
             if status:
-                self._report(key, self._name, FAILED, text)
+                advice = f"; 'arm fetch {self._name}' fetches what was recorded"
+                self._report(key, self._name, FAILED, text + advice)
             else:
                 self._offer(self._name, key)
 
@@ -448,7 +449,7 @@ class GroundRecordings:
         self._fetched, self._number, self._folder = name, number, self._folders[key]
         self._report_due, self._stalled_at = 0.0, time.monotonic() + _STALL
         try:
-            self._fetch = Fetch(self._folder, number, report['files'], self._rate)
+            self._fetch = Fetch(self._folder, number, report.get('files'), self._rate)
         except (OSError, ValueError) as error:
             self._fail(str(error))
 
