@@ -8,6 +8,7 @@ import socket
 import struct
 import time
 import zlib
+from collections import deque
 from math import inf, isfinite, isnan
 from types import SimpleNamespace
 
@@ -53,6 +54,7 @@ _CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another c
 _DATAGRAM_MAX = 2048
 _STOP_CHANNELS = (STOPS, STOP_RESULTS)
 _REFLECT_EVERY = 1.0  # [s]
+_JOINS, _JOINS_TIME = 3, 10.0  # connections in a time [s], which several grounds cause
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
 # Exceptions caused by messages of another version of `ground_link`, or by a full disk.
 _MALFORMED = (
@@ -92,6 +94,7 @@ class LinkEnd:
         self._key_problem = ''
         self._away = 0.0  # [s] length of the other end's last silence
         self._peers = 0
+        self._joins: deque[float] = deque(maxlen=_JOINS)
         self._counted = (0, 0)
         self._malformed = 0
         self._refused = 0  # datagrams that the radio rejected
@@ -114,6 +117,7 @@ class LinkEnd:
             self._note_return(before, now)
         if self.connection.peers != self._peers:
             self._peers = self.connection.peers
+            self._joins.append(now)
             self._greet()
         is_prompt = self._update(now)
         if now - self._sent >= self._interval(now, is_prompt) and self._address is not None:
@@ -261,6 +265,11 @@ class LinkEnd:
             )
         if self._key_problem:
             return self._key_problem
+        if len(self._joins) == _JOINS and now - self._joins[0] < _JOINS_TIME:
+            return (
+                f'the {self.other} connected {_JOINS} times within {_JOINS_TIME:g} s: run '
+                'ground_link on one ground computer only'
+            )
         if not connection.is_joined:
             return (
                 f'no {self.other} found: check that ground_link runs there with the same key file'

@@ -41,6 +41,8 @@ class Ground:
         for datagram in waiting_in(self.socket):
             self.received += 1
             self.connection.receive(datagram, *clocks)
+            if self.connection.answer is not None:
+                self.socket.sendto(self.connection.answer, ('127.0.0.1', port))
 
 
 def udp() -> socket.socket:
@@ -113,6 +115,19 @@ def test_a_ground_that_changes_its_address_keeps_the_connection(drone: DroneEnd,
     ground.socket, before = udp(), ground.received
     run(lambda: ground.received > before + 5, exchange, drone.step)
     assert drone.connection.peers == 1
+
+
+def test_two_grounds_are_reported(drone: DroneEnd, port: int) -> None:
+    grounds = Ground(), Ground()
+
+    def exchange() -> None:
+        for ground in grounds:
+            ground.exchange(port)
+
+    assert 'one ground' not in drone._usual_problem(time.monotonic())
+    run(lambda: 'one ground' in drone._usual_problem(time.monotonic()), exchange, drone.step)
+    assert drone.connection.peers == 3
+    assert 'one ground' not in drone._usual_problem(time.monotonic() + 20.0)
 
 
 def test_a_wrong_key_is_reported_once_on_both_hosts(
