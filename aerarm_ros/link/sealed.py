@@ -37,8 +37,8 @@ _HEADER = struct.Struct(f'<{SESSION_SIZE}sQ')
 _WINDOW = 128  # datagrams that may overtake each other
 _OFFER = 5.0  # [s] in which a session number is offered; for as long again it may be accepted
 _ANSWER_EVERY, _ANSWERS = 0.02, 8  # [s]; in that time one answer per session, and so many in all
-# [s] after a handshake in which datagrams of the former sessions are still under way. An answer to
-# one of them would begin the next handshake.
+# [s] after a handshake, besides its duration, in which datagrams of the former sessions are still
+# under way. An answer to one of them would begin the next handshake.
 _SETTLING = 1.0
 
 
@@ -137,7 +137,7 @@ class Session:
         self._own: _Sealer | None = None
         self._peer = _Peer(NO_SESSION, None)
         self._offered, self._offered_at = _Sealer(key, role), -inf
-        self._joined_at = -inf
+        self._settled_at = -inf
         self._answered: dict[bytes, float] = {}
 
     @property
@@ -177,14 +177,15 @@ class Session:
         to, body = plain[:SESSION_SIZE], plain[SESSION_SIZE:]
         if to == self._offered.session and now - self._offered_at < 2.0 * _OFFER:
             self._own, self._peer = self._offered, _Peer(session, cipher)
-            self._joined_at, self._offered_at = now, -inf  # the next greeting gets another number
+            self._settled_at = now + (now - self._offered_at) + _SETTLING
+            self._offered_at = -inf  # the next greeting gets another number
             self._peer.is_new(counter)
             return Opened(body, True, True)
         if is_peer and self._own is not None and to == self._own.session:
             if not self._peer.is_new(counter):
                 return None
             return Opened(body, counter == self._peer.newest, False)
-        if now - self._joined_at >= _SETTLING:
+        if now >= self._settled_at:
             self._greeted(session, now)
         return None
 

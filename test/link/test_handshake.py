@@ -83,6 +83,19 @@ def test_a_held_back_handshake_is_too_old(link: Link) -> None:
     assert link.drone.peers == 1
 
 
+@pytest.mark.parametrize('delay', [0.3, 0.6, 1.5])
+@pytest.mark.parametrize('side', ['drone', 'ground'])
+def test_one_handshake_is_enough_on_a_slow_link(delay: float, side: str) -> None:
+    link = Link(delay=delay)
+    link.run(20.0)
+    assert link.drone.peers == link.ground.peers == 1
+    fresh = ground() if side == 'ground' else Connection(KEY, 'drone', 'ground', 26_000.0)
+    setattr(link, side, fresh)
+    link.run(40.0)
+    assert sorted((link.drone.peers, link.ground.peers)) == [1, 2]
+    assert link.drone.is_up(link.clocks('drone')[0])
+
+
 @pytest.mark.parametrize('each', [1, 5])
 def test_a_flood_of_starts_neither_cuts_the_live_ground_nor_keeps_a_new_one_out(
     link: Link, each: int

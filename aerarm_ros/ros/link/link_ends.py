@@ -142,7 +142,8 @@ class LinkEnd:
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
         """Warn of a datagram that the key does not authenticate, while the other end is silent."""
-        if self.connection.is_up(time.monotonic()) or self._key_problem:
+        is_stray = len(datagram) < OVERHEAD
+        if is_stray or self.connection.is_up(time.monotonic()) or self._key_problem:
             return
         self._key_problem = (
             f'the key of {address[0]} is not the key of this host ({self._values.key_file}): copy '
@@ -243,6 +244,7 @@ class LinkEnd:
             'messages waiting': connection.waiting,
             'messages dropped': connection.dropped,
             'messages not understood': self._malformed,
+            'datagrams rejected': connection.rejected,
             'datagrams refused by the interface': self._refused,
             **self._rows(),
         }

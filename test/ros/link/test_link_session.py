@@ -1,16 +1,22 @@
 """The drone's and the ground's end: addresses and keys."""
 
 import contextlib
+import json
+import random
 import socket
+import struct
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
+import rclpy
 from rclpy.node import Node
 
-from aerarm_ros.link.connection import Connection
+from aerarm_ros.link.connection import Connection, Received
 from aerarm_ros.nodes.ground_link import PARAMETERS
 from aerarm_ros.ros.link.link_ends import DroneEnd, GroundEnd, LinkEnd
 
@@ -145,3 +151,44 @@ def test_strangers_do_not_blame_the_key_of_a_live_ground(drone: DroneEnd, port: 
     )
     assert drone._key_problem == ''
     assert stranger.received == 0
+
+
+def random_payload(source: random.Random, names: list[str]) -> bytes:
+    """A call of a real service, a JSON object, compressed bytes, or random bytes."""
+    name = source.choice(names).encode()
+    noise = source.randbytes(source.choice((0, 3, 8, 12, 40, 200)))
+    serialized = b'\0\1\0\0' + noise  # the head of a ROS message
+    length = len(name) if source.random() < 0.8 else source.randrange(65536)
+    keys = ('channel', 'names', 'frame', 'full', 'name', 'id', 'state', 'files', 'number', 'do')
+    values = (0, 5, -1, 1e400, None, 'a', ['a', 'a'], {}, 'position', ['position'])
+    content = {key: source.choice(values) for key in keys if source.random() < 0.8}
+    return source.choice(
+        (
+            *(noise, serialized, zlib.compress(serialized), json.dumps(content).encode()),
+            *(json.dumps([content]).encode(), b'[' * 100_000),
+            struct.pack('<IH', source.randrange(100), length) + name + serialized,
+        )
+    )
+
+
+@pytest.mark.parametrize('role', ['drone', 'ground'])
+def test_random_messages_of_an_authentic_end_do_not_end_the_node(
+    ros_node: Node, values: SimpleNamespace, role: str
+) -> None:
+    other = rclpy.create_node('other')  # its services are relayed
+    end = (DroneEnd if role == 'drone' else GroundEnd)(ros_node, values, KEY)
+    deadline = time.monotonic() + 0.7
+    while time.monotonic() < deadline:
+        end.step()
+    names = ['/other/set_parameters', '/other/get_parameters', '/other/e_stop', '/test/e_stop']
+    source = random.Random(12)
+    channels = [*range(45), *range(100, 110), *range(1000, 1012)]
+    came: list[Any] = []
+    for _ in range(1500):
+        came.append(Received(source.choice(channels), random_payload(source, names), False))
+    end._receive = lambda: [came.pop() for _ in range(min(50, len(came)))]  # type: ignore[method-assign]
+    while came:
+        end.step()
+    assert end._malformed > 20
+    end.close()
+    other.destroy_node()
