@@ -153,6 +153,7 @@ class _Call:
     begin: float
     message: Message
     is_answered: bool = False
+    confirmed: float = inf  # [s]
 
 
 class GroundServices:
@@ -266,7 +267,9 @@ class GroundServices:
                 self._log(True, f'{name}: {text}')
                 call.is_answered = True
                 self._answer(call, Trigger.Response(success=False, message=text))
-            if now - call.begin > _ANSWER_TIMEOUT and call.message.is_confirmed:
+            if call.message.is_confirmed:
+                call.confirmed = min(call.confirmed, now)
+            if now - call.confirmed > _ANSWER_TIMEOUT:
                 del self._calls[number]
                 self._log(True, f'{name}: the drone received the e-stop, but no bridge answered: '
                           'check the bridge on the drone')  # fmt: skip

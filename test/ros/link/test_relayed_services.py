@@ -122,6 +122,25 @@ def test_an_e_stop_that_was_reported_as_failed_stops_no_later_bridge(pair: Pair)
     assert relay.stops == 0
 
 
+def test_an_e_stop_during_a_long_cut_is_reported_as_delivered(pair: Pair) -> None:
+    relay = Relay(pair)
+    relay.bridge()
+    stop = relay.client()
+    pair.loss = 1.0
+    answer = stop.call_async(Trigger.Request())
+    pair.until(lambda: relay.step() and answer.done())
+    assert 'NOT DELIVERED YET' in answer.result().message
+    pair.now += 2.0 * ANSWER_TIMEOUT
+    relay.step()
+    assert relay.stops == 0
+    pair.loss = 0.0
+    relay.log.clear()
+    pair.until(lambda: relay.step() and relay.log)
+    assert 'was delivered 6' in relay.log[0]
+    assert relay.stops > 0
+    assert relay.ground.kept_stops == []
+
+
 def test_an_e_stop_waits_for_a_bridge_that_starts_in_time(pair: Pair) -> None:
     relay = Relay(pair)
     bridge = relay.bridge()
