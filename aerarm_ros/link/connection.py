@@ -354,7 +354,7 @@ class Connection:
 
     def receive(self, datagram: bytes, now: float, now_ns: int, system_ns: int) -> list[Received]:
         """Process a datagram and return its contents in order; set `answer` and `is_newest`."""
-        opened = self._session.open(datagram, now)
+        opened = self._session.open(datagram, now, self.is_up(now))
         self.is_newest = opened is not None and opened.is_newest
         if self.answer is not None:
             self._counted(self.answer)

@@ -34,6 +34,7 @@ OVERHEAD = SESSION_SIZE + 8 + SESSION_SIZE + 16
 """Bytes that sealing adds to a body."""
 
 _HEADER = struct.Struct(f'<{SESSION_SIZE}sQ')
+_CALLER = 'ground'  # role of the end that calls the other
 _WINDOW = 128  # datagrams that may overtake each other
 _OFFER = 5.0  # [s] in which a session number is offered; for as long again it may be accepted
 _ANSWER_EVERY, _ANSWERS = 0.02, 8  # [s]; in that time one answer per session, and so many in all
@@ -135,7 +136,7 @@ class Session:
         self.rejected = 0
         self._key, self._role, self._other_role = key, role, other_role
         self._own: _Sealer | None = None
-        self._peer = _Peer(NO_SESSION, None)
+        self._peer = _Peer(NO_SESSION, None, 0)
         self._offered, self._offered_at = _Sealer(key, role), -inf
         self._settled_at = -inf
         self._answered: dict[bytes, float] = {}
@@ -154,9 +155,12 @@ class Session:
         assert self._own is not None
         return self._own.seal(self._peer.session, body)
 
-    def open(self, datagram: bytes, now: float) -> Opened | None:
+    def open(self, datagram: bytes, now: float, is_up: bool) -> Opened | None:
         """Open a datagram that arrived at `now` [s]; set `answer` if it is a greeting.
 
+        `is_up` tells whether the other end is present. A ground whose drone is present answers only
+        a greeting to its current session, as a restarted drone sends it. Otherwise an attacker
+        could pass on the drone's answer to a recorded greeting, and so restart the connection.
         The result is None unless the datagram is authentic, addressed to the current session, and
         neither repeated nor far behind others.
         """
@@ -176,16 +180,16 @@ class Session:
             return None
         to, body = plain[:SESSION_SIZE], plain[SESSION_SIZE:]
         if to == self._offered.session and now - self._offered_at < 2.0 * _OFFER:
-            self._own, self._peer = self._offered, _Peer(session, cipher)
+            self._own, self._peer = self._offered, _Peer(session, cipher, counter)
             self._settled_at = now + (now - self._offered_at) + _SETTLING
             self._offered_at = -inf  # the next greeting gets another number
-            self._peer.is_new(counter)
             return Opened(body, True, True)
-        if is_peer and self._own is not None and to == self._own.session:
-            if not self._peer.is_new(counter):
-                return None
+        if is_peer and not self._peer.is_new(counter):
+            return None
+        is_current = self._own is not None and to == self._own.session
+        if is_peer and is_current:
             return Opened(body, counter == self._peer.newest, False)
-        if now >= self._settled_at:
+        if now >= self._settled_at and (is_current or not is_up or self._role != _CALLER):
             self._greeted(session, now)
         return None
 
@@ -222,10 +226,12 @@ class _Sealer:
 class _Peer:
     """A session of the other end: its number, its cipher, and the received counters."""
 
-    def __init__(self, session: bytes, cipher: ChaCha20Poly1305 | None) -> None:
+    def __init__(self, session: bytes, cipher: ChaCha20Poly1305 | None, newest: int) -> None:
         self.session, self.cipher = session, cipher
-        self.newest = 0
-        self._seen = 0  # bit k: counter newest - k was received
+        self.newest = newest
+        # Bit k: counter newest - k was received. The first datagrams, which are greetings, count as
+        # received.
+        self._seen = (1 << _WINDOW) - 1
 
     def is_new(self, counter: int) -> bool:
         ahead = counter - self.newest

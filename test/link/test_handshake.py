@@ -42,6 +42,18 @@ def test_no_recorded_datagram_is_the_newest(link: Link) -> None:
     assert link.drone.peers == 1
 
 
+def test_passing_on_answers_to_recorded_datagrams_restarts_nothing(link: Link) -> None:
+    link.run(2.0)
+    for datagram in [*recorded_starts(link, 20), *recorded(link, 'drone')]:
+        link.drone.receive(datagram, *link.clocks('drone'))
+        if link.drone.answer is not None:
+            link.ground.receive(link.drone.answer, *link.clocks('ground'))
+            if link.ground.answer is not None:
+                link.drone.receive(link.ground.answer, *link.clocks('drone'))
+        link.run(TICK)
+    assert link.drone.peers == link.ground.peers == 1
+
+
 def test_recorded_starts_do_not_open_the_way_for_recorded_commands(link: Link) -> None:
     link.ground.send(2, b'go', PROMPT)
     link.run(1.0, lambda: link.came['drone'])
