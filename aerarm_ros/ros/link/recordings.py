@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import struct
 import tempfile
 import time
@@ -159,11 +160,13 @@ class DroneRecordings:
         return bool(self._places)
 
     def close(self) -> None:
-        """Complete the bag that is being recorded."""
+        """Complete the bag that is being recorded, and remove the recorder's logs."""
         if self._process is not None:
             self._process.stop()
         for served in self._served.values():
             served.server.close()
+        if self._logs is not None:
+            shutil.rmtree(self._logs, ignore_errors=True)
         self._status.destroy()
 
     def _record(self, name: str, key: str) -> None:

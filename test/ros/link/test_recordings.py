@@ -85,6 +85,7 @@ class LinkedRecordings:
         self.drone.close()
         self.ground.destroy()
         assert self.errors == []
+        assert self.drone._logs is None or not self.drone._logs.exists()
 
     def receive(self, side: str, datagram: bytes) -> None:
         """Process a datagram as the end of a side does."""
