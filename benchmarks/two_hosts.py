@@ -121,14 +121,16 @@ def measure_cuts(rig: Rig, cuts: Sequence[float]) -> None:
             rig.clear()
 
 
-def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, float]]) -> None:
+def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, str, float]]) -> None:
     """Print what a cut does to an arm that moves."""
-    rig.start_controller()
-    run(rig, 'enable', '--wait', 'running')
-    table('ground_lost', 'cut', 'speed at the cut', 'speed at its end', 'moved during the cut',
-          'to home', 'mode', 'states are back after', 'log')  # fmt: skip
-    before = ''
-    for action, cut in cuts:
+    table('controller', 'ground_lost', 'cut', 'speed at the cut', 'speed at its end',
+          'moved during the cut', 'to home', 'mode', 'states are back after', 'log')  # fmt: skip
+    before = controlled_by = ''
+    for controller, action, cut in cuts:
+        if controller != controlled_by:
+            controlled_by = controller
+            rig.start_controller(controller)
+            run(rig, 'enable', '--wait', 'running')
         if action != before:
             before = action
             rig.restart_drone_link(ground_lost=action, ground_timeout=1.0)
@@ -151,9 +153,10 @@ def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, float]]) -> None:
         said = [
             line for line in rig.log('ground', 'ground_link').splitlines() if 'back after' in line
         ]
-        row(action, f'{cut:g} s', f'{abs(speed[0]):.2f} rad/s', f'{np.abs(last).max():.2f} rad/s',
-            f'{begin[0] - end[0]:.2f} rad', f'{np.abs(end - HOME).max():.2f} rad',
-            ' '.join(map(str, modes)) or 'running', f'{states - back:.2f} s',
+        row(controller, action, f'{cut:g} s', f'{abs(speed[0]):.2f} rad/s',
+            f'{np.abs(last).max():.2f} rad/s', f'{begin[0] - end[0]:.2f} rad',
+            f'{np.abs(end - HOME).max():.2f} rad', ' '.join(map(str, modes)) or 'running',
+            f'{states - back:.2f} s',
             said[-1].split(': ')[-1] if said else 'none')  # fmt: skip
 
 
@@ -340,7 +343,9 @@ def main() -> int:
         return 1
     load = ' '.join(f'{load:.1f}' for load in os.getloadavg())
     print(f'{machine()}\n\nload {load}', flush=True)
-    stops = [('continue', 5.0), *(('stop', cut) for cut in options.cuts), ('home', 5.0)]
+    actions = [('continue', 5.0), *(('stop', cut) for cut in options.cuts), ('home', 5.0)]
+    stops = [('computed_torque', *action) for action in actions]
+    stops.append(('gravity_compensation', 'home', 5.0))
     parts = {
         'stops': lambda rig: measure_stops(rig, options.presses),
         'fresh': lambda rig: measure_fresh_stops(rig, options.starts),

@@ -1,7 +1,8 @@
 """Start bridge, controller and ground_link on the drone's computer.
 
-ros2 launch aerarm_ros drone_side.launch.py hardware:=spi controller:=computed_torque Accepts the
-arguments of bringup.launch.py.
+ros2 launch aerarm_ros drone_side.launch.py hardware:=spi ground:=192.168.1.20
+
+Accepts the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -26,6 +27,9 @@ ARGUMENTS = (
         description='reaction of the arm to the loss of the ground host',
     ),
     DeclareLaunchArgument(
+        'ground', default_value='', description='address of the ground computer; any if empty'
+    ),
+    DeclareLaunchArgument(
         'address', default_value='0.0.0.0', description='address at which ground_link listens'
     ),
     DeclareLaunchArgument('port', default_value='7447', description='UDP port of ground_link'),
@@ -46,6 +50,7 @@ def generate_launch_description() -> LaunchDescription:
             'ground_timeout': timeout,
             'config': config,
             'tf_prefix': ParameterValue(prefix, value_type=str),
+            'ground': ParameterValue(LaunchConfiguration('ground'), value_type=str),
             **arguments_as_parameters('ground_lost', 'address', 'port'),
         },
     )

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
-from aerarm_ros.link.sealed import NO_SESSION, OVERHEAD, Session
+from aerarm_ros.link.sealed import OVERHEAD, Session
 
 DATAGRAM_MAX = 1200
 """Bytes of a datagram: below any usual MTU, with room for a tunnel's headers."""
@@ -28,6 +28,9 @@ HEADERS = 42
 SILENCE = 1.0
 """[s] without a datagram, after which the connection counts as lost."""
 
+MESSAGE_MAX = 2 * 1024 * 1024
+"""Bytes of a message."""
+
 URGENT, PROMPT, BULK = range(3)
 """Priorities of messages: in each datagram until acknowledged, soon, or if there is room."""
 
@@ -35,16 +38,18 @@ _TIME, _CONFIRMED, _PART, _VALUE = range(4)
 _ENTRY = struct.Struct('<BH')  # kind, length
 _TIMES = struct.Struct('<qqqq')  # sent, monotonic; sent, system; last received: sent, received
 _CONFIRM = struct.Struct('<IQ')  # all below this number, and which of the following 64
-_PART_HEAD = struct.Struct('<IHIBBB')  # number, channel, message, part, parts, flags
+_PART_HEAD = struct.Struct('<IHIHHB')  # number, channel, message, part, parts, flags
 _CHANNEL = struct.Struct('<H')
 _SPAN = 64  # parts in transit
 _RESERVED = 16  # of those, for urgent ones
 _PART_MAX = DATAGRAM_MAX - OVERHEAD - 2 * _ENTRY.size - _TIMES.size - _CONFIRM.size - 24
 _PACKED, _EXPIRES, _VOID, _LAST = 1, 2, 4, 8
 _LATE_MAX = 0.5  # [s]; a command that was in transit for so much longer than usual is rejected
+_DELAY_SPAN = 60.0  # [s] over which the fastest datagram gives the usual delay
 _URGENT_EVERY, _AGAIN_MIN = 0.018, 0.1  # [s]
 _CLOCK_SPAN = 10.0  # [s] over which the fastest exchange gives the clocks' offset
-_BACKLOG = 2000  # messages
+_BACKLOG, _BACKLOG_BYTES = 2000, 2 * MESSAGE_MAX  # messages
+_HELD_MAX, _HELD_PART = 8 * MESSAGE_MAX, 100  # bytes of incomplete messages; of one part besides
 _TURNS = 4
 _FILL = 0.1  # [s] of the rate that may be saved up
 
@@ -64,7 +69,7 @@ class Message:
     Attributes
     ----------
     channel
-        Its channel, 0 to 65535; messages of a channel arrive in order.
+        Its channel, 0 to 65535; messages of a channel and priority arrive in order.
     priority
         `URGENT`, `PROMPT` or `BULK`.
     expires
@@ -79,13 +84,22 @@ class Message:
     expires: float = inf
     is_confirmed: bool = False
     is_expired: bool = False
+    _sequence: int = -1
+    _left: int = 0  # parts that are not acknowledged
     _parts: list[_Part] = field(default_factory=list)
+
+    def void(self) -> None:
+        """Drop the content, because its lifetime is over or the backlog is full."""
+        self.is_expired = True
+        self.payload = b''
+        for part in self._parts:
+            part.flags |= _VOID
+            part.content = b''
 
 
 @dataclass(eq=False)
 class _Part:
     message: Message
-    sequence: int
     index: int
     count: int
     flags: int
@@ -100,7 +114,8 @@ class _Part:
 
     def packed(self) -> bytes:
         """Return the part as bytes."""
-        head = self.number, self.message.channel, self.sequence, self.index, self.count, self.flags
+        message = self.message
+        head = self.number, message.channel, message._sequence, self.index, self.count, self.flags
         return _PART_HEAD.pack(*head) + self.content
 
 
@@ -135,11 +150,12 @@ class Connection:
         Numbers of bytes and datagrams.
     peers
         Number of times that the other end was found or restarted.
-    greets
-        Number of authentic datagrams from an end that has not received this end's session number
-        yet.
+    is_newest
+        Whether the datagram that was received last is the newest of the other end, so that its
+        address is the current one.
     dropped
-        Number of messages that did not fit into the backlog.
+        Number of messages that did not fit into the backlog, and of values that did not fit into a
+        datagram.
     delay
         By which the newest datagram was slower than the quickest of the last minute [s].
     """
@@ -148,27 +164,26 @@ class Connection:
         self.last_received = -inf
         self.round_trip = self.clock_offset = float('nan')
         self.traffic = Traffic()
-        self.peers = self.greets = 0
-        self.dropped = 0
+        self.peers = self.dropped = 0
+        self.is_newest = False
         self.delay = 0.0
-        self._session = Session(key, role)
-        self._other_role = other_role
-        self._peer = NO_SESSION
-        self._former: set[bytes] = set()
+        self._session = Session(key, role, other_role)
         self._rate = rate
         self._tokens, self._filled = 0.0, -inf
         self._values: dict[int, bytes] = {}
-        self._messages: deque[Message] = deque()
-        self._greet: bytes | None = None
+        self._messages: dict[Message, None] = {}
+        self._waiting = [deque[_Part]() for _ in range(3)]  # not sent yet, by priority
+        self._moving: list[_Part] = []  # sent and not acknowledged
         self._their_times = (0, 0)
+        self._least_trip = inf
         self._exchanges: deque[tuple[float, float, float]] = deque()
         self._delays: deque[tuple[float, float]] = deque()
         self._next = self._confirmed_below = 0
         self._received_numbers = (0, 0)
         self._incoming: dict[tuple[int, int], dict[int, tuple[int, bytes]]] = {}
+        self._held = 0
         self._expected: dict[int, int] = {}
         self._sequences: dict[int, int] = {}
-        self._parts: list[_Part] = []
         self._turn = 0
 
     # Sending
@@ -176,39 +191,46 @@ class Connection:
     def send(
         self, channel: int, payload: bytes, priority: int = PROMPT, expires: float = inf
     ) -> Message:
-        """Queue a message and return it."""
+        """Queue a message and return it; one of more than `MESSAGE_MAX` bytes is dropped."""
         message = Message(channel, payload, priority, expires)
+        if len(payload) > MESSAGE_MAX:
+            message.is_expired = True
+            self.dropped += 1
+            return message
         if len(self._messages) >= _BACKLOG:
             self._drop_oldest()
-        self._messages.append(message)
+        self._messages[message] = None
         self._cut(message)
+        if len(message._parts) > 1:
+            while self._waiting_bytes() > _BACKLOG_BYTES and self._drop_oldest():
+                pass
         return message
 
-    def _drop_oldest(self) -> None:
-        """Drop the oldest message that is least urgent.
+    def _waiting_bytes(self) -> int:
+        return sum(part.size for waiting in self._waiting for part in waiting)
 
-        While the other end is present, the numbers of the message must still arrive, so only its
-        content is dropped. After a long silence both ends begin again, with the messages left.
+    def _drop_oldest(self) -> bool:
+        """Drop the oldest message that is least urgent; return whether there was one.
+
+        The other end waits for the rest of a message that was partly sent.
         """
-        if self.is_joined and not self.is_up(self._filled):
-            self._session.renew()
-            self._former.clear()
-            self._peer = NO_SESSION
-            self._begin_again()
-        droppable = (m for m in self._messages if m.priority != URGENT and m.expires > -inf)
-        old = max(droppable, key=lambda m: m.priority, default=None)
-        if old is None:
-            return
-        old.expires = -inf
-        self.dropped += 1
-        if not self.is_joined:
-            old.is_expired = True
-            self._messages.remove(old)
-            self._parts = [part for part in self._parts if part.message is not old]
+        for priority in (BULK, PROMPT):
+            waiting = self._waiting[priority]
+            old = next((part.message for part in waiting if part.message._sequence < 0), None)
+            if old is not None:
+                self.dropped += 1
+                old.void()
+                del self._messages[old]
+                self._waiting[priority] = deque(p for p in waiting if p.message is not old)
+                return True
+        return False
 
     def set_value(self, channel: int, payload: bytes) -> None:
-        """Replace the value of a channel; it is sent once."""
-        self._values[channel] = payload
+        """Replace the value of a channel; it is sent once, if it fits into a datagram."""
+        if len(payload) > _PART_MAX:
+            self.dropped += 1
+        else:
+            self._values[channel] = payload
 
     @property
     def waiting(self) -> int:
@@ -223,7 +245,17 @@ class Connection:
     @property
     def is_joined(self) -> bool:
         """Whether the other end was found."""
-        return self._peer != NO_SESSION
+        return self._session.is_joined
+
+    @property
+    def answer(self) -> bytes | None:
+        """Datagram to send to the sender of the datagram that was received last, or None."""
+        return self._session.answer
+
+    @property
+    def rejected(self) -> int:
+        """Number of datagrams that the shared key does not authenticate."""
+        return self._session.rejected
 
     def is_up(self, now: float) -> bool:
         """Return whether a datagram arrived within `SILENCE`."""
@@ -235,27 +267,33 @@ class Connection:
             filled = self._tokens + (now - self._filled) * self._rate
             self._tokens, self._filled = min(filled, _FILL * self._rate), now
         self._expire(now)
-        their_ns, came_ns = self._their_times
-        times = _TIMES.pack(now_ns, system_ns, their_ns, now_ns - came_ns if their_ns else 0)
-        body = [_entry(_TIME, times)]
-        to, self._greet = self._greet or self._peer, None
-        # A session that has only sent a greeting receives only a greeting.
-        if to == self._peer and self.is_joined:
-            body.append(_entry(_CONFIRMED, _CONFIRM.pack(*self._received_numbers)))
-            room = DATAGRAM_MAX - OVERHEAD - sum(map(len, body))
-            for kind, content in self._contents(now, room):
-                body.append(_entry(kind, content))
-        datagram = self._session.seal(to, b''.join(body))
+        sealed = self._session.seal(self._body(now, now_ns, system_ns)) if self.is_joined else None
+        datagram = self._counted(sealed or self._session.greeting(now))
         self._tokens -= len(datagram) + HEADERS
-        self.traffic.sent += 1
-        self.traffic.sent_bytes += len(datagram) + HEADERS
         return datagram
 
+    def _body(self, now: float, now_ns: int, system_ns: int) -> bytes:
+        their_ns, came_ns = self._their_times
+        times = _TIMES.pack(now_ns, system_ns, their_ns, now_ns - came_ns if their_ns else 0)
+        body = [
+            _entry(_TIME, times),
+            _entry(_CONFIRMED, _CONFIRM.pack(*self._received_numbers)),
+        ]
+        room = DATAGRAM_MAX - OVERHEAD - sum(map(len, body))
+        body += [_entry(kind, content) for kind, content in self._contents(now, room)]
+        return b''.join(body)
+
     def single(self, channel: int, payload: bytes, now_ns: int, system_ns: int) -> bytes:
-        """Return a datagram with one value and nothing else, outside the bounded rate."""
+        """Return a datagram with one value and nothing else, outside the bounded rate.
+
+        The other end must have joined.
+        """
         body = _entry(_TIME, _TIMES.pack(now_ns, system_ns, 0, 0))
         body += _entry(_VALUE, _CHANNEL.pack(channel) + payload)
-        datagram = self._session.seal(self._peer, body)
+        return self._counted(self._session.seal(body))
+
+    def _counted(self, datagram: bytes) -> bytes:
+        """Count a datagram to be sent, and return it."""
         self.traffic.sent += 1
         self.traffic.sent_bytes += len(datagram) + HEADERS
         return datagram
@@ -268,14 +306,12 @@ class Connection:
         """
         may_send = self.is_up(now) and self._tokens > 0.0
         self._turn = (self._turn + 1) % _TURNS
-        order = sorted(self._parts, key=lambda part: part.message.priority)
         is_bulk_first = self._turn == 0
-        for part in order:
-            if part.message.priority == BULK and not is_bulk_first:
-                continue
-            if (part.message.priority == URGENT or may_send) and self._is_due(part, now, room):
-                room -= part.size
-                yield _PART, self._numbered(part, now)
+        for priority in (URGENT, PROMPT, BULK):
+            if priority == URGENT or (may_send and (priority == PROMPT or is_bulk_first)):
+                for content in self._parts_due(priority, now, room):
+                    room -= _ENTRY.size + len(content)
+                    yield _PART, content
         if not may_send:
             return  # A radio out of range must not queue old values.
         for channel, value in list(self._values.items()):
@@ -284,51 +320,47 @@ class Connection:
                 room -= size
                 del self._values[channel]
                 yield _VALUE, _CHANNEL.pack(channel) + value
-        has_spare = self._tokens > 0.5 * _FILL * self._rate  # else the next values would wait
-        for part in order:
-            is_bulk = part.message.priority == BULK
-            if has_spare and is_bulk and self._is_due(part, now, room):
-                room -= part.size
-                yield _PART, self._numbered(part, now)
+        # Without spare tokens the next values would wait.
+        if not is_bulk_first and self._tokens > 0.5 * _FILL * self._rate:
+            yield from ((_PART, content) for content in self._parts_due(BULK, now, room))
 
-    def _is_due(self, part: _Part, now: float, room: int) -> bool:
-        """Tell whether a part fits, has a number or may get one, and is not under way."""
-        is_urgent = part.message.priority == URGENT
-        span = _SPAN if is_urgent else _SPAN - _RESERVED
-        is_held = part.number < 0 and self._next - self._confirmed_below >= span
+    def _parts_due(self, priority: int, now: float, room: int) -> Iterator[bytes]:
+        """Yield parts that are due again, then new ones, as far as there is room."""
         again = _AGAIN_MIN
         if self.round_trip == self.round_trip:
             again = max(again, 1.5 * self.round_trip + 0.06)
-        is_early = now - part.sent < (_URGENT_EVERY if is_urgent else again)
-        return part.size <= room and not is_held and not is_early
-
-    def _numbered(self, part: _Part, now: float) -> bytes:
-        """Return a part that is sent now."""
-        if part.number < 0:
-            part.number, self._next = self._next, self._next + 1
-        part.sent = now
-        return part.packed()
+        if priority == URGENT:
+            again = _URGENT_EVERY
+        for part in self._moving:
+            is_due = part.message.priority == priority and now - part.sent >= again
+            if is_due and part.size <= room:
+                part.sent = now
+                room -= part.size
+                yield part.packed()
+        span = _SPAN if priority == URGENT else _SPAN - _RESERVED
+        waiting = self._waiting[priority]
+        while waiting and waiting[0].size <= room and self._next - self._confirmed_below < span:
+            part = waiting.popleft()
+            part.number, part.sent, self._next = self._next, now, self._next + 1
+            message = part.message
+            if message._sequence < 0:
+                message._sequence = self._sequences.get(message.channel, 0)
+                self._sequences[message.channel] = message._sequence + 1
+            self._moving.append(part)
+            room -= part.size
+            yield part.packed()
 
     # Receiving
 
     def receive(self, datagram: bytes, now: float, now_ns: int, system_ns: int) -> list[Received]:
-        """Process a datagram and return its contents in order."""
-        opened = self._session.open(datagram, self._other_role)
+        """Process a datagram and return its contents in order; set `answer` and `is_newest`."""
+        opened = self._session.open(datagram, now, self.is_up(now))
+        self.is_newest = opened is not None and opened.is_newest
+        if self.answer is not None:
+            self._counted(self.answer)
         if opened is None:
             return []
-        session, to, body = opened
-        if to != self._session.own:
-            self._greet = session  # one of the two ends restarted
-            self.greets += 1
-            return []
-        if session != self._peer:
-            if session in self._former:
-                # The other end kept its numbers, so both ends must begin again.
-                self._session.renew()
-                self._former.clear()
-            if self.is_joined:
-                self._former.add(self._peer)
-            self._peer = session
+        if opened.has_joined:
             self.peers += 1
             self._begin_again()
         self.last_received = now
@@ -337,7 +369,7 @@ class Connection:
         came: list[Received] = []
         is_late = False
         try:
-            for kind, content in _entries(body):
+            for kind, content in _entries(opened.body):
                 if kind == _TIME:
                     is_late = self._on_times(_TIMES.unpack(content), now, now_ns, system_ns)
                 elif kind == _CONFIRMED:
@@ -347,7 +379,7 @@ class Connection:
                 elif kind == _VALUE:
                     (channel,) = _CHANNEL.unpack_from(content)
                     came.append(Received(channel, content[_CHANNEL.size :], True))
-        except (struct.error, zlib.error):
+        except struct.error:
             pass  # content of another version in an authentic datagram
         return came
 
@@ -355,39 +387,46 @@ class Connection:
         """Process the times of clocks and delays; return whether the datagram was late."""
         sent_ns, their_system_ns, our_ns, held_ns = times
         self._their_times = (sent_ns, now_ns)
+        is_fresh = False
         if our_ns:
             # The other end received our datagram, held it, and answered.
-            round_trip = 1e-9 * (now_ns - our_ns - held_ns)
+            round_trip = max(0.0, 1e-9 * (now_ns - our_ns - held_ns))
+            self._least_trip = min(self._least_trip, round_trip)
+            # After a cut, what waited in the radio's queue shows neither the clocks' offset nor
+            # the usual delay, even if all earlier datagrams are older than their span.
+            is_fresh = round_trip < self._least_trip + _LATE_MAX
             smooth = self.round_trip
-            self.round_trip = round_trip if smooth != smooth else 0.9 * smooth + 0.1 * round_trip
+            is_new = smooth != smooth or round_trip < 0.5 * smooth
+            self.round_trip = round_trip if is_new else 0.9 * smooth + 0.1 * round_trip
             offset = 1e-9 * (their_system_ns - system_ns) + 0.5 * round_trip
-            while self._exchanges and now - self._exchanges[0][0] > _CLOCK_SPAN:
-                self._exchanges.popleft()
-            self._exchanges.append((now, round_trip, offset))
-            self.clock_offset = min(self._exchanges, key=lambda exchange: exchange[1])[2]
+            if is_fresh or not self._exchanges:
+                while self._exchanges and now - self._exchanges[0][0] > _CLOCK_SPAN:
+                    self._exchanges.popleft()
+                self._exchanges.append((now, round_trip, offset))
+                self.clock_offset = min(self._exchanges, key=lambda exchange: exchange[1])[2]
         delay = 1e-9 * (now_ns - sent_ns)  # plus a constant: two monotonic clocks
-        while self._delays and now - self._delays[0][0] > 60.0:
+        while is_fresh and self._delays and now - self._delays[0][0] > _DELAY_SPAN:
             self._delays.popleft()
         while self._delays and self._delays[-1][1] >= delay:
             self._delays.pop()
         self._delays.append((now, delay))
         self.delay = delay - self._delays[0][1]
-        return self.delay > _LATE_MAX
+        return self.delay > _LATE_MAX and not is_fresh
 
     def _on_confirmed(self, base: int, mask: int) -> None:
-        self._confirmed_below = max(self._confirmed_below, base)
+        self._confirmed_below = max(self._confirmed_below, min(base, self._next))
         left = []
-        for part in self._parts:
+        for part in self._moving:
             ahead = part.number - base
-            if part.number >= 0 and (ahead < 0 or (ahead < _SPAN and mask >> ahead & 1)):
-                part.message._parts.remove(part)
-                if not part.message._parts and not part.message.is_expired:
-                    part.message.is_confirmed = True
-            else:
+            if ahead >= 0 and not (ahead < _SPAN and mask >> ahead & 1):
                 left.append(part)
-        if len(left) != len(self._parts):
-            self._parts = left
-            self._messages = deque(message for message in self._messages if message._parts)
+                continue
+            message = part.message
+            message._left -= 1
+            if not message._left:
+                message.is_confirmed = not message.is_expired
+                del self._messages[message]
+        self._moving = left
 
     def _on_part(self, content: bytes, is_late: bool) -> list[Received]:
         number, channel, sequence, index, count, flags = _PART_HEAD.unpack_from(content)
@@ -398,12 +437,18 @@ class Connection:
         ahead = number - base
         if ahead < 0 or ahead >= _SPAN or mask >> ahead & 1:
             return []
+        cost = len(data) + _HELD_PART
+        if index >= count or self._held + cost > _HELD_MAX:
+            return []
         mask |= 1 << ahead
         while mask & 1:
             base, mask = base + 1, mask >> 1
         self._received_numbers = base, mask
         parts = self._incoming.setdefault((channel, sequence), {})
+        if index in parts:
+            return []
         parts[index] = (flags, data)
+        self._held += cost
         if len(parts) < count:
             return []
         return self._in_order(channel)
@@ -416,13 +461,11 @@ class Connection:
             if parts is None or not self._is_whole(parts):
                 return came
             del self._incoming[channel, sequence]
+            self._held -= sum(len(data) + _HELD_PART for _, data in parts.values())
             self._expected[channel] = sequence + 1
-            if any(flags & _VOID for flags, _ in parts.values()):
-                continue
-            payload = b''.join(parts[index][1] for index in sorted(parts))
-            if parts[0][0] & _PACKED:
-                payload = zlib.decompress(payload)
-            came.append(Received(channel, payload, False))
+            payload = _joined(parts)
+            if payload is not None:
+                came.append(Received(channel, payload, False))
 
     @staticmethod
     def _is_whole(parts: dict[int, tuple[int, bytes]]) -> bool:
@@ -436,39 +479,41 @@ class Connection:
         self._next = self._confirmed_below = 0
         self._received_numbers = (0, 0)
         self._incoming.clear()
+        self._held = 0
         self._expected.clear()
         self._sequences.clear()
-        self._parts = []
-        self._messages = deque(m for m in self._messages if not m.is_expired)
+        self._moving = []
+        for waiting in self._waiting:
+            waiting.clear()
+        self._messages = {m: None for m in self._messages if not m.is_expired}
         self._their_times = (0, 0)
+        self._least_trip = inf
         self._delays.clear()
         self._exchanges.clear()
         for message in self._messages:
+            message._sequence = -1
             self._cut(message)
 
     def _cut(self, message: Message) -> None:
         """Split a message into parts."""
-        packed = zlib.compress(message.payload, 6) if len(message.payload) > 200 else b''
-        is_packed = bool(packed) and len(packed) < len(message.payload)
+        size = len(message.payload)
+        packed = zlib.compress(message.payload, 6 if size < 2**16 else 1) if size > 200 else b''
+        is_packed = bool(packed) and len(packed) < size
         content = packed if is_packed else message.payload
         flags = _PACKED * is_packed | _EXPIRES * (message.expires < inf)
-        sequence = self._sequences.get(message.channel, 0)
-        self._sequences[message.channel] = sequence + 1
         pieces = [content[k : k + _PART_MAX] for k in range(0, len(content), _PART_MAX)] or [b'']
         message._parts = [
-            _Part(message, sequence, k, len(pieces), flags | _LAST * (k == len(pieces) - 1), piece)
+            _Part(message, k, len(pieces), flags | _LAST * (k == len(pieces) - 1), piece)
             for k, piece in enumerate(pieces)
         ]
-        self._parts += message._parts
+        message._left = len(pieces)
+        self._waiting[message.priority].extend(message._parts)
 
     def _expire(self, now: float) -> None:
         """Empty the parts of expired messages; the messages' numbers must still arrive."""
         for message in self._messages:
             if message.expires < now and not message.is_expired:
-                message.is_expired = True
-                for part in message._parts:
-                    part.flags |= _VOID
-                    part.content = b''
+                message.void()
 
 
 def _entry(kind: int, content: bytes) -> bytes:
@@ -482,3 +527,18 @@ def _entries(body: bytes) -> Iterator[tuple[int, bytes]]:
         place += _ENTRY.size
         yield kind, body[place : place + length]
         place += length
+
+
+def _joined(parts: dict[int, tuple[int, bytes]]) -> bytes | None:
+    """Return the content of a message, None if it was dropped or is malformed."""
+    if any(flags & _VOID for flags, _ in parts.values()):
+        return None
+    payload = b''.join(parts[index][1] for index in sorted(parts))
+    if not parts[0][0] & _PACKED:
+        return payload
+    unpacker = zlib.decompressobj()
+    try:
+        payload = unpacker.decompress(payload, MESSAGE_MAX)
+    except zlib.error:
+        return None
+    return payload if unpacker.eof else None

@@ -8,12 +8,13 @@ wait behind a bag in the radio's queue.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
 import struct
 from collections import deque
-from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,8 +29,10 @@ PARTIAL = '.part'
 _HEAD = struct.Struct('<HHI')  # manifest, file, block
 _QUESTION = struct.Struct('<HB')  # manifest, questions
 _PLACE = struct.Struct('<HI')  # file, block
+_AHEAD = 1_000_000  # bytes that the disk reads at once
 _SPAN = 512  # blocks under way
 _AGAIN = 0.25  # [s] beyond the round trip, after which a block is asked for again
+_FILES_MAX, _SIZE_MAX = 1 << 16, BLOCK << 32  # what the numbers of files and blocks can name
 _DELAY_MAX = 0.05  # [s] of a queue in the radio
 _CALM = 0.2  # [s] between two reductions
 _NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
@@ -40,6 +43,13 @@ def is_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
+def questions(content: bytes) -> tuple[int, list[bytes]]:
+    """Return the manifest's number and the places of a question; raises struct.error."""
+    number, count = _QUESTION.unpack_from(content)
+    places = content[_QUESTION.size :][: count * _PLACE.size]
+    return number, [places[k : k + _PLACE.size] for k in range(0, len(places), _PLACE.size)]
+
+
 class FileServer:
     """Answers questions about the files of one folder.
 
@@ -48,7 +58,7 @@ class FileServer:
     folder
         That holds the files.
     number
-        Of this manifest, 0 to 65535: questions about another one are not answered.
+        Of this manifest, 0 to 65535.
 
     Attributes
     ----------
@@ -58,26 +68,23 @@ class FileServer:
 
     def __init__(self, folder: Path, number: int) -> None:
         self._number = number
-        self._paths = sorted(path for path in folder.iterdir() if is_name(path.name))
+        paths = (path for path in folder.iterdir() if is_name(path.name) and path.is_file())
+        self._paths = sorted(paths)[:_FILES_MAX]
         self.manifest = [[path.name, path.stat().st_size] for path in self._paths]
         self._open: tuple[int, BinaryIO] | None = None
 
-    def blocks(self, question: bytes) -> Iterator[bytes]:
-        """Yield the places that a question names, for `answer`; raises struct.error."""
-        number, count = _QUESTION.unpack_from(question)
-        if number != self._number:
-            return
-        for k in range(count):
-            yield question[_QUESTION.size + k * _PLACE.size :][: _PLACE.size]
-
     def answer(self, place: bytes) -> bytes:
-        """Return the block at a place; raises struct.error, OSError, IndexError."""
+        """Return the block at a place; raises struct.error, OSError, IndexError.
+
+        BlockingIOError means that the disk reads it: try again later. An e-stop must not wait
+        behind a busy disk.
+        """
         file, block = _PLACE.unpack(place)
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, self._paths[file].open('rb')
         left = int(str(self.manifest[file][1])) - block * BLOCK  # the file may have grown
-        content = os.pread(self._open[1].fileno(), max(0, min(BLOCK, left)), block * BLOCK)
+        content = _cached(self._open[1].fileno(), max(0, min(BLOCK, left)), block * BLOCK)
         return _HEAD.pack(self._number, file, block) + content
 
     def close(self) -> None:
@@ -85,6 +92,25 @@ class FileServer:
         if self._open is not None:
             self._open[1].close()
             self._open = None
+
+
+def _cached(file: int, size: int, offset: int) -> bytes:
+    """Return bytes of a file from the page cache; raises BlockingIOError if they are not there."""
+    if not hasattr(os, 'RWF_NOWAIT'):  # not Linux
+        return os.pread(file, size, offset)
+    content = bytearray(size)
+    try:
+        count = os.preadv(file, [content], offset, os.RWF_NOWAIT)
+        if count < size and offset + count < os.fstat(file).st_size:
+            raise BlockingIOError(errno.EAGAIN, 'the disk reads the rest of the block')
+    except BlockingIOError:
+        os.posix_fadvise(file, offset, _AHEAD, os.POSIX_FADV_WILLNEED)
+        raise
+    except OSError as error:
+        if error.errno != errno.EOPNOTSUPP:
+            raise
+        return os.pread(file, size, offset)  # this file system only waits
+    return bytes(content[:count])
 
 
 class Fetch:
@@ -107,21 +133,17 @@ class Fetch:
     Raises
     ------
     ValueError
-        If the manifest names no files, or paths, or the folder contains another recording.
+        If the manifest is invalid, or the folder contains another recording.
     OSError
         If the folder cannot be written.
     """
 
-    def __init__(
-        self, folder: Path, number: int, manifest: list[list[object]], rate: float
-    ) -> None:
-        if not manifest or not all(is_name(str(name)) for name, _ in manifest):
-            raise ValueError(f'the drone offers no bag: {manifest}')
+    def __init__(self, folder: Path, number: int, manifest: object, rate: float) -> None:
+        self._files = _files_of(manifest)
         folder.mkdir(parents=True, exist_ok=True)
         self._folder = folder
         self._number = number
         self._rate = rate
-        self._files = [(str(name), int(str(size))) for name, size in manifest]
         self.size = sum(size for _, size in self._files)
         self.stored = 0
         self._pace = min(50.0, rate)  # blocks per second
@@ -129,6 +151,9 @@ class Fetch:
         self._came: deque[bool] = deque(maxlen=100)
         self._file = -1
         self._stream: BinaryIO | None = None
+        # A disk can take seconds to store a file, while the connection must go on.
+        self._worker = ThreadPoolExecutor(1)
+        self._storing: Future[None] | None = None
         self._claim(folder)
         self._next_file()
 
@@ -137,8 +162,13 @@ class Fetch:
         """Whether all files are stored."""
         return self._file >= len(self._files)
 
+    @property
+    def is_storing(self) -> bool:
+        """Whether the disk stores a file that has arrived; the next file waits for it."""
+        return self._storing is not None
+
     def question(self, now: float, delay: float, round_trip: float) -> bytes | None:
-        """Return what to ask at a time [s], None if nothing is due.
+        """Return what to ask at a time [s], None if nothing is due; raises OSError.
 
         Parameters
         ----------
@@ -149,7 +179,9 @@ class Fetch:
         round_trip
             Of the connection [s].
         """
-        if self.is_complete:
+        if self._storing is not None and self._storing.done():
+            self._rename()
+        if self.is_complete or self._storing is not None:
             return None
         self._adapt(now, delay)
         patience = _AGAIN + 1.5 * (round_trip if round_trip == round_trip else 0.1)
@@ -172,11 +204,12 @@ class Fetch:
 
     def take(self, answer: bytes) -> None:
         """Store a block; raises OSError if the disk is full, struct.error."""
-        if self.is_complete:
+        if self.is_complete or self._stream is None:
             return
         number, file, block = _HEAD.unpack_from(answer)
         content = answer[_HEAD.size :]
-        if number != self._number or file != self._file or block < self._block:
+        ahead = block - self._block
+        if number != self._number or file != self._file or not 0 <= ahead < _SPAN:
             return
         if len(content) != min(BLOCK, self._files[file][1] - block * BLOCK):
             return
@@ -184,16 +217,16 @@ class Fetch:
         self._waiting[block] = content
         while self._block in self._waiting:
             content = self._waiting.pop(self._block)
-            assert self._stream is not None
             self._stream.write(content)
             self._asked.pop(self._block, None)
             self._block += 1
             self.stored += len(content)
         if self._block >= self._blocks:
-            self._complete_file()
+            self._store()
 
     def close(self) -> None:
         """Close the file that is being written."""
+        self._worker.shutdown(wait=False)
         if self._stream is not None:
             self._stream.close()
             self._stream = None
@@ -248,17 +281,39 @@ class Fetch:
             self._stream = partial.open('r+b' if have else 'wb')
             self._stream.truncate(self._block * BLOCK)
             self._stream.seek(self._block * BLOCK)
-            if self._block < self._blocks:
-                return
-            self._complete_file(goes_on=False)
+            if self._block >= self._blocks:
+                self._store()
+            return
 
-    def _complete_file(self, goes_on: bool = True) -> None:
+    def _store(self) -> None:
+        """Let the disk store the file that has arrived."""
         assert self._stream is not None
-        self._stream.flush()
-        os.fsync(self._stream.fileno())
-        self._stream.close()
+        self._storing = self._worker.submit(_stored, self._stream)
         self._stream = None
+
+    def _rename(self) -> None:
+        """Give a stored file its name, and go on with the next."""
+        storing, self._storing = self._storing, None
+        assert storing is not None
+        storing.result()
         name = self._files[self._file][0]
         (self._folder / (name + PARTIAL)).replace(self._folder / name)
-        if goes_on:
-            self._next_file()
+        self._next_file()
+
+
+def _stored(stream: BinaryIO) -> None:
+    with stream:
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _files_of(manifest: object) -> list[tuple[str, int]]:
+    """Return name and size [bytes] of each file of a received manifest; raises ValueError."""
+    try:
+        files = [(str(name), int(size)) for name, size in manifest]  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
+        files = []
+    is_valid = all(is_name(name) and 0 <= size <= _SIZE_MAX for name, size in files)
+    if not is_valid or not 0 < len(dict(files)) == len(files) <= _FILES_MAX:
+        raise ValueError(f'the drone offers no bag: {str(manifest)[:200]}')
+    return files

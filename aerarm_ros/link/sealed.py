@@ -1,10 +1,14 @@
-"""Datagrams that are encrypted and authenticated with a shared key.
+"""Datagrams that are encrypted and authenticated with a shared key, and the handshake of two ends.
 
 ChaCha20-Poly1305 (RFC 8439) of the library `cryptography` seals each datagram. The key of a session
-is derived from the shared key and a random number of its process. So no counter is used twice with
-one key. A datagram contains the session number of its receiver, so the receiver rejects recorded
-datagrams after its restart. There is no forward secrecy: anyone with the shared key can read
-recorded datagrams.
+is derived from the shared key and a random number, the session number, so no counter is used twice
+with one key. There is no forward secrecy: anyone with the shared key can read recorded datagrams.
+
+The session number is also the challenge of the handshake. Each datagram contains the session number
+of its receiver. An end offers a new session number in its answer to a greeting, and accepts the
+other end once a datagram is addressed to this number. So a recorded datagram connects nothing,
+moves no address and replaces no live end. An end stores nothing about a greeting, so greetings
+cannot fill its memory.
 """
 
 from __future__ import annotations
@@ -14,7 +18,9 @@ import hmac
 import os
 import secrets
 import struct
+from math import inf
 from pathlib import Path
+from typing import NamedTuple
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
@@ -23,13 +29,18 @@ KEY_SIZE = 32
 """Bytes of the shared key."""
 SESSION_SIZE = 8
 NO_SESSION = bytes(SESSION_SIZE)
-"""Receiver's session in a datagram before the other end's session is known."""
+"""Receiver's session number in a datagram to an end whose session number is unknown."""
 OVERHEAD = SESSION_SIZE + 8 + SESSION_SIZE + 16
 """Bytes that sealing adds to a body."""
 
 _HEADER = struct.Struct(f'<{SESSION_SIZE}sQ')
+_CALLER = 'ground'  # role of the end that calls the other
 _WINDOW = 128  # datagrams that may overtake each other
-_KNOWN_MAX = 8  # sessions whose keys are stored
+_OFFER = 5.0  # [s] in which a session number is offered; for as long again it may be accepted
+_ANSWER_EVERY, _ANSWERS = 0.02, 8  # [s]; in that time one answer per session, and so many in all
+# [s] after a handshake, besides its duration, in which datagrams of the former sessions are still
+# under way. An answer to one of them would begin the next handshake.
+_SETTLING = 1.0
 
 
 class KeyFileError(ValueError):
@@ -82,80 +93,153 @@ def read_key(path: Path) -> bytes:
     return key
 
 
+class Opened(NamedTuple):
+    """An authentic datagram of the connected end.
+
+    Attributes
+    ----------
+    body
+        What the other end sealed.
+    is_newest
+        Whether no later datagram of the session has arrived, so that its address is the current
+        one.
+    has_joined
+        Whether the datagram completed a handshake: both ends begin again.
+    """
+
+    body: bytes
+    is_newest: bool
+    has_joined: bool
+
+
 class Session:
-    """Seal this end's datagrams and open the other end's.
+    """Connect this end with the other end, seal its datagrams and open the other end's.
 
     Parameters
     ----------
     key
         Shared key.
-    role
-        Role of this end, which must differ from the other end's. So a datagram that is reflected
-        to its sender is rejected.
+    role, other_role
+        Roles of both ends, which must differ. So a datagram that is reflected to its sender is
+        rejected.
 
     Attributes
     ----------
-    own : bytes
-        Number of this end's session.
+    answer
+        Answer to the sender of the datagram that was opened last, None if there is none.
+    rejected
+        Number of datagrams that the shared key does not authenticate.
     """
 
-    def __init__(self, key: bytes, role: str) -> None:
-        self._key = key
-        self._role = role
-        self._others: dict[bytes, _Other] = {}
-        self.renew()
+    def __init__(self, key: bytes, role: str, other_role: str) -> None:
+        self.answer: bytes | None = None
+        self.rejected = 0
+        self._key, self._role, self._other_role = key, role, other_role
+        self._own: _Sealer | None = None
+        self._peer = _Peer(NO_SESSION, None, 0)
+        self._offered, self._offered_at = _Sealer(key, role), -inf
+        self._settled_at = -inf
+        self._answered: dict[bytes, float] = {}
 
-    def renew(self) -> None:
-        """Begin a new session of this end, as a restart does."""
-        self.own = secrets.token_bytes(SESSION_SIZE)
-        self._counter = 0
-        self._cipher = _cipher(self._key, self._role, self.own)
+    @property
+    def is_joined(self) -> bool:
+        """Whether the handshake with the other end is complete."""
+        return self._own is not None
 
-    def seal(self, to: bytes, body: bytes) -> bytes:
-        """Return a datagram to a session of the other end, or to `NO_SESSION` if unknown."""
-        self._counter += 1
-        header = _HEADER.pack(self.own, self._counter)
-        return header + self._cipher.encrypt(_nonce(self._counter), to + body, header)
+    def greeting(self, now: float) -> bytes:
+        """Return a datagram to an unknown end at `now` [s]."""
+        return self._offer(now).seal(NO_SESSION, b'')
 
-    def open(self, datagram: bytes, other_role: str) -> tuple[bytes, bytes, bytes] | None:
-        """Return sender's session, addressed session and body; None if it is not authentic.
+    def seal(self, body: bytes) -> bytes:
+        """Return a datagram to the connected end."""
+        assert self._own is not None
+        return self._own.seal(self._peer.session, body)
 
-        The result is also None for a repeated datagram, or one that is far behind others of its
-        session.
+    def open(self, datagram: bytes, now: float, is_up: bool) -> Opened | None:
+        """Open a datagram that arrived at `now` [s]; set `answer` if it is a greeting.
+
+        `is_up` tells whether the other end is present. A ground whose drone is present answers only
+        a greeting to its current session, as a restarted drone sends it. Otherwise an attacker
+        could pass on the drone's answer to a recorded greeting, and so restart the connection.
+        The result is None unless the datagram is authentic, addressed to the current session, and
+        neither repeated nor far behind others.
         """
+        self.answer = None
         if len(datagram) < OVERHEAD:
+            self.rejected += 1
             return None
         header = datagram[: _HEADER.size]
         session, counter = _HEADER.unpack(header)
-        other = self._others.get(session) or _Other(_cipher(self._key, other_role, session))
+        is_peer = self.is_joined and session == self._peer.session
+        cipher = self._peer.cipher if is_peer else None
+        cipher = cipher or _cipher(self._key, self._other_role, session)
         try:
-            plain = other.cipher.decrypt(_nonce(counter), datagram[_HEADER.size :], header)
+            plain = cipher.decrypt(_nonce(counter), datagram[_HEADER.size :], header)
         except InvalidTag:
+            self.rejected += 1
             return None
-        if session not in self._others:
-            while len(self._others) >= _KNOWN_MAX:
-                del self._others[next(iter(self._others))]
-            self._others[session] = other
-        if not other.is_new(counter):
+        to, body = plain[:SESSION_SIZE], plain[SESSION_SIZE:]
+        if to == self._offered.session and now - self._offered_at < 2.0 * _OFFER:
+            self._own, self._peer = self._offered, _Peer(session, cipher, counter)
+            self._settled_at = now + (now - self._offered_at) + _SETTLING
+            self._offered_at = -inf  # the next greeting gets another number
+            return Opened(body, True, True)
+        if is_peer and not self._peer.is_new(counter):
             return None
-        return session, plain[:SESSION_SIZE], plain[SESSION_SIZE:]
+        is_current = self._own is not None and to == self._own.session
+        if is_peer and is_current:
+            return Opened(body, counter == self._peer.newest, False)
+        if now >= self._settled_at and (is_current or not is_up or self._role != _CALLER):
+            self._greeted(session, now)
+        return None
+
+    def _greeted(self, session: bytes, now: float) -> None:
+        """Answer a greeting, which may be a recorded one."""
+        answered = self._answered
+        recent = {key: when for key, when in answered.items() if now - when < _ANSWER_EVERY}
+        if session not in recent and len(recent) < _ANSWERS:
+            self.answer = self._offer(now).seal(session, b'')
+            recent[session] = now
+        self._answered = recent
+
+    def _offer(self, now: float) -> _Sealer:
+        """Return the session that this end offers, a new one if it was offered for long."""
+        if now - self._offered_at > _OFFER:
+            self._offered, self._offered_at = _Sealer(self._key, self._role), now
+        return self._offered
 
 
-class _Other:
-    """A session of the other end: its cipher, and the received counters."""
+class _Sealer:
+    """A session of this end: its number, cipher and counter."""
 
-    def __init__(self, cipher: ChaCha20Poly1305) -> None:
-        self.cipher = cipher
-        self._newest = 0
-        self._seen = 0  # bit k: counter newest - k was received
+    def __init__(self, key: bytes, role: str) -> None:
+        self.session = secrets.token_bytes(SESSION_SIZE)
+        self._cipher = _cipher(key, role, self.session)
+        self._counter = 0
+
+    def seal(self, to: bytes, body: bytes) -> bytes:
+        self._counter += 1
+        header = _HEADER.pack(self.session, self._counter)
+        return header + self._cipher.encrypt(_nonce(self._counter), to + body, header)
+
+
+class _Peer:
+    """A session of the other end: its number, its cipher, and the received counters."""
+
+    def __init__(self, session: bytes, cipher: ChaCha20Poly1305 | None, newest: int) -> None:
+        self.session, self.cipher = session, cipher
+        self.newest = newest
+        # Bit k: counter newest - k was received. The first datagrams, which are greetings, count as
+        # received.
+        self._seen = (1 << _WINDOW) - 1
 
     def is_new(self, counter: int) -> bool:
-        ahead = counter - self._newest
+        ahead = counter - self.newest
         if ahead > 0:
             self._seen = (
                 ((self._seen << ahead) | 1) & ((1 << _WINDOW) - 1) if ahead < _WINDOW else 1
             )
-            self._newest = counter
+            self.newest = counter
             return True
         if -ahead >= _WINDOW or self._seen >> -ahead & 1:
             return False
@@ -164,7 +248,7 @@ class _Other:
 
 
 def _cipher(key: bytes, role: str, session: bytes) -> ChaCha20Poly1305:
-    text = b'aerarm ground_link 1 ' + role.encode() + session
+    text = b'aerarm ground_link 2 ' + role.encode() + session
     return ChaCha20Poly1305(hmac.digest(key, text, hashlib.sha256))
 
 

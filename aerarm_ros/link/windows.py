@@ -28,7 +28,7 @@ class Window(NamedTuple):
     samples
         Number of samples.
     newest, minimum, maximum : (n,) ndarray
-        NaN where all samples are NaN.
+        `minimum` and `maximum` are NaN where a sample of the window is NaN.
     """
 
     stamp_ns: int
@@ -45,8 +45,8 @@ def window_of(stamp_ns: int, samples: Sequence[NDArray[np.float64]]) -> Window:
         stamp_ns,
         len(rows),
         rows[-1],
-        np.fmin.reduce(rows, axis=0),
-        np.fmax.reduce(rows, axis=0),
+        rows.min(axis=0),
+        rows.max(axis=0),
     )
 
 

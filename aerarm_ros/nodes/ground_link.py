@@ -15,7 +15,8 @@ import rclpy
 
 from aerarm_ros.link.sealed import make_key, read_key
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.link.link_ends import CONTINUE, DRONE, GROUND, HOME, STOP, DroneEnd, GroundEnd
+from aerarm_ros.ros.link.ground_watchdog import CONTINUE, HOME, STOP
+from aerarm_ros.ros.link.link_ends import DRONE, GROUND, DroneEnd, GroundEnd
 from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
@@ -24,12 +25,18 @@ from aerarm_ros.ros.parameters.shared_parameters import (
 )
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.process.shared_ports import PortWatch
 
 NAME = 'ground_link'
 
 PARAMETERS = ParameterTable(
     Parameter('role', DRONE, 'host on which this node runs', choices=(DRONE, GROUND)),
     Parameter('drone', '', 'address of the drone (on the ground only)'),
+    Parameter(
+        'ground',
+        '',
+        'address of the ground; any if empty (on the drone only)',
+    ),
     Parameter('port', 7447, 'UDP port of the drone', '', 1024, 65535),
     Parameter(
         'address', '0.0.0.0', "address at which the drone's host listens (on the drone only)"
@@ -111,7 +118,8 @@ class GroundLink:
 
     def run(self) -> None:
         """Relay messages until stopped."""
-        with StopSignals(self._stop), BackgroundExecutor(self._node):
+        # A publisher must not wait for a new subscriber while an e-stop waits for it.
+        with StopSignals(self._stop), PortWatch(), BackgroundExecutor(self._node):
             prepare_thread(self._values, self._node.get_logger())
             while not self._is_over and rclpy.ok():
                 self._end.step()

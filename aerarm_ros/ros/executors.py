@@ -393,8 +393,10 @@ def spin_until(node: Node, condition: Callable[[], object], timeout: float) -> b
 def this_domain() -> str:
     """Return the node's ROS domain and discovery range, for messages about missing nodes."""
     domain = os.environ.get('ROS_DOMAIN_ID', '0')
-    where = '' if os.environ.get('AERARM_NETWORK') == 'open' else ', this host only'
-    return f'this ROS domain (ROS_DOMAIN_ID={domain}{where})'
+    where = 'this host only; ground_link connects hosts'
+    if os.environ.get('AERARM_NETWORK') == 'open':
+        where = 'other hosts only if AERARM_NETWORK=open is set there too'
+    return f'this ROS domain (ROS_DOMAIN_ID={domain}, {where})'
 
 
 def create_steady_timer(

@@ -40,6 +40,8 @@ LINK, DISK, PROCESSOR = 'link', 'disk', 'processor'
 
 _STALL_NS = 50_000_000  # a pass of the recorder's loop takes some milliseconds
 _JOIN_NS = 1_000_000_000  # gaps of one cause that are closer than this are one line of the log
+_SAMPLE_NS = 100_000_000  # between two looks at the kernel's count, each of which takes 0.2 ms
+_OVERFLOW_NS = 1_000_000_000  # a held-up middleware reads what is left in the buffer afterwards
 _PASSES = 4096  # remembered: 10 s and more
 _ADVICE = {
     LINK: (
@@ -111,7 +113,8 @@ class LossWatch:
     def __init__(self, depth: int, dropped: Callable[[], int] | None = None) -> None:
         self._depth = depth
         self._dropped = dropped or dropped_datagrams
-        self._dropped_before = self._dropped()
+        # Counts of the kernel [ns since the epoch, datagrams]; the first is that of the start.
+        self._drops = deque([(0, self._dropped())], maxlen=_PASSES)
         self._passes: deque[tuple[int, int, int]] = deque(maxlen=_PASSES)
         self._gaps: list[Gap] = []
         self.last: Gap | None = None
@@ -119,6 +122,8 @@ class LossWatch:
     def note_pass(self, begin_ns: int, end_ns: int, disk_ns: int) -> None:
         """Note a pass of the loop [ns since the epoch], and the part that the disk took [ns]."""
         self._passes.append((begin_ns, end_ns, disk_ns))
+        if abs(end_ns - self._drops[-1][0]) >= _SAMPLE_NS:
+            self._drops.append((end_ns, self._dropped()))
 
     def note_gap(self, topic: str, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> None:
         """Note lost messages between two received ones.
@@ -152,8 +157,8 @@ class LossWatch:
 
     def _cause(self, count: int, begin_ns: int, end_ns: int, is_remote: bool) -> tuple[str, bool]:
         if is_remote:
-            before, self._dropped_before = self._dropped_before, self._dropped()
-            if self._dropped_before > before:
+            self._drops.append((end_ns, self._dropped()))
+            if self._drops[-1][1] > self._dropped_until(begin_ns - _OVERFLOW_NS):
                 return PROCESSOR, True
         recent = takewhile(lambda a_pass: a_pass[1] > begin_ns, reversed(self._passes))
         overlapping = [(end - begin, disk) for begin, end, disk in recent if begin < end_ns]
@@ -163,6 +168,11 @@ class LossWatch:
         if is_remote and (longest < _STALL_NS or waiting < 0.5 * self._depth):
             return LINK, False
         return (DISK if longest > _STALL_NS and 2 * disk > longest else PROCESSOR), False
+
+    def _dropped_until(self, time_ns: int) -> int:
+        """Return the kernel's count at a time [ns since the epoch], or at the watch's start."""
+        samples = (count for sampled_ns, count in reversed(self._drops) if sampled_ns <= time_ns)
+        return next(samples, self._drops[0][1])
 
 
 def _time_of_day(time_ns: int) -> str:

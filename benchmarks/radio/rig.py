@@ -107,6 +107,7 @@ class Rig:
         self._clock = shifted_clock(clock) if clock else {}
         self._common = {'key_file': folder / 'key', 'realtime_priority': 40}
         self._given = {'bags': folder / 'bags', **link}
+        self._controller: subprocess.Popen[str] | None = None
         self._stack = ExitStack()
         self.hosts = self._stack.enter_context(TwoHosts())
         try:
@@ -179,9 +180,11 @@ class Rig:
             place, *start, *words, environment=environment, log=log, cwd=self.folder
         )
 
-    def start_controller(self) -> None:
-        """Start computed_torque on the drone."""
-        self._node(self.hosts.drone, 'computed_torque', realtime_priority=45)
+    def start_controller(self, name: str = 'computed_torque') -> None:
+        """Start a controller on the drone, in place of the one started before."""
+        if self._controller is not None:
+            stop([self._controller])
+        self._controller = self._node(self.hosts.drone, name, realtime_priority=45)
 
     def start_on_ground(self, name: str, *words: str, **parameters: object) -> object:
         """Start an executable on the ground."""

@@ -130,6 +130,19 @@ def test_it_is_documented_and_takes_the_arguments_of_bringup(path: Path) -> None
         assert calls(path, 'bringup')
 
 
+@pytest.mark.parametrize(('side', 'other'), [('drone', 'ground'), ('ground', 'drone')])
+def test_each_side_takes_the_address_of_the_other(side: str, other: str) -> None:
+    path = ROOT / 'launch' / f'{side}_side.launch.py'
+    (link,) = (call for call in calls(path, 'node') if literal(call.args[0]) == 'ground_link')
+    assert other in declared(path)
+    assert {'role', other} <= given(link)
+    guide = (ROOT / 'docs' / 'how-to' / 'two_computers.md').read_text()
+    assert f'{path.name} ' in guide
+    assert f' {other}:=192.168.1.' in next(
+        line for line in guide.splitlines() if f'ros2 launch aerarm_ros {path.name}' in line
+    )
+
+
 @pytest.mark.parametrize('path', PARAMETER_FILES, ids=lambda path: path.name)
 def test_parameter_files_hold_what_the_nodes_have(
     path: Path, reference: ModuleType, ros_domain: dict[str, str]

@@ -1,64 +1,12 @@
 """Two connections over a bad link, in simulated time."""
 
 import random
-from collections.abc import Callable
 from math import inf
 
 import pytest
+from bad_link import KEY, TICK, Link
 
-from aerarm_ros.link.connection import BULK, PROMPT, URGENT, Connection, Received
-
-KEY = bytes(range(32))
-TICK = 0.02  # [s]
-
-
-class Link:
-    """Drone and ground with losses, a delay and two clocks."""
-
-    def __init__(self, loss: float = 0.0, delay: float = 0.01, seed: int = 0) -> None:
-        self.drone = Connection(KEY, 'drone', 'ground', 26_000.0)
-        self.ground = Connection(KEY, 'ground', 'drone', 9_000.0)
-        self.loss, self.delay, self.is_cut = loss, delay, False
-        self.now = 100.0
-        self.ahead = 0.0  # of the drone's clocks [s]
-        self.sent = 0
-        self.came: dict[str, list[tuple[float, Received]]] = {'drone': [], 'ground': []}
-        self.spy: list[tuple[str, bytes]] = []
-        self._random = random.Random(seed)
-        self._under_way: list[tuple[float, int, str, bytes]] = []
-
-    def clocks(self, side: str) -> tuple[float, int, int]:
-        now = self.now + (1000.0 if side == 'drone' else 0.0)
-        system = self.now + (self.ahead if side == 'drone' else 0.0)
-        return now, round(1e9 * now), round(1e9 * system)
-
-    def run(self, seconds: float, until: Callable[[], object] = lambda: False) -> float:
-        """Continue for a time, or until a condition; return the elapsed time [s]."""
-        begin = self.now
-        while self.now < begin + seconds - 1e-9 and not until():
-            self.now += 0.005
-            self._arrive()
-            if round(self.now / 0.005) % round(TICK / 0.005) == 0:
-                for side, end in (('drone', self.drone), ('ground', self.ground)):
-                    self._send(side, end.datagram(*self.clocks(side)))
-        return self.now - begin
-
-    def _send(self, side: str, datagram: bytes) -> None:
-        self.sent += 1
-        other = 'ground' if side == 'drone' else 'drone'
-        self.spy.append((other, datagram))
-        if not self.is_cut and self._random.random() >= self.loss:
-            self._under_way.append((self.now + self.delay, self.sent, other, datagram))
-
-    def _arrive(self) -> None:
-        here = sorted(item for item in self._under_way if item[0] <= self.now)
-        self._under_way = [item for item in self._under_way if item[0] > self.now]
-        for _, _, side, datagram in here:
-            for received in getattr(self, side).receive(datagram, *self.clocks(side)):
-                self.came[side].append((self.now, received))
-
-    def payloads(self, side: str) -> list[bytes]:
-        return [received.payload for _, received in self.came[side]]
+from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, URGENT, Connection
 
 
 @pytest.fixture(params=[0.0, 0.05, 0.2], ids=lambda loss: f'{loss:.0%} loss')
@@ -253,3 +201,104 @@ def test_the_backlog_is_bounded_and_keeps_what_is_urgent(is_known: bool) -> None
     assert b'urgent' in came
     assert came[-1] == (4999).to_bytes(2, 'little')
     assert len(came) == len(set(came))
+
+
+def test_a_command_that_waited_in_the_radio_through_a_minute_of_silence_is_not_taken() -> None:
+    link = Link()
+    link.run(2.0)
+    link.is_cut = True
+    link.run(61.0)
+    link.is_cut, link.up_delay = False, 3.0  # what the radio queued during the cut
+    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.run(4.0)
+    assert link.payloads('drone') == []
+
+
+def test_delay_and_clock_are_right_at_once_after_a_minute_of_silence() -> None:
+    link = Link()
+    link.ahead = 30.0
+    link.run(5.0)
+    link.is_cut = True
+    link.run(61.0)
+    link.is_cut, link.delay = False, 3.0
+    link.run(0.5)
+    link.delay = 0.01
+    link.run(3.0)  # 25 old datagrams arrive after the new ones
+    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    assert link.run(1.0, lambda: link.came['drone']) < 0.1
+    link.run(0.1)
+    for end, ahead in ((link.ground, 30.0), (link.drone, -30.0)):
+        assert end.clock_offset == pytest.approx(ahead, abs=6e-3)
+        assert end.delay < 0.02
+        assert end.round_trip < 0.06
+
+
+def test_old_datagrams_do_not_shift_the_clock_of_the_other_end() -> None:
+    link = Link()
+    link.run(5.0)
+    link.is_cut = True
+    link.run(61.0)
+    link.is_cut = False
+    link.delay = 3.0
+    link.run(3.1)
+    assert link.drone.last_received > link.clocks('drone')[0] - 0.2
+    assert link.drone.clock_offset == pytest.approx(0.0, abs=6e-3)
+    assert link.drone.delay == pytest.approx(3.0, abs=0.02)
+
+
+def test_a_drone_with_a_drifting_clock_obeys_after_a_long_silence() -> None:
+    link = Link()
+    link.run(2.0)
+    link.is_cut = True
+    link.run(1.0)
+    link.now += 1e5
+    link.drift = 1.0  # 10 ppm in a day: each datagram seems to take a second longer
+    link.is_cut = False
+    link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    assert link.run(1.0, lambda: link.came['drone']) < 0.2
+
+
+def test_a_message_of_hundreds_of_parts_arrives(link: Link) -> None:
+    payload = random.Random(3).randbytes(400_000)
+    link.drone.send(9, payload)
+    link.run(60.0, lambda: link.came['ground'])
+    assert link.payloads('ground') == [payload]
+
+
+def test_what_is_too_long_is_dropped_and_counted() -> None:
+    link = Link()
+    link.run(2.0)
+    assert link.drone.send(9, bytes(MESSAGE_MAX + 1)).is_expired
+    link.drone.set_value(1, bytes(1300))
+    link.run(1.0)
+    assert link.came['ground'] == []
+    assert link.drone.dropped == 2
+
+
+def test_a_backlog_of_long_messages_is_bounded() -> None:
+    link = Link()
+    link.run(2.0)
+    sent = []
+    for seed in range(40):  # 12 MB, which would take 8 minutes
+        sent.append(link.drone.send(9, random.Random(seed).randbytes(300_000)))
+        link.run(0.1)
+    assert sum(len(message.payload) for message in sent if not message.is_expired) < 4.3e6
+    link.drone.send(9, b'newest')
+    link.run(600.0, lambda: not link.drone.waiting)
+    came = link.payloads('ground')
+    assert came[-1] == b'newest'
+    assert len(came) + link.drone.dropped == 41
+
+
+def test_a_flood_of_events_on_a_good_link_does_not_fill_the_backlog() -> None:
+    link = Link()
+    link.run(2.0)
+    for number in range(20_000):
+        link.drone.send(9, number.to_bytes(4, 'little'), BULK)
+        if number % 100 == 0:
+            link.run(TICK)
+    assert link.drone.waiting < 2100
+    link.run(60.0, lambda: not link.drone.waiting)
+    came = link.payloads('ground')
+    assert came[-1] == (19_999).to_bytes(4, 'little')
+    assert came == sorted(came, key=lambda content: int.from_bytes(content, 'little'))

@@ -1,12 +1,18 @@
 """A bag fetched over a bad link, in simulated time."""
 
+import contextlib
+import os
 import random
+import struct
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name
+from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name, questions
 
 TICK = 0.02
 
@@ -27,6 +33,9 @@ class Radio:
     def run(self, fetch: Fetch, seconds: float, until: Callable[[], object]) -> float:
         begin = self.now
         while self.now < begin + seconds and not until():
+            while fetch.is_storing:  # the disk takes real time
+                time.sleep(1e-4)
+                fetch.question(self.now, self.delay, 0.02)
             self.now += TICK
             arrived = [item for item in self._under_way if item[0] <= self.now]
             self._under_way = [item for item in self._under_way if item[0] > self.now]
@@ -36,7 +45,8 @@ class Radio:
             question = fetch.question(self.now, self.delay, 0.02)
             if question is None or self.is_cut or self._random.random() < self.loss:
                 continue
-            for place in self.server.blocks(question):
+            number, places = questions(question)
+            for place in places if number == 3 else ():
                 self._send(self.server.answer(place))
         return self.now - begin
 
@@ -108,6 +118,78 @@ def test_a_fetch_that_starts_again_goes_on_behind_what_is_stored(bag: Path, tmp_
     assert third.is_complete
 
 
+def test_a_file_that_was_received_but_not_stored_is_only_stored(bag: Path, tmp_path: Path) -> None:
+    radio = Radio(bag)
+    first = fetch_into(radio, tmp_path / 'ground')
+    radio.run(first, 60.0, lambda: first.is_storing)
+    first.close()
+    second = fetch_into(radio, tmp_path / 'ground')
+    blocks = radio.blocks
+    radio.run(second, 60.0, lambda: second.is_complete)
+    assert radio.blocks - blocks <= 2
+    assert same(bag, tmp_path / 'ground')
+
+
+def test_a_slow_disk_does_not_hold_up_the_connection(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_stored = threading.Event()
+    monkeypatch.setattr('os.fsync', lambda _: is_stored.wait())
+    radio = Radio(bag)
+    fetch = fetch_into(radio, tmp_path / 'ground')
+    radio.run(fetch, 60.0, lambda: fetch.is_storing)
+    assert fetch.question(radio.now, 0.0, 0.02) is None
+    is_stored.set()
+    radio.run(fetch, 60.0, lambda: fetch.is_complete)
+    assert same(bag, tmp_path / 'ground')
+
+
+def test_blocks_that_nobody_asked_for_take_no_memory(bag: Path, tmp_path: Path) -> None:
+    (bag / 'bag_0.mcap').write_bytes(bytes(5000 * BLOCK))
+    radio = Radio(bag)
+    fetch: Any = fetch_into(radio, tmp_path / 'ground')
+    for block in range(1, 5000):
+        fetch.take(struct.pack('<HHI', 3, 0, block) + bytes(BLOCK))
+    assert len(fetch._waiting) < 512
+
+
+def test_random_bytes_raise_only_what_is_documented(bag: Path, tmp_path: Path) -> None:
+    source = random.Random(8)
+    server = FileServer(bag, 3)
+    fetch = fetch_into(Radio(bag), tmp_path / 'ground')
+    head = struct.pack('<H', 3)
+    for _ in range(3000):
+        content = head * source.randrange(2) + source.randbytes(source.randrange(40))
+        with contextlib.suppress(struct.error):
+            fetch.take(content)
+        with contextlib.suppress(struct.error, IndexError, OSError):
+            for place in questions(content)[1]:
+                server.answer(place)
+    assert fetch.stored == 0
+    server.close()
+
+
+def test_a_folder_within_a_bag_is_not_offered(bag: Path, tmp_path: Path) -> None:
+    (bag / 'folder').mkdir()
+    radio = Radio(bag)
+    fetch = fetch_into(radio, tmp_path / 'ground')
+    radio.run(fetch, 60.0, lambda: fetch.is_complete)
+    assert fetch.is_complete
+
+
+@pytest.mark.parametrize(
+    'manifest',
+    [
+        *([], [['a']], [['a', 1, 2]], [['a', -1]], [['a', 'x']], [['a', 1], ['a', 2]], 5, None),
+        *([['a', 1 << 60]], [['a', float('inf')]], {'a': 1, 'b': 2}),
+    ],
+)
+def test_an_invalid_manifest_is_an_error(manifest: Any, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match='the drone offers no bag'):
+        Fetch(tmp_path / 'ground', 1, manifest, 10.0)
+    assert not (tmp_path / 'ground').exists()
+
+
 def test_a_slow_radio_gets_no_queue_that_delays_commands(bag: Path, tmp_path: Path) -> None:
     radio = Radio(bag, rate=30_000.0)  # bytes/s; 500 blocks/s would be 17 times that
     fetch = fetch_into(radio, tmp_path / 'ground')
@@ -162,3 +244,36 @@ def test_no_path_is_a_name(name: str, tmp_path: Path) -> None:
     assert not is_name(name)
     with pytest.raises(ValueError, match='offers no bag'):
         Fetch(tmp_path, 1, [[name, 5]], 10.0)
+
+
+@pytest.mark.skipif(not hasattr(os, 'RWF_NOWAIT'), reason='reading without waiting: Linux only')
+def test_a_block_that_the_disk_must_read_first_is_not_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / 'bag_0.mcap'
+    content = random.Random(3).randbytes(400 * BLOCK)
+    path.write_bytes(content)
+    server = FileServer(tmp_path, 3)
+    first = struct.pack('<HI', 0, 0)
+    with path.open('rb') as file:
+        os.fsync(file.fileno())
+
+        def waits(read: Callable[[], object]) -> bool:
+            """Return whether `read` raises BlockingIOError for a file outside the page cache."""
+            for _ in range(100):
+                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+                try:
+                    read()
+                except BlockingIOError:
+                    return True
+                time.sleep(0.01)  # a page in use stays in the cache
+            return False
+
+        if not waits(lambda: os.preadv(file.fileno(), [bytearray(BLOCK)], 0, os.RWF_NOWAIT)):
+            pytest.skip('the folder of temporary files is in memory')
+        assert waits(lambda: server.answer(first))
+    came, deadline = bytearray(), time.monotonic() + 20.0
+    while len(came) < len(content):
+        assert time.monotonic() < deadline
+        with contextlib.suppress(BlockingIOError):
+            came += server.answer(struct.pack('<HI', 0, len(came) // BLOCK))[8:]
+    assert came == content
+    server.close()

@@ -103,13 +103,28 @@ def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig) -> N
     time.sleep(1.0)
     rig.relay.tell('cut 0')
     assert process.wait(60.0) == 0, log.read_text()
-    there, here = rig.folder / 'bags' / 'flight', rig.folder / 'flight'
-    names = sorted(path.name for path in here.iterdir())
-    assert names == ['flight_0.mcap', 'metadata.yaml']
-    assert all((here / name).read_bytes() == (there / name).read_bytes() for name in names)
+    here = rig.folder / 'flight'
+    assert is_copy(rig, here)
     found = topics(here)['/joint_states']
     assert found.messages > 500  # at its full rate
     assert found.lost == 0
+
+
+def is_copy(rig: Rig, here: Path) -> bool:
+    there = rig.folder / 'bags' / 'flight'
+    names = sorted(path.name for path in here.iterdir())
+    return names == ['flight_0.mcap', 'metadata.yaml'] and all(
+        (here / name).read_bytes() == (there / name).read_bytes() for name in names
+    )
+
+
+def test_a_fetch_goes_on_after_a_restart_of_the_drones_link(rig: Rig) -> None:
+    process = rig.arm('fetch', 'again/flight')
+    log = rig.folder / 'arm_fetch.log'
+    wait_for_text(log, 'MB of')
+    rig.restart_drone_link()
+    assert process.wait(60.0) == 0, log.read_text()
+    assert is_copy(rig, rig.folder / 'again' / 'flight')
 
 
 def test_no_radio_slows_the_loop_down(rig: Rig) -> None:

@@ -27,6 +27,20 @@ def test_numbers_that_are_unknown_stay_unknown() -> None:
     assert window.maximum[1] == 1.0
 
 
+@pytest.mark.parametrize('place', [0, 1, 2])
+def test_one_unknown_sample_makes_the_extremes_of_its_window_unknown(place: int) -> None:
+    samples = [np.array([5.0, 1.0]), np.array([2.0, 2.0]), np.array([3.0, 3.0])]
+    known = window_of(0, [sample.copy() for sample in samples])
+    samples[place][0] = np.nan
+    window = unpack_window(pack_window(window_of(0, samples)))
+    assert np.isnan([window.minimum[0], window.maximum[0]]).all()
+    assert np.isnan(window.newest[0]) == (place == 2)
+    assert (window.minimum[1], window.maximum[1]) == (1.0, 3.0)
+    # The next window does not depend on this one.
+    after = unpack_window(pack_window(known))
+    assert (after.minimum[0], after.maximum[0]) == (2.0, 5.0)
+
+
 @pytest.mark.parametrize('content', [b'', b'12345', bytes(20)])
 def test_what_is_no_window_is_an_error(content: bytes) -> None:
     with pytest.raises(ValueError, match='window'):

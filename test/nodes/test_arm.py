@@ -155,11 +155,14 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
 def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_path: Path) -> None:
     status, text = ask('enable', '--timeout', '1.2')
     assert status == 1
-    domain = f'this ROS domain (ROS_DOMAIN_ID={ros_domain["ROS_DOMAIN_ID"]}, this host only)'
+    number = ros_domain['ROS_DOMAIN_ID']
+    where = 'this host only; ground_link connects hosts'
+    domain = f'this ROS domain (ROS_DOMAIN_ID={number}, {where})'
     assert f'arm: waiting for a bridge in {domain}\n' in text
     assert f'check that a bridge runs in {domain}' in text
     status, text = ask('e_stop', '--timeout', '0.1')
     assert (status, 'waiting' in text) == (1, False)
+    assert f'no bridge offers e_stop: check that one runs in {domain}' in text
 
 
 def test_only_who_needs_a_stop_gives_up_soon() -> None:

@@ -8,18 +8,18 @@ import socket
 import struct
 import time
 import zlib
+from collections import deque
 from math import inf, isfinite, isnan
 from types import SimpleNamespace
 
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 from aerarm_msgs_py import topics
-from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.link.connection import Connection, Received
+from aerarm_ros.link.sealed import OVERHEAD
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.graph import SolePublisher, endpoint_name
+from aerarm_ros.ros.link.ground_watchdog import GroundWatchdog
 from aerarm_ros.ros.link.recordings import (
     BAG_REPORTS,
     BAG_REQUESTS,
@@ -42,7 +42,6 @@ from aerarm_ros.ros.link.relayed_topics import (
 )
 
 DRONE, GROUND = 'drone', 'ground'
-CONTINUE, STOP, HOME = 'continue', 'stop', 'home'
 
 _TICK = 0.02  # [s] for at most 50 datagrams per second from each end
 _GROUND_TICK = 0.04  # [s] while only acknowledgements are sent
@@ -53,9 +52,16 @@ _BUFFER = 8192  # bytes; a slow radio must not queue old datagrams
 _CLOCK_MAX = 0.02  # [s]
 _CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another cause than loss
 _DATAGRAM_MAX = 2048
+_STOP_CHANNELS = (STOPS, STOP_RESULTS)
+_REFLECT_EVERY = 1.0  # [s]
+_JOINS, _JOINS_TIME = 3, 10.0  # connections in a time [s], which several grounds cause
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
 # Exceptions caused by messages of another version of `ground_link`, or by a full disk.
-_MALFORMED = (OSError, ValueError, LookupError, TypeError, AttributeError, struct.error, zlib.error)
+_MALFORMED = (
+    *(OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError),
+    *(RuntimeError, struct.error, zlib.error),  # errors of rclpy are RuntimeErrors
+)
+_Address = tuple[str, int]
 
 
 class LinkEnd:
@@ -82,21 +88,26 @@ class LinkEnd:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
-        self._address: tuple[str, int] | None = None
+        self._address: _Address | None = None
         self._sent = self._reported = -inf
         self._was_up = False
+        self._key_problem = ''
         self._away = 0.0  # [s] length of the other end's last silence
         self._peers = 0
+        self._joins: deque[float] = deque(maxlen=_JOINS)
         self._counted = (0, 0)
         self._malformed = 0
         self._refused = 0  # datagrams that the radio rejected
+        self._only_host = ''  # address of the only accepted sender; any if empty
+        self._stranger = ''  # address of a datagram that was ignored since the last report
 
     def step(self) -> None:
         """Wait for a datagram or the next check, and do the due work."""
         with contextlib.suppress(InterruptedError):
             select.select([self._socket], [], [], _POLL)
         before = self.connection.last_received
-        for received in self._receive():
+        # E-stops first, so that none waits for the publishing of other messages.
+        for received in sorted(self._receive(), key=lambda r: r.channel not in _STOP_CHANNELS):
             try:
                 self._take(received)
             except _MALFORMED as error:
@@ -106,6 +117,7 @@ class LinkEnd:
             self._note_return(before, now)
         if self.connection.peers != self._peers:
             self._peers = self.connection.peers
+            self._joins.append(now)
             self._greet()
         is_prompt = self._update(now)
         if now - self._sent >= self._interval(now, is_prompt) and self._address is not None:
@@ -128,6 +140,21 @@ class LinkEnd:
 
     def _greet(self) -> None:
         """Send latched messages, stream layouts and services to the other end after its start."""
+
+    def _on_newest(self, address: _Address) -> None:
+        """Process the address of the newest datagram of the other end."""
+
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        """Warn of a datagram that the key does not authenticate, while the other end is silent."""
+        is_stray = len(datagram) < OVERHEAD
+        if is_stray or self.connection.is_up(time.monotonic()) or self._key_problem:
+            return
+        self._key_problem = (
+            f'the key of {address[0]} is not the key of this host ({self._values.key_file}): copy '
+            "the drone's key file to the ground, use one version of aerarm_ros on both hosts, and "
+            'start ground_link again'
+        )
+        self._node.get_logger().warning(self._key_problem)
 
     def _problem(self, now: float) -> str:
         return ''
@@ -153,24 +180,32 @@ class LinkEnd:
                 datagram, address = self._socket.recvfrom(_DATAGRAM_MAX)
             except OSError:  # no more data, or the other end has not started yet
                 return came
+            if self._only_host not in ('', address[0]):
+                self._stranger = address[0]
+                continue
             now_ns = time.monotonic_ns()
-            before = self.connection.traffic.received, self.connection.greets
-            came += self.connection.receive(datagram, 1e-9 * now_ns, now_ns, time.time_ns())
-            if before != (self.connection.traffic.received, self.connection.greets):
-                self._address = address  # the datagram is authentic
+            connection = self.connection
+            rejected = connection.rejected
+            came += connection.receive(datagram, 1e-9 * now_ns, now_ns, time.time_ns())
+            if connection.answer is not None:
+                self._send_datagram(connection.answer, address)
+            elif connection.rejected != rejected:
+                self._on_rejected(datagram, address)
+            elif connection.is_newest:
+                self._on_newest(address)
         return came
 
     def _send(self, now: float) -> None:
-        assert self._address is not None
         self._sent = now
         now_ns = time.monotonic_ns()
         self._send_datagram(self.connection.datagram(1e-9 * now_ns, now_ns, time.time_ns()))
 
-    def _send_datagram(self, datagram: bytes) -> bool:
-        """Send a datagram; return whether the interface accepted it."""
-        assert self._address is not None
+    def _send_datagram(self, datagram: bytes, address: _Address | None = None) -> bool:
+        """Send a datagram, by default to the other end; return whether it left this host."""
+        address = address or self._address
+        assert address is not None
         try:
-            self._socket.sendto(datagram, self._address)
+            self._socket.sendto(datagram, address)
         except OSError:  # the radio's queue is full, or the radio is gone
             self._refused += 1
             return False
@@ -186,6 +221,7 @@ class LinkEnd:
 
     def _note_return(self, before: float, now: float) -> None:
         self._was_up = True
+        self._key_problem = ''
         silent = now - before
         if _CUT_MIN < silent < inf:
             self._away = silent
@@ -212,13 +248,28 @@ class LinkEnd:
             'messages waiting': connection.waiting,
             'messages dropped': connection.dropped,
             'messages not understood': self._malformed,
+            'datagrams rejected': connection.rejected,
             'datagrams refused by the interface': self._refused,
             **self._rows(),
         }
-        self._diagnostics.report(self._problem(now) or self._usual_problem(now), rows)
+        problems = filter(None, (self._problem(now), self._usual_problem(now)))
+        self._diagnostics.report('; '.join(problems), rows)
+        self._stranger = ''
 
     def _usual_problem(self, now: float) -> str:
         connection = self.connection
+        if self._stranger and not connection.is_up(now):
+            return (
+                f'datagrams from {self._stranger} are ignored, because {self.other} is '
+                f'{self._only_host}: set {self.other}:={self._stranger}, or leave it empty'
+            )
+        if self._key_problem:
+            return self._key_problem
+        if len(self._joins) == _JOINS and now - self._joins[0] < _JOINS_TIME:
+            return (
+                f'the {self.other} connected {_JOINS} times within {_JOINS_TIME:g} s: run '
+                'ground_link on one ground computer only'
+            )
         if not connection.is_joined:
             return (
                 f'no {self.other} found: check that ground_link runs there with the same key file'
@@ -249,18 +300,30 @@ class DroneEnd(LinkEnd):
                 f'port {values.port} of {values.address} cannot be opened ({error.strerror}): '
                 'stop the other ground_link of this host, or set another port or address'
             ) from None
+        self._only_host = _ip_address(GROUND, values.ground) if values.ground else ''
         rates = topic_rates(values.rate, values.values_rate, values.rates)
         self._topics = DroneTopics(node, self.connection, rates)
         self._services = DroneServices(node, self.connection)
         self._watchdog = GroundWatchdog(node, values)
         self._recordings = DroneRecordings(node, self.connection, values)
-        self._ticked = -inf
+        self._ticked = self._reflected = -inf
 
     def close(self) -> None:
         """Complete a bag, close the socket and destroy the subscriptions."""
         self._recordings.close()
         self._topics.destroy()
         super().close()
+
+    def _on_newest(self, address: _Address) -> None:
+        self._address = address
+
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        super()._on_rejected(datagram, address)
+        # The ground rejects its own datagram too, and so learns that the drone has another key.
+        now = time.monotonic()
+        if self._key_problem and now - self._reflected >= _REFLECT_EVERY:
+            self._reflected = now
+            self._send_datagram(datagram[:OVERHEAD], address)
 
     def _take(self, received: Received) -> None:
         channel = received.channel
@@ -276,8 +339,8 @@ class DroneEnd(LinkEnd):
     def _update(self, now: float) -> bool:
         if now - self._ticked >= _TICK:
             self._ticked = max(self._ticked + _TICK, now - _TICK)
+            self._services.update(now)  # first, for the answers to e-stops
             self._topics.update(now)
-            self._services.update(now)
             self._watchdog.update(now, self.connection.last_received)
             try:
                 self._recordings.update(now, self.connection.last_received)
@@ -293,7 +356,8 @@ class DroneEnd(LinkEnd):
         self._services.greet()
 
     def _problem(self, now: float) -> str:
-        return self._watchdog.problem
+        own = self._watchdog.problem or self._watchdog.warning(), self._topics.problem(now)
+        return '; '.join(filter(None, own))
 
     def _rows(self) -> dict[str, object]:
         return {'if the ground is lost': self._watchdog.text}
@@ -311,13 +375,7 @@ class GroundEnd(LinkEnd):
                 'the address of the drone is missing: set -p drone:=ADDRESS, for example '
                 'drone:="\'10.0.0.2\'"'
             )
-        try:
-            self._address = socket.gethostbyname(values.drone), values.port
-        except OSError as error:
-            raise ValueError(
-                f"drone '{values.drone}' is not reachable ({error.strerror}): set its address"
-            ) from None
-        self._drone = self._address
+        self._address = _ip_address(DRONE, values.drone), values.port
         node.get_logger().info(
             f'looking for the drone at {":".join(map(str, self._address))} (UDP)'
         )
@@ -340,8 +398,11 @@ class GroundEnd(LinkEnd):
         self._topics.destroy()
         super().close()
 
+    def _on_rejected(self, datagram: bytes, address: _Address) -> None:
+        if address == self._address:
+            super()._on_rejected(datagram, address)
+
     def _take(self, received: Received) -> None:
-        self._address = self._drone
         if received.channel in (RESULTS, STOP_RESULTS):
             self._services.take_result(received.payload, time.monotonic())
         elif received.channel in self._takers:
@@ -383,6 +444,15 @@ class GroundEnd(LinkEnd):
             self._node.get_logger().info(text)
 
 
+def _ip_address(role: str, host: str) -> str:
+    try:
+        return socket.gethostbyname(host)
+    except OSError as error:
+        raise ValueError(
+            f"{role} '{host}' is not reachable ({error.strerror}): set its address"
+        ) from None
+
+
 class RemoteControllers:
     """Find controllers on the ground, whose `joint_command` does not reach the drone.
 
@@ -417,59 +487,3 @@ class RemoteControllers:
     @property
     def _own(self) -> str:
         return str(self._node.get_fully_qualified_name())
-
-
-class GroundWatchdog:
-    """Stop the motion, or move the arm home, after `ground_timeout` without ground datagrams.
-
-    Parameters
-    ----------
-    node
-        Owner of the publishers.
-    values
-        `ground_timeout` [s], 0 to do nothing; `ground_lost`; `config` of the arm.
-
-    Attributes
-    ----------
-    problem
-        Description of the last action; empty while the ground computer is connected.
-    """
-
-    def __init__(self, node: Node, values: SimpleNamespace) -> None:
-        self.problem = ''
-        self._node = node
-        self._timeout, self._action = values.ground_timeout, values.ground_lost
-        config = load_arm_config(values.config or None)
-        self._home = JointState(
-            name=[f'{values.tf_prefix}{name}' for name in config.joint_names],
-            position=[float(angle) for angle in config.rest_position],
-        )
-        stop, go = topics.JOINT_TRAJECTORY, topics.SET_POINT
-        self._stops = node.create_publisher(stop.type, stop.name, stop.offered)
-        self._goals = node.create_publisher(go.type, go.name, go.offered)
-
-    @property
-    def text(self) -> str:
-        """Description of the watchdog's action."""
-        if not self._timeout:
-            return CONTINUE
-        return f'{self._action} after {self._timeout:g} s'
-
-    def update(self, now: float, last_received: float) -> None:
-        """Act once per loss of connection, but not before the ground computer's first message."""
-        is_lost = 0.0 < self._timeout < now - last_received < inf
-        if not is_lost:
-            self.problem = ''
-        elif not self.problem:
-            self.problem = f'the ground is silent: {self._act()}'
-            self._node.get_logger().warning(self.problem)
-
-    def _act(self) -> str:
-        if self._action == STOP:
-            self._stops.publish(JointTrajectory())
-            return 'the motion stops along its path'
-        if self._action == HOME:
-            self._stops.publish(JointTrajectory())
-            self._goals.publish(self._home)
-            return 'the arm returns to its home configuration'
-        return 'the motion continues'

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import struct
 import tempfile
 import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,21 +23,20 @@ from std_msgs.msg import String
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.link.connection import PROMPT, Connection, Message
-from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name
+from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name, questions
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 BAG_REQUESTS, BAG_REPORTS, QUESTIONS, BLOCKS = range(1006, 1010)
 """Channels of requests and reports, and of questions about blocks and the blocks."""
-RECORD, FINISH = 'record', 'finish'
-"""What may be requested: to record a bag, or to complete it and fetch it."""
-RECORDING, STORED, FETCHING, COMPLETE, FAILED = STATES = (
-    'recording',
-    'stored',
-    'fetching',
-    'complete',
-    'failed',
+RECORD, WATCH, FINISH = 'record', 'watch', 'finish'
+"""What may be requested: to record a bag, its state, or to complete it and fetch it."""
+REQUESTED, RECORDING, ENDED, STORED, WAITING, FETCHING, COMPLETE, FAILED = (
+    *('requested', 'recording', 'ended', 'stored'),
+    *('waiting', 'fetching', 'complete', 'failed'),
 )
-"""States of a recording in reports."""
+"""States of a request in reports: `ENDED` if the recording ended without it, `WAITING` for the
+fetch of another bag.
+"""
 
 METADATA = 'metadata.yaml'
 _REPORT_PERIOD = 0.5  # [s]
@@ -43,7 +44,9 @@ _MATCHING_TIME = 20.0  # [s] for the recorder to find a bridge on a busy compute
 _SILENCE_MAX = 600.0  # [s] of the ground, after which the drone completes the bag
 _BURST = 3  # datagrams of blocks per step: what the socket's buffer holds
 _START_LIFETIME = 2.0  # [s] in which a request to record must reach the drone
-_MALFORMED = (struct.error, IndexError, OSError)
+_STALL = 1.0  # [s] without a block, after which the ground asks for the bag again
+_SERVED_MAX = 4  # bags that are offered at a time
+_IDS_MAX = 16  # requests that wait for an answer
 
 
 class DroneRecordings:
@@ -65,9 +68,11 @@ class DroneRecordings:
         self._folder = Path(values.bags).expanduser()
         self._logs: Path | None = None
         self._process: NodeProcess | None = None
-        self._name = ''
-        self._server: FileServer | None = None
-        self._places: deque[bytes] = deque(maxlen=512)
+        self._name = self._record_id = self._reason = ''
+        self._ended: dict[str, str] = {}
+        self._finish_ids: deque[str] = deque(maxlen=_IDS_MAX)
+        self._served: dict[int, _Served] = {}
+        self._places: deque[tuple[int, bytes]] = deque(maxlen=512)
         self._number = int(time.time()) & 0xFFFF
         self._report_due = self._patience = inf
         self._status = RawReader(node, topics.RECORDER_STATUS)
@@ -76,31 +81,35 @@ class DroneRecordings:
     def take_request(self, content: bytes) -> None:
         """Do what the ground requests."""
         request = json.loads(content)
-        name = str(request['name'])
+        name, do, key = (str(request[field]) for field in ('name', 'do', 'id'))
+        actions = {RECORD: self._record, WATCH: self._watch, FINISH: self._finish}
         if not is_name(name):
-            self._report(
-                name, FAILED, f"'{name}' is not a bag name: use letters, digits, _, - and ."
-            )
-            return
-        try:
-            if request['do'] == RECORD:
-                self._record(name)
-            elif request['do'] == FINISH:
-                self._finish(name)
-        except OSError as error:
-            self._report(name, FAILED, f'{self._folder} on the drone: {error}')
+            text = f"'{name}' is not a bag name: use letters, digits, _, - and ."
+            self._report(key, name, FAILED, text)
+        elif do not in actions:
+            text = f"the drone does not know the request '{do}': install the same version there"
+            self._report(key, name, FAILED, text)
+        else:
+            try:
+                actions[do](name, key)
+            except OSError as error:
+                self._report(key, name, FAILED, f'{self._folder} on the drone: {error}')
 
     def fail(self, error: Exception) -> None:
         """Report an error of the recording, and let the recorder complete its bag."""
-        self._report(self._name, FAILED, f'recording of {self._name} on the drone: {error}')
         if self._process is not None and self._process.returncode is not None:
             self._process = None
+        elif self._is_ending:
+            return  # reported before
+        self._reason = f'recording of {self._name} on the drone: {error}'
+        self._report(self._record_id, self._name, FAILED, self._reason)
         self._ask_to_end()
 
     def take_question(self, content: bytes) -> None:
         """Note which blocks the ground asks for."""
-        if self._server is not None:
-            self._places.extend(self._server.blocks(content))
+        number, places = questions(content)
+        if number in self._served:
+            self._places.extend((number, place) for place in places)
 
     def update(self, now: float, last_received: float) -> None:
         """Follow the recorder; complete the bag of a ground that stays away."""
@@ -109,15 +118,16 @@ class DroneRecordings:
         if self._process.returncode is not None:
             self._end()
         elif not self._is_ending and 0.0 < now - last_received - _SILENCE_MAX < inf:
-            self._node.get_logger().warning(
-                f'the ground has been silent for {_SILENCE_MAX:g} s: completing bag {self._name}'
+            self._reason = (
+                f'the drone completed it, because the ground was silent for {_SILENCE_MAX:g} s'
             )
+            self._node.get_logger().warning(f'bag {self._name}: {self._reason}')
             self._ask_to_end()
         elif now > self._report_due:
             is_recording = self._is_recording()
             self._report_due = now + (2.0 if is_recording else 0.1)
             if is_recording:
-                self._report(self._name, RECORDING)
+                self._report(self._record_id, self._name, RECORDING)
 
     def send(self, send: Callable[[bytes], bool]) -> bool:
         """Send some of the blocks that were asked for; return whether there are more.
@@ -127,38 +137,50 @@ class DroneRecordings:
         send
             Sends a datagram and returns whether the radio took it.
         """
-        server = self._server
         for _ in range(_BURST):
-            if server is None or not self._places:
+            if not self._places:
                 return False
+            number, place = self._places[0]
+            served = self._served.get(number)
             now_ns = time.monotonic_ns()
             try:
-                answer = server.answer(self._places[0])
-            except _MALFORMED:
-                self._places.popleft()
-                continue
-            if not send(self._connection.single(BLOCKS, answer, now_ns, time.time_ns())):
-                return False  # the next step goes on with it
+                answer = served.server.answer(place) if served is not None else b''
+            except (struct.error, IndexError):
+                answer = b''
+            except BlockingIOError:
+                return True  # the disk is busy
+            except OSError as error:
+                answer = b''
+                self._withdraw(number, error)
+            if answer:
+                datagram = self._connection.single(BLOCKS, answer, now_ns, time.time_ns())
+                if not send(datagram):
+                    return False  # the next step goes on with it
             self._places.popleft()
         return bool(self._places)
 
     def close(self) -> None:
-        """Complete the bag that is being recorded."""
+        """Complete the bag that is being recorded, and remove the recorder's logs."""
         if self._process is not None:
             self._process.stop()
-        if self._server is not None:
-            self._server.close()
+        for served in self._served.values():
+            served.server.close()
+        if self._logs is not None:
+            shutil.rmtree(self._logs, ignore_errors=True)
         self._status.destroy()
 
-    def _record(self, name: str) -> None:
+    def _record(self, name: str, key: str) -> None:
         if self._process is not None:
-            if name != self._name:
-                self._report(name, FAILED, f'the drone records bag {self._name}: finish that first')
+            if name == self._name:
+                self._watch(name, key)
+            else:
+                text = f'the drone records bag {self._name}: finish that first'
+                self._report(key, name, FAILED, text)
             return
         bag = self._folder / name
         if bag.exists():
-            self._report(name, FAILED, f'the drone has a bag {name} already: choose another name, '
-                         f"or fetch it with 'arm fetch {name}'")  # fmt: skip
+            text = f'the drone has a bag {name} already: choose another name, '
+            self._report(key, name, FAILED, text + f"or fetch it with 'arm fetch {name}'")
             return
         self._logs = self._logs or Path(tempfile.mkdtemp(prefix='aerarm_recordings_'))
         try:
@@ -170,12 +192,13 @@ class DroneRecordings:
                 log=self._logs / f'{name}.log',
             )
         except OSError as error:
-            self._report(name, FAILED, f'{self._folder} on the drone: {error.strerror}')
+            self._report(key, name, FAILED, f'{self._folder} on the drone: {error.strerror}')
             return
         # It inherits the real-time priority of this process, and must not compete with the loop.
         with suppress(OSError):
             os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
-        self._name, self._has_states, self._is_ending = name, False, False
+        self._name, self._record_id, self._reason = name, key, ''
+        self._has_states = self._is_ending = False
         self._report_due, self._patience = 0.0, inf
         self._node.get_logger().info(f'recording {bag} for the ground')
 
@@ -187,20 +210,36 @@ class DroneRecordings:
         bag = self._folder / self._name
         message = self._status.take_newest()
         if message is not None and not self._has_states:
-            status = json.loads(deserialize_message(message[0], String).data)
             states = self._node.resolve_topic_name(topics.JOINT_STATES.name)
-            self._has_states = status['bag'] == str(bag) and states in status['matched']
+            with suppress(ValueError, LookupError, TypeError):  # another program's message
+                status = json.loads(deserialize_message(message[0], String).data)
+                self._has_states = status['bag'] == str(bag) and states in status['matched']
         if not (bag / METADATA).is_file():
             return False
         self._patience = min(self._patience, time.monotonic() + _MATCHING_TIME)
         return self._has_states or time.monotonic() > self._patience
 
-    def _finish(self, name: str) -> None:
+    def _watch(self, name: str, key: str) -> None:
+        """Report the state of a recording soon."""
         if self._process is not None and name == self._name:
-            if (self._folder / name / METADATA).is_file():
-                self._ask_to_end()
-        else:
-            self._offer(name)
+            self._record_id, self._report_due = key, 0.0
+            return
+        text = self._ended.get(name, 'ground_link on the drone started again during the recording')
+        self._report_end(name, key, text)
+
+    def _report_end(self, name: str, key: str, text: str) -> None:
+        has_bag = (self._folder / name / METADATA).is_file()
+        self._report(key, name, ENDED, text, has_bag=has_bag)
+
+    def _finish(self, name: str, key: str) -> None:
+        if self._process is None or name != self._name:
+            self._offer(name, key)
+            return
+        if key not in self._finish_ids:
+            self._finish_ids.append(key)
+        if (self._folder / name / METADATA).is_file():
+            self._reason = self._reason or 'a request to fetch the bag ended it'
+            self._ask_to_end()
 
     def _ask_to_end(self) -> None:
         """Let the recorder complete its bag; a second signal would end it at once."""
@@ -214,32 +253,67 @@ class DroneRecordings:
         words = self._process.tail(1)
         self._process = None
         if status:
-            self._report(self._name, FAILED, f'the recorder failed on the drone: {words}')
-        else:
-            self._offer(self._name)
+            self._reason = f'the recorder failed on the drone (status {status}): {words}'
+        text = self._reason or f'the recorder ended by itself: {words}'
+        self._node.get_logger().info(f'recording of {self._name} ended: {text}')
+        self._ended = {self._name: text}
+        self._report_end(self._name, self._record_id, text)
+        while self._finish_ids:
+            key = self._finish_ids.popleft()
+            if status:
+                advice = f"; 'arm fetch {self._name}' fetches what was recorded"
+                self._report(key, self._name, FAILED, text + advice)
+            else:
+                self._offer(self._name, key)
 
-    def _offer(self, name: str) -> None:
+    def _offer(self, name: str, key: str) -> None:
         """Let the ground fetch a bag."""
         bag = self._folder / name
         if not (bag / METADATA).is_file():
-            self._report(name, FAILED, f'the drone has no bag {name} in {self._folder}')
+            self._report(key, name, FAILED, f'the drone has no bag {name} in {self._folder}')
             return
-        if self._server is not None:
-            self._server.close()
-        self._number = (self._number + 1) & 0xFFFF
-        self._server = FileServer(bag, self._number)
-        self._places.clear()
-        self._report(name, STORED, number=self._number, files=self._server.manifest)
+        number = (self._number + 1) & 0xFFFF
+        server = FileServer(bag, number)
+        for other, served in list(self._served.items()):
+            if served.name == name and served.server.manifest == server.manifest:
+                number = other  # a repeated request does not interrupt the fetch
+                break
+        else:
+            self._number = number
+            while len(self._served) >= _SERVED_MAX:
+                self._served.pop(next(iter(self._served))).server.close()
+            self._served[number] = _Served(name, key, server)
+        served = self._served[number]
+        served.key = key
+        self._report(key, name, STORED, number=number, files=served.server.manifest)
 
-    def _report(self, name: str, state: str, text: str = '', **more: object) -> None:
-        content = {'name': name, 'state': state, 'text': text, **more}
+    def _withdraw(self, number: int, error: OSError) -> None:
+        """Report that a bag cannot be read, and no longer offer it."""
+        served = self._served.pop(number)
+        served.server.close()
+        self._report(served.key, served.name, FAILED,
+                     f'bag {served.name} cannot be read on the drone: {error}')  # fmt: skip
+
+    def _report(self, key: str, name: str, state: str, text: str = '', **more: object) -> None:
+        content = {'id': key, 'name': name, 'state': state, 'text': text, **more}
         self._connection.send(BAG_REPORTS, json.dumps(content).encode())
+
+
+@dataclass
+class _Served:
+    """A bag that is offered, and the request that asked for it last."""
+
+    name: str
+    key: str
+    server: FileServer
 
 
 class GroundRecordings:
     """Takes requests of this host to record on the drone, and fetches bags.
 
-    Requests and reports are JSON objects on `record_request` and `record_report`.
+    Requests and reports are JSON objects on `record_request` and `record_report`. A request
+    contains `id`, a text chosen by its sender; `ids` of a report lists the requests that it
+    answers.
 
     Parameters
     ----------
@@ -257,12 +331,12 @@ class GroundRecordings:
         self._reader = RawReader(node, topics.RECORD_REQUEST.queued(10))
         topic = topics.RECORD_REPORT
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        self._folders: dict[str, Path] = {}
-        self._state: dict[str, object] = {}
-        self._message: Message | None = None
+        self._folders: dict[str, Path] = {}  # of requested bags, by request
+        self._messages: dict[str, Message] = {}
         self._fetch: Fetch | None = None
-        self._fetched = ''
-        self._report_due = inf
+        self._fetched, self._number, self._folder = '', -1, Path()
+        self._ids: deque[str] = deque(maxlen=_IDS_MAX)
+        self._report_due = self._stalled_at = inf
 
     def update(self, now: float, is_due: bool) -> bool:
         """Forward requests and ask for blocks; return whether there is something to send.
@@ -271,47 +345,60 @@ class GroundRecordings:
         """
         while (message := self._reader.take()) is not None:
             self._take_local(deserialize_message(message[0], String).data, now)
-        if now > self._report_due:
-            self._report()
-        fetch = self._fetch
+        self._messages = {
+            key: message
+            for key, message in self._messages.items()
+            if not (message.is_confirmed or message.is_expired)
+        }
+        fetch, connection = self._fetch, self._connection
         if fetch is None:
             return False
+        if now > self._report_due:
+            self._report_fetch()
+        if not connection.is_up(now) or fetch.is_storing:
+            self._stalled_at = now + _STALL
+        elif now > self._stalled_at:
+            # The drone's ground_link may have started again, and offers nothing yet.
+            self._stalled_at = now + _STALL
+            self._forward(FINISH, self._fetched, self._ids[0], now + _START_LIFETIME)
         if not is_due:
             return True
-        connection = self._connection
         delay = connection.delay if connection.is_up(now) else inf
-        question = fetch.question(now, delay, connection.round_trip)
+        try:
+            question = fetch.question(now, delay, connection.round_trip)
+        except OSError as error:
+            self._fail(f'{self._folder}: {error.strerror}')
+            return True
         if question is not None:
             connection.set_value(QUESTIONS, question)
+        if fetch.is_complete:
+            self._complete(fetch)
         return True
 
     def take_report(self, content: bytes) -> None:
         """Take what the drone reports."""
         report = json.loads(content)
-        name = str(report['name'])
-        if report['state'] == STORED and name in self._folders:
-            self._begin(name, report)
-        elif self._fetch is None or name != self._fetched:
-            self._state = report
-        self._report()
+        key, name, state = (str(report[field]) for field in ('id', 'name', 'state'))
+        is_fetched = self._fetch is not None and key in self._ids
+        if state == STORED:
+            if key in self._folders:
+                self._begin(name, key, report)
+        elif state == FAILED and is_fetched:
+            self._fail(str(report['text']))
+        else:
+            if state == FAILED:
+                self._folders.pop(key, None)
+            self._publish([key], {**report, 'text': str(report['text'])})
 
     def take_block(self, content: bytes) -> None:
         """Store a block of a bag."""
-        fetch = self._fetch
-        if fetch is None:
+        if self._fetch is None:
             return
+        self._stalled_at = time.monotonic() + _STALL
         try:
-            if content:
-                fetch.take(content)
+            self._fetch.take(content)
         except OSError as error:
-            self._fail(f'{self._folders[self._fetched]}: {error.strerror}')
-            return
-        if fetch.is_complete:
-            self._fetch = None
-            folder = self._folders.pop(self._fetched)
-            self._state = {'name': self._fetched, 'state': COMPLETE, 'text': str(folder),
-                           'stored': fetch.stored, 'size': fetch.size}  # fmt: skip
-            self._report()
+            self._fail(f'{self._folder}: {error.strerror}')
 
     def destroy(self) -> None:
         """Destroy the subscription, and close the file that is being written."""
@@ -322,49 +409,77 @@ class GroundRecordings:
     def _take_local(self, text: str, now: float) -> None:
         try:
             request = json.loads(text)
-            name, do = str(request['name']), str(request['do'])
+            name, do, key = (str(request[field]) for field in ('name', 'do', 'id'))
             folder = Path(request['folder'])
-        except (ValueError, LookupError, TypeError):
+        except (ValueError, LookupError, TypeError, RecursionError):
             return  # of another program
-        self._report()
-        if do == FINISH:
-            self._folders[name] = folder
-            if self._fetch is not None and self._fetched == name:
-                return  # on its way
-        message = self._message
-        if message is not None and not (message.is_confirmed or message.is_expired):
+        if do == FINISH and self._fetch is not None and self._fetched == name:
+            if folder != self._folder:
+                text = f'ground_link fetches {name} into {self._folder}: wait for that'
+                self._publish([key], {'name': name, 'state': FAILED, 'text': text})
+                return
+            if key not in self._ids:
+                self._ids.append(key)
+            self._report_fetch()
             return
-        content = json.dumps({'do': do, 'name': name}).encode()
-        expires = now + _START_LIFETIME if do == RECORD else inf
-        self._message = self._connection.send(BAG_REQUESTS, content, PROMPT, expires)
+        if do == FINISH:
+            self._folders[key] = folder
+            while len(self._folders) > _IDS_MAX:
+                del self._folders[next(iter(self._folders))]
+        self._publish([key], {'name': name, 'state': REQUESTED, 'text': ''})
+        self._forward(do, name, key, inf if do == FINISH else now + _START_LIFETIME)
 
-    def _begin(self, name: str, report: dict[str, object]) -> None:
+    def _forward(self, do: str, name: str, key: str, expires: float) -> None:
+        """Send a request to the drone, unless it is on its way."""
+        if key not in self._messages and len(self._messages) < _IDS_MAX:
+            content = json.dumps({'do': do, 'name': name, 'id': key}).encode()
+            self._messages[key] = self._connection.send(BAG_REQUESTS, content, PROMPT, expires)
+
+    def _begin(self, name: str, key: str, report: dict[str, object]) -> None:
+        if self._fetch is not None and name != self._fetched:
+            text = f'ground_link fetches {self._fetched} first'
+            self._publish([key], {'name': name, 'state': WAITING, 'text': text})
+            return
+        number = int(str(report['number']))
         if self._fetch is not None:
+            if number == self._number:
+                return  # the answer to a repeated request
             self._fetch.close()
-        self._fetched = name
+        else:
+            self._ids.clear()
+        if key not in self._ids:
+            self._ids.append(key)
+        self._fetched, self._number, self._folder = name, number, self._folders[key]
+        self._report_due, self._stalled_at = 0.0, time.monotonic() + _STALL
         try:
-            number, files = int(str(report['number'])), report['files']
-            assert isinstance(files, list)
-            self._fetch = Fetch(self._folders[name], number, files, self._rate)
+            self._fetch = Fetch(self._folder, number, report.get('files'), self._rate)
         except (OSError, ValueError) as error:
             self._fail(str(error))
-            return
-        if self._fetch.is_complete:  # it was here already
-            self.take_block(b'')
+
+    def _complete(self, fetch: Fetch) -> None:
+        self._end({'state': COMPLETE, 'text': str(self._folder),
+                   'stored': fetch.stored, 'size': fetch.size})  # fmt: skip
 
     def _fail(self, text: str) -> None:
-        self._fetch = None
-        self._folders.pop(self._fetched, None)
-        self._state = {'name': self._fetched, 'state': FAILED, 'text': text}
-        self._report()
+        self._end({'state': FAILED, 'text': text})
 
-    def _report(self) -> None:
-        now = time.monotonic()
-        self._report_due = now + _REPORT_PERIOD if self._fetch is not None else inf
-        state = self._state
+    def _end(self, state: dict[str, object]) -> None:
         if self._fetch is not None:
-            state = {'name': self._fetched, 'state': FETCHING, 'text': '',
-                     'stored': self._fetch.stored, 'size': self._fetch.size}  # fmt: skip
-        silent = now - self._connection.last_received
-        silent = min(silent, 1e6)  # JSON knows no infinity
-        self._publisher.publish(String(data=json.dumps({**state, 'silent': round(silent, 2)})))
+            self._fetch.close()
+        self._fetch = None
+        for key in self._ids:
+            self._folders.pop(key, None)
+        self._publish(list(self._ids), {'name': self._fetched, **state})
+
+    def _report_fetch(self) -> None:
+        assert self._fetch is not None
+        self._report_due = time.monotonic() + _REPORT_PERIOD
+        self._publish(list(self._ids), {
+            'name': self._fetched, 'state': FETCHING, 'text': '',
+            'stored': self._fetch.stored, 'size': self._fetch.size,
+        })  # fmt: skip
+
+    def _publish(self, ids: list[str], state: dict[str, object]) -> None:
+        silent = min(time.monotonic() - self._connection.last_received, 1e6)  # JSON has no infinity
+        content = {**state, 'ids': ids, 'silent': round(silent, 2)}
+        self._publisher.publish(String(data=json.dumps(content)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 from types import MappingProxyType
@@ -43,6 +43,7 @@ _ANSWER_TIMEOUT = 30.0  # [s]; as long as the longest wait of the command `arm`
 _STOP_NOTICE = 1.0  # [s] after which the user is warned that the stop is not delivered yet
 _LOOKS = 0.5  # [s] between two checks for services
 _STOP_AGAIN = 0.2  # [s] between two requests of an e-stop that the bridge has not answered
+_NEW_MAX = 4  # services or clients made in one update: each takes a millisecond or more
 
 
 class DroneServices:
@@ -63,9 +64,10 @@ class DroneServices:
         self._own = f'{node.get_fully_qualified_name()}/'
         self._looked = -inf
         self._clients: dict[str, Client] = {}
+        self._found: dict[str, str] = {}
         self._offered: dict[str, str] = {}
         self._calls: dict[tuple[str, int], tuple[int, float]] = {}
-        self._stops: dict[int, tuple[str, bytes]] = {}
+        self._stops: dict[int, tuple[str, bytes, float]] = {}
         self._stopped = -inf
 
     def update(self, now: float) -> None:
@@ -73,10 +75,13 @@ class DroneServices:
         if now - self._looked > _LOOKS:
             self._looked = now
             self._look()
+        self._make_clients()
         # The bridge may not be discovered yet, or not receive a request to a new client.
         if self._stops and now - self._stopped > _STOP_AGAIN:
             self._stopped = now
-            for number, (name, request) in self._stops.items():
+            # The ground reports an e-stop as failed after this time.
+            self._stops = {k: stop for k, stop in self._stops.items() if stop[2] > now}
+            for number, (name, request, _) in self._stops.items():
                 self._request(number, name, request, now)
         waiting = {name for name, _ in self._calls}
         for name in waiting:
@@ -100,7 +105,7 @@ class DroneServices:
         number, length = _CALL.unpack_from(content)
         name = content[_CALL.size : _CALL.size + length].decode()
         if name.endswith(f'/{E_STOP}'):
-            self._stops[number] = name, content[_CALL.size + length :]
+            self._stops[number] = name, content[_CALL.size + length :], now + _ANSWER_TIMEOUT
             self._stopped = now
         self._request(number, name, content[_CALL.size + length :], now)
 
@@ -117,20 +122,26 @@ class DroneServices:
         self._connection.send(OFFERED, json.dumps(self._offered).encode())
 
     def _look(self) -> None:
-        offered = {
+        """Find the services of the drone, and destroy unused clients of services that are gone."""
+        self._found = {
             name: types[0]
             for name, types in self._node.get_service_names_and_types()
             if types[0] in SERVICE_TYPES
             and not name.startswith(self._own)
             and self._node.count_services(name)
         }
-        for name, kind in offered.items():
-            if name not in self._clients:
-                # Created early, because a new client must be discovered first.
-                self._clients[name] = self._node.create_client(
-                    SERVICE_TYPES[kind], name, callback_group=self._group
-                )
-        if offered != self._offered:
+        used = {name for name, _ in self._calls} | {name for name, _, _ in self._stops.values()}
+        for name in self._clients.keys() - self._found.keys() - used:
+            self._node.destroy_client(self._clients.pop(name))
+
+    def _make_clients(self) -> None:
+        """Create clients early, because a new client must be discovered first."""
+        for name in _e_stops_first(self._found.keys() - self._clients.keys())[:_NEW_MAX]:
+            self._clients[name] = self._node.create_client(
+                SERVICE_TYPES[self._found[name]], name, callback_group=self._group
+            )
+        offered = {name: kind for name, kind in self._found.items() if name in self._clients}
+        if offered != self._offered and len(offered) == len(self._found):
             self._offered = offered
             self.greet()
 
@@ -142,6 +153,7 @@ class _Call:
     begin: float
     message: Message
     is_answered: bool = False
+    confirmed: float = inf  # [s]
 
 
 class GroundServices:
@@ -169,6 +181,7 @@ class GroundServices:
         self._log = log
         self._group = HiddenFromExecutors()
         self._services: dict[str, Service] = {}
+        self._offered: dict[str, str] = {}
         self._calls: dict[int, _Call] = {}
         self._number = int(time.time()) & 0xFFFF_FF00
 
@@ -178,16 +191,9 @@ class GroundServices:
         return sorted({call.service.srv_name for call in self._calls.values() if _is_stop(call)})
 
     def take_offered(self, content: bytes) -> None:
-        """Offer the services that the drone announces, and remove others."""
+        """Offer the services that the drone announces, and remove others, in the next updates."""
         offered = json.loads(content)
-        # A restarted drone offers nothing before it has discovered its bridge: stops wait for it.
-        gone = {name for name in self._services.keys() - offered.keys() if E_STOP not in name}
-        for name in gone:
-            self._node.destroy_service(self._services.pop(name))
-        for name in sorted(offered.keys() - self._services.keys(), key=lambda n: E_STOP not in n):
-            self._services[name] = self._node.create_service(
-                SERVICE_TYPES[offered[name]], name, _ignore, callback_group=self._group
-            )
+        self._offered = {name: kind for name, kind in offered.items() if kind in SERVICE_TYPES}
 
     def update(self, now: float) -> bool:
         """Forward received requests; return whether there were any."""
@@ -201,6 +207,7 @@ class GroundServices:
                 has_sent = True
         for number, call in list(self._calls.items()):
             self._look_after(number, call, now)
+        self._offer_some()
         return has_sent
 
     def take_result(self, content: bytes, now: float) -> None:
@@ -220,6 +227,17 @@ class GroundServices:
                 not response.success,
                 f'{call.service.srv_name} was delivered {now - call.begin:.1f} s after the call: '
                 f'{response.message}',
+            )
+
+    def _offer_some(self) -> None:
+        """Remove and create a few services, so that a received e-stop waits for a few only."""
+        own, offered = self._services.keys(), self._offered.keys()
+        # A restarted drone offers nothing before it has discovered its bridge: stops wait for it.
+        for name in [name for name in own - offered if E_STOP not in name][:_NEW_MAX]:
+            self._node.destroy_service(self._services.pop(name))
+        for name in _e_stops_first(offered - own)[:_NEW_MAX]:
+            self._services[name] = self._node.create_service(
+                SERVICE_TYPES[self._offered[name]], name, _ignore, callback_group=self._group
             )
 
     def _forward(self, name: str, service: Service, request: Any, header: Any, now: float) -> None:
@@ -249,7 +267,9 @@ class GroundServices:
                 self._log(True, f'{name}: {text}')
                 call.is_answered = True
                 self._answer(call, Trigger.Response(success=False, message=text))
-            if now - call.begin > _ANSWER_TIMEOUT and call.message.is_confirmed:
+            if call.message.is_confirmed:
+                call.confirmed = min(call.confirmed, now)
+            if now - call.confirmed > _ANSWER_TIMEOUT:
                 del self._calls[number]
                 self._log(True, f'{name}: the drone received the e-stop, but no bridge answered: '
                           'check the bridge on the drone')  # fmt: skip
@@ -271,6 +291,10 @@ class GroundServices:
         service = self._services.get(call.service.srv_name)
         if service is not None and service is call.service:
             service.send_response(response, call.header)
+
+
+def _e_stops_first(names: Iterable[str]) -> list[str]:
+    return sorted(names, key=lambda name: (not name.endswith(f'/{E_STOP}'), name))
 
 
 def _is_stop(call: _Call) -> bool:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +16,11 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.link.connection import BULK, PROMPT, Connection, Message
-from aerarm_ros.link.windows import Window, pack_window, unpack_window, window_of
+from aerarm_ros.link.windows import pack_window, unpack_window, window_of
 
 WINDOWED = (
     topics.JOINT_STATES,
@@ -45,6 +47,21 @@ VALUES = (
     topics.RECORDED_UNTIL,
 )
 """Other streams of the drone, of which the newest message of each window is sent unchanged."""
+STEADY = (
+    topics.JOINT_STATES,
+    topics.MOTOR_STATES,
+    topics.MOTOR_POWER,
+    topics.IMU,
+    topics.ODOMETRY,
+    topics.EXTERNAL_ODOMETRY,
+    topics.TOOL_POSE,
+    topics.BASE_WRENCH,
+    topics.ARM_INERTIA,
+    topics.ARM_COM,
+)
+"""Streams that never pause while their publisher runs."""
+SILENT = 2.0
+"""[s] without a message after which the relay reports a steady stream as silent."""
 EVENTS = (
     topics.ARM_MODE,
     topics.PLAN_STATUS,
@@ -81,6 +98,10 @@ behind others.
 DOWN = (*WINDOWED, *VALUES, *EVENTS)
 UP_CHANNEL = 100
 _DEPTH = 100
+_WINDOWS = 2000  # first channel of windows
+_LAYOUTS_MAX = 8  # layouts of one topic that are sent at the same time
+_KNOWN_MAX = 64  # layouts that the ground remembers
+_LAYOUT = struct.Struct('<I')  # checksum of a layout's text, which names the layout of a window
 _FIELDS = ('position', 'velocity', 'effort')
 _LATCHED = topics.LATCHED.durability
 
@@ -99,9 +120,11 @@ class DroneTopics:
     """
 
     def __init__(self, node: Node, connection: Connection, rates: Mapping[str, float]) -> None:
+        self._node = node
         self._connection = connection
         self._reader = RawReader(node, *(topic.queued(_DEPTH) for topic in DOWN))
-        self._windows = [JointStateStream() for _ in WINDOWED]
+        self._came: dict[str, float] = {}  # [s], of the newest message of each topic
+        self._windows = [JointStateStream(self._send_layout) for _ in WINDOWED]
         self._periods = [1.0 / rates[topic.name] for topic in (*WINDOWED, *VALUES)]
         self._due = [0.0] * len(self._periods)
         self._newest: list[bytes | None] = [None] * len(VALUES)
@@ -111,8 +134,9 @@ class DroneTopics:
     def update(self, now: float) -> None:
         """Pass received messages to the connection."""
         for channel in range(len(DOWN)):
-            while (message := self._reader.take(channel)) is not None:
-                self._take(channel, message[0])
+            for payload in _waiting(self._reader, channel):
+                self._came[DOWN[channel].name] = now
+                self._take(channel, payload)
         for channel, period in enumerate(self._periods):
             if now >= self._due[channel]:
                 self._due[channel] = max(self._due[channel] + period, now - period)
@@ -123,9 +147,26 @@ class DroneTopics:
         for channel, (payload, message) in list(self._latched.items()):
             if message.is_confirmed or message.is_expired:
                 self._send_event(channel, payload)
-        for channel, stream in enumerate(self._windows):
-            if stream.layout:
-                self._connection.send(LAYOUTS, _layout_text(channel, stream.layout))
+        for text in [text for stream in self._windows for text in stream.layouts]:
+            self._send_layout(text)
+
+    def problem(self, now: float) -> str:
+        """Return which steady streams are silent, and for how long, or an empty text.
+
+        A stream without a publisher counts as ended, except joint_states, whose bridge must run.
+        """
+        ages = {
+            topic.name: now - self._came[topic.name]
+            for topic in STEADY
+            if now - self._came.get(topic.name, now) > SILENT
+            and (topic is topics.JOINT_STATES or self._node.count_publishers(topic.name))
+        }
+        if ages:
+            listed = ', '.join(f'{name} for {age:.0f} s' for name, age in ages.items())
+            return f'no message on the drone of {listed}: check the nodes that publish these topics'
+        if topics.JOINT_STATES.name not in self._came:
+            return f'no message on the drone of {topics.JOINT_STATES.name}: start the bridge'
+        return ''
 
     def publish(self, channel: int, payload: bytes) -> None:
         """Publish a command from the ground computer."""
@@ -139,13 +180,14 @@ class DroneTopics:
 
     def _take(self, channel: int, payload: bytes) -> None:
         if channel < len(WINDOWED):
-            stream = self._windows[channel]
-            if stream.add(payload):
-                self._connection.send(LAYOUTS, _layout_text(channel, stream.layout))
+            self._windows[channel].add(payload)
         elif channel < len(WINDOWED) + len(VALUES):
             self._newest[channel - len(WINDOWED)] = payload
         else:
             self._send_event(channel, payload)
+
+    def _send_layout(self, text: bytes) -> None:
+        self._connection.send(LAYOUTS, text)
 
     def _send_event(self, channel: int, payload: bytes) -> None:
         is_bulk = DOWN[channel] in (topics.DIAGNOSTICS, topics.ROBOT_DESCRIPTION)
@@ -155,9 +197,9 @@ class DroneTopics:
 
     def _send_value(self, channel: int) -> None:
         if channel < len(WINDOWED):
-            window = self._windows[channel].take()
-            if window is not None:
-                self._connection.set_value(channel, pack_window(window))
+            first = _WINDOWS + channel * _LAYOUTS_MAX
+            for slot, content in self._windows[channel].take():
+                self._connection.set_value(first + slot, content)
             return
         place = channel - len(WINDOWED)
         newest, self._newest[place] = self._newest[place], None
@@ -166,53 +208,74 @@ class DroneTopics:
 
 
 class JointStateStream:
-    """Samples of one topic since the last window.
+    """Samples of one topic since the last windows, one window per layout of its messages.
 
-    Attributes
+    Publishers of one topic may order the joints differently, or fill other fields. Samples of
+    different layouts have different numbers, so they never share a window.
+
+    Parameters
     ----------
-    layout
-        Names, frame and field lengths of the messages; empty before the first.
+    on_layout
+        Receives the text of each new layout.
     """
 
-    def __init__(self) -> None:
-        self.layout: dict[str, object] = {}
-        self._codec: JointStateCdr | None = None
-        self._samples: list[NDArray[np.float64]] = []
-        self._stamp_ns = 0
+    def __init__(self, on_layout: Callable[[bytes], object]) -> None:
+        self._on_layout = on_layout
+        self._codecs: list[JointStateCdr] = []
+        self._slots: dict[tuple[JointStateCdr, tuple[str, ...]], _Slot] = {}
 
-    def add(self, payload: bytes) -> bool:
-        """Add a message; return whether its layout is new."""
-        sample = self._codec.unpack(payload) if self._codec is not None else None
-        is_new = sample is None
-        if sample is None:
-            message = deserialize_message(payload, JointState)
-            try:
-                self._codec = JointStateCdr(list(message.name), message.header.frame_id)
-            except ValueError:
-                return False  # a message without names belongs to no arm
-            sample = self._codec.unpack(payload)
-            if sample is None:
-                return False
-        full = [name for name in _FIELDS if getattr(sample, name) is not None]
-        is_new = is_new or full != self.layout.get('full')
-        if is_new:
-            assert self._codec is not None
-            self._samples = []
-            self.layout = {
-                'names': list(self._codec.names),
-                'frame': self._codec.frame_id,
-                'full': full,
-            }
+    @property
+    def layouts(self) -> list[bytes]:
+        """Texts of the present layouts."""
+        return [slot.text for slot in self._slots.values()]
+
+    def add(self, payload: bytes) -> None:
+        """Add a message; one without joint names belongs to no arm and is ignored."""
+        for codec in self._codecs:
+            sample = codec.unpack(payload)
+            if sample is not None:
+                break
+        else:
+            found = self._learn(payload)
+            if found is None:
+                return
+            codec, sample = found
+        full = tuple(name for name in _FIELDS if getattr(sample, name) is not None)
         if not full:
-            return False
-        self._samples.append(np.concatenate([getattr(sample, name) for name in full]))
-        self._stamp_ns = sample.stamp_ns
-        return is_new
+            return
+        slot = self._slots.get((codec, full)) or self._new_slot(codec, full)
+        slot.samples.append(np.concatenate([getattr(sample, name) for name in full]))
+        slot.stamp_ns = sample.stamp_ns
 
-    def take(self) -> Window | None:
-        """Return the window since the last call, None without a message."""
-        samples, self._samples = self._samples, []
-        return window_of(self._stamp_ns, samples) if samples else None
+    def take(self) -> Iterator[tuple[int, bytes]]:
+        """Yield place and content of each window since the last call."""
+        for key, slot in list(self._slots.items()):
+            samples, slot.samples = slot.samples, []
+            if samples:
+                self._slots[key] = self._slots.pop(key)  # the last used is the last
+                content = pack_window(window_of(slot.stamp_ns, samples))
+                yield slot.place, _LAYOUT.pack(zlib.crc32(slot.text)) + content
+
+    def _learn(self, payload: bytes) -> tuple[JointStateCdr, JointSample] | None:
+        message = deserialize_message(payload, JointState)
+        try:
+            codec = JointStateCdr(list(message.name), message.header.frame_id)
+        except ValueError:
+            return None
+        sample = codec.unpack(payload)
+        if sample is None:
+            return None
+        self._codecs = [codec, *self._codecs][:_LAYOUTS_MAX]
+        return codec, sample
+
+    def _new_slot(self, codec: JointStateCdr, full: tuple[str, ...]) -> _Slot:
+        place = len(self._slots)
+        if place == _LAYOUTS_MAX:  # replace the layout that was not used for the longest time
+            place = self._slots.pop(next(iter(self._slots))).place
+        layout = {'names': codec.names, 'frame': codec.frame_id, 'full': full}
+        slot = self._slots[codec, full] = _Slot(json.dumps(layout).encode(), place)
+        self._on_layout(slot.text)
+        return slot
 
 
 class GroundTopics:
@@ -238,16 +301,16 @@ class GroundTopics:
         self._on_expired = on_expired
         self._reader = RawReader(node, *(topic.queued(_DEPTH) for topic in COMMANDS))
         self._publishers: dict[str, Publisher] = {}
-        self._layouts: dict[int, tuple[JointStateCdr, list[str]]] = {}
+        self._layouts: dict[int, tuple[JointStateCdr, list[str]]] = {}  # by checksum
         self._under_way: list[tuple[str, Message]] = []
 
     def update(self, now: float) -> bool:
         """Send received commands; return whether there were any."""
         has_sent = False
         for place, topic in enumerate(COMMANDS):
-            while (message := self._reader.take(place)) is not None:
+            for payload in _waiting(self._reader, place):
                 expires = now + COMMAND_LIFETIME
-                sent = self._connection.send(UP_CHANNEL + place, message[0], PROMPT, expires)
+                sent = self._connection.send(UP_CHANNEL + place, payload, PROMPT, expires)
                 self._under_way.append((topic.name, sent))
                 has_sent = True
         for name, sent in self._under_way:
@@ -262,31 +325,33 @@ class GroundTopics:
 
     def publish(self, channel: int, payload: bytes) -> None:
         """Publish a value or an event of the drone."""
-        if channel < len(WINDOWED):
-            self._publish_window(channel, payload)
-        elif channel < len(WINDOWED) + len(VALUES):
+        place = (channel - _WINDOWS) // _LAYOUTS_MAX
+        if 0 <= place < len(WINDOWED):
+            self._publish_window(WINDOWED[place], payload)
+        elif len(WINDOWED) <= channel < len(WINDOWED) + len(VALUES):
             self._publisher(DOWN[channel]).publish(zlib.decompress(payload))
-        elif channel < len(DOWN):
+        elif len(WINDOWED) <= channel < len(DOWN):
             self._publisher(DOWN[channel]).publish(payload)
 
     def take_layout(self, payload: bytes) -> None:
-        """Store the layout of a topic's joint states."""
+        """Store a layout of joint states."""
         given = json.loads(payload)
+        if len(self._layouts) >= _KNOWN_MAX:
+            del self._layouts[next(iter(self._layouts))]
         codec = JointStateCdr(given['names'], given['frame'])
-        self._layouts[given['channel']] = codec, given['full']
+        self._layouts[zlib.crc32(payload)] = codec, given['full']
 
     def destroy(self) -> None:
         """Destroy the subscriptions."""
         self._reader.destroy()
 
-    def _publish_window(self, channel: int, payload: bytes) -> None:
-        if channel not in self._layouts:
-            return
-        codec, full = self._layouts[channel]
-        window = unpack_window(payload)
-        if len(window.newest) != len(full) * len(codec.names):
-            return  # its layout has not arrived yet
-        topic = DOWN[channel]
+    def _publish_window(self, topic: Topic, payload: bytes) -> None:
+        (name,) = _LAYOUT.unpack_from(payload)
+        layout = self._layouts.pop(name, None)
+        if layout is None:
+            return  # it has not arrived yet
+        self._layouts[name] = codec, full = layout
+        window = unpack_window(payload[_LAYOUT.size :])
         for suffix, numbers in (
             ('', window.newest),
             ('/minimum', window.minimum),
@@ -335,9 +400,22 @@ def topic_rates(rate: float, values_rate: float, changes: Sequence[str]) -> dict
     return rates
 
 
+def _waiting(reader: RawReader, index: int) -> Iterator[bytes]:
+    """Yield waiting messages, but not endlessly if a node publishes them faster."""
+    for _ in range(_DEPTH):
+        message = reader.take(index)
+        if message is None:
+            return
+        yield message[0]
+
+
 def _publisher(node: Node, topic: Topic) -> Publisher:
     return node.create_publisher(topic.type, topic.name, topic.offered)
 
 
-def _layout_text(channel: int, layout: Mapping[str, object]) -> bytes:
-    return json.dumps({'channel': channel, **layout}).encode()
+@dataclass
+class _Slot:
+    text: bytes
+    place: int
+    samples: list[NDArray[np.float64]] = field(default_factory=list)
+    stamp_ns: int = 0

@@ -94,11 +94,12 @@ class WindowReader:
     def take(self) -> Array | None:
         """Return the extremes since the last call: (2, 3, n) of position, velocity, effort.
 
-        The first is the minimum. None if no window came, as on the bridge's own host.
+        The first is the minimum, NaN where a window has NaN. None if no window came, as on the
+        bridge's own host.
         """
         sides = []
         for index, (decoder, extreme) in enumerate(
-            zip(self._decoders, (np.fmin, np.fmax), strict=True)
+            zip(self._decoders, (np.minimum, np.maximum), strict=True)
         ):
             payloads = []
             while (message := self._reader.take(index)) is not None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
 
@@ -13,7 +14,18 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.executors import spin_until
-from aerarm_ros.ros.link.recordings import COMPLETE, FAILED, FETCHING, FINISH, RECORD, RECORDING
+from aerarm_ros.ros.link.recordings import (
+    COMPLETE,
+    ENDED,
+    FAILED,
+    FETCHING,
+    FINISH,
+    RECORD,
+    RECORDING,
+    REQUESTED,
+    WAITING,
+    WATCH,
+)
 from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClientError
 
@@ -22,6 +34,7 @@ _ASK_AGAIN = 0.5  # [s]
 _PATIENCE = 60.0  # [s] for the drone's recorder to start
 _SILENT = 1.5  # [s] of the drone that is reported
 _PROGRESS = 1.0  # [s]
+_WATCH_EVERY = 2.0  # [s]
 
 
 class RecordingRequest:
@@ -45,6 +58,7 @@ class RecordingRequest:
         self._folder = folder
         self._tell = tell
         self._report: dict[str, object] = {}
+        self._id = ''
         self._is_stopped = False
         request, report = topics.RECORD_REQUEST, topics.RECORD_REPORT
         self._publisher = node.create_publisher(request.type, request.name, request.offered)
@@ -71,16 +85,30 @@ class RecordingRequest:
         Raises
         ------
         ArmClientError
-            If the drone does not record, or the bag cannot be stored.
+            If the drone does not record, the recording ends before Ctrl-C, or the bag cannot be
+            stored.
         """
         deadline = time.monotonic() + _PATIENCE
+        self._begin()
         with StopSignals(self._stop):
-            self._ask_until(RECORD, lambda: self._state == RECORDING, deadline)
+            self._ask_until(RECORD, (RECORDING, ENDED), deadline)
             self._tell(f'the drone records {self._name}: Ctrl-C ends it and fetches the bag')
-            spin_until(self._node, lambda: self._is_stopped or self._state == FAILED, inf)
-            self._expect_no_failure()
+            while not self._is_stopped and self._state != ENDED:
+                self._ask(WATCH)
+                spin_until(
+                    self._node, lambda: self._is_stopped or self._state == ENDED, _WATCH_EVERY
+                )
+                self._expect_no_failure()
+            ended = ''
+            if self._state == ENDED:
+                ended = f'recording {self._name} ended before Ctrl-C: {self._report.get("text")}'
+                if not self._report.get('has_bag'):
+                    raise ArmClientError(ended)
+                self._tell(ended)
             # A second Ctrl-C ends this process; ground_link goes on with the fetch.
             self.fetch()
+        if ended:
+            raise ArmClientError(f'{ended}; {self._folder} contains what was recorded until then')
 
     def fetch(self) -> None:
         """Complete the bag on the drone and fetch it; a cut only delays it.
@@ -90,9 +118,9 @@ class RecordingRequest:
         ArmClientError
             If the drone has no such bag, or it cannot be stored.
         """
-        self._report = {}
+        self._begin()
         self._tell(f'fetching {self._name} into {self._folder}')
-        self._ask_until(FINISH, lambda: self._state in (FETCHING, COMPLETE), inf)
+        self._ask_until(FINISH, (WAITING, FETCHING, COMPLETE), inf)
         while self._state != COMPLETE:
             spin_until(self._node, lambda: self._state in (COMPLETE, FAILED), _PROGRESS)
             self._expect_no_failure()
@@ -101,15 +129,19 @@ class RecordingRequest:
                 self._ask(FINISH)  # a ground_link that was started again fetches nothing yet
         self._tell(f'{self._folder}: {_megabytes(self._report.get("size"))} stored')
 
+    def _begin(self) -> None:
+        """Begin a request, which only reports with its identifier answer."""
+        self._id, self._report = secrets.token_hex(8), {}
+
     @property
     def _state(self) -> object:
         return self._report.get('state')
 
-    def _ask_until(self, do: str, condition: Callable[[], bool], deadline: float) -> None:
+    def _ask_until(self, do: str, states: Sequence[str], deadline: float) -> None:
         has_told = False
-        while not condition():
+        while self._state not in states:
             self._ask(do)
-            spin_until(self._node, condition, _ASK_AGAIN)
+            spin_until(self._node, lambda: self._state in (*states, FAILED), _ASK_AGAIN)
             self._expect_no_failure()
             if time.monotonic() > deadline:
                 raise ArmClientError(
@@ -121,7 +153,7 @@ class RecordingRequest:
                 self._tell(self._silence())
 
     def _ask(self, do: str) -> None:
-        content = {'do': do, 'name': self._name, 'folder': str(self._folder)}
+        content = {'do': do, 'name': self._name, 'folder': str(self._folder), 'id': self._id}
         self._publisher.publish(String(data=json.dumps(content)))
 
     def _expect_no_failure(self) -> None:
@@ -129,12 +161,16 @@ class RecordingRequest:
             raise ArmClientError(str(self._report.get('text', '')))
 
     def _silence(self) -> str:
+        if not self._publisher.get_subscription_count():
+            return 'ground_link no longer runs on this host: start ground_side.launch.py'
         silent = float(str(self._report.get('silent', 0.0)))
         return f'the drone has been silent for {silent:.0f} s' if silent > _SILENT else ''
 
     def _progress(self) -> str:
         stored, size = (self._report.get(key) for key in ('stored', 'size'))
         text = f'{_megabytes(stored)} of {_megabytes(size)}'
+        if self._state != FETCHING:
+            text = str(self._report.get('text', '')) or 'waiting for the drone'
         return ': '.join(filter(None, (text, self._silence())))
 
     def _on_report(self, message: String) -> None:
@@ -142,7 +178,9 @@ class RecordingRequest:
             report = json.loads(message.data)
         except ValueError:
             return
-        if report.get('name') == self._name:
+        if isinstance(report, dict) and self._id in report.get('ids', ()):
+            if report.get('state') == REQUESTED:  # the drone's answer says more
+                report = {**report, **self._report, 'silent': report.get('silent', 0.0)}
             self._report = report
 
     def _stop(self) -> None:

@@ -1,5 +1,6 @@
 import pytest
 
+from aerarm_ros.ros.executors import this_domain
 from aerarm_ros.ros.process.node_process import is_on_this_host, stay_on_this_host
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -66,3 +67,19 @@ def test_another_value_of_the_variable_is_an_error() -> None:
 )
 def test_who_is_alone_on_this_host(environment: dict[str, str], alone: bool) -> None:
     assert is_on_this_host(environment) is alone
+
+
+@pytest.mark.parametrize(
+    ('network', 'where'),
+    [
+        ('', 'this host only; ground_link connects hosts'),
+        # For example with ROS_STATIC_PEERS on the ground alone.
+        ('open', 'other hosts only if AERARM_NETWORK=open is set there too'),
+    ],
+)
+def test_messages_about_missing_nodes_say_which_hosts_were_searched(
+    network: str, where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('ROS_DOMAIN_ID', '7')
+    monkeypatch.setenv('AERARM_NETWORK', network)
+    assert this_domain() == f'this ROS domain (ROS_DOMAIN_ID=7, {where})'

@@ -86,6 +86,28 @@ def test_a_full_receive_buffer_of_the_kernel_is_named_with_the_command() -> None
     assert 'cause: link' in second
 
 
+def test_datagrams_that_were_dropped_long_before_a_gap_do_not_explain_it() -> None:
+    dropped = [7]
+    watch = watch_of(dropped=dropped)
+    pass_for(watch, 0, 10)
+    dropped[0] = 20  # for example by another program, before the first gap of the recording
+    for begin in range(10, 9000, 10):
+        pass_for(watch, begin, 10)
+    gap(watch, '/a', 5, 8500, 8506, far=True)
+    assert 'cause: link' in watch.news()[0]
+
+
+def test_one_overflow_explains_the_gaps_of_all_topics() -> None:
+    dropped = [7]
+    watch = watch_of(dropped=dropped)
+    dropped[0] = 20
+    gap(watch, '/a', 5, 100, 106, far=True)
+    gap(watch, '/b', 5, 100, 106, far=True)
+    (text,) = watch.news()
+    assert '5 of /a, 5 of /b' in text
+    assert 'cause: processor' in text
+
+
 @pytest.mark.parametrize(('size', 'is_enough'), [(212_992, False), (64_000_000, True)])
 def test_the_receive_buffer_is_compared_with_the_need(
     size: int, is_enough: bool, monkeypatch: pytest.MonkeyPatch

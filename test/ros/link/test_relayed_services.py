@@ -1,0 +1,176 @@
+"""Services that ground_link relays."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from rclpy.client import Client
+from rclpy.service import Service
+from std_srvs.srv import SetBool, Trigger
+
+from aerarm_ros.ros.link.relayed_services import DroneServices, GroundServices
+from aerarm_ros.ros.link.relayed_topics import CALLS, OFFERED, STOPS
+
+if TYPE_CHECKING:
+    from conftest import Pair
+
+ANSWER_TIMEOUT = 30.0  # [s]
+
+
+class Relay:
+    """Both relays of a pair, a bridge on the drone, and a client of it on the ground."""
+
+    def __init__(self, pair: Pair) -> None:
+        self.pair = pair
+        self.log: list[str] = []
+        self.drone = DroneServices(pair.drone.relay, pair.drone.connection)
+        self.ground = GroundServices(
+            pair.ground.relay, pair.ground.connection, lambda _, text: self.log.append(text)
+        )
+        self.stops = 0
+
+    def step(self) -> bool:
+        self.drone.update(self.pair.now)
+        self.ground.update(self.pair.now)
+        drone, ground = self.pair.step()
+        for received in drone:
+            assert received.channel in (CALLS, STOPS)
+            self.drone.call(received.payload, self.pair.now)
+        for received in ground:
+            if received.channel == OFFERED:
+                self.ground.take_offered(received.payload)
+            else:
+                self.ground.take_result(received.payload, self.pair.now)
+        return True
+
+    def bridge(self) -> Service:
+        """Return the service of a bridge that stops at once."""
+
+        def stop(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            self.stops += 1
+            response.success = True
+            return response
+
+        return self.pair.drone.node.create_service(Trigger, '/bridge/e_stop', stop)
+
+    def client(self, name: str = '/bridge/e_stop', kind: type = Trigger) -> Client:
+        """Return a client on the ground that has found the service."""
+        client = self.pair.ground.node.create_client(kind, name)
+        self.pair.until(lambda: self.step() and client.service_is_ready())
+        return client
+
+    def clients(self) -> Counter[str]:
+        """Return the names of the clients on the drone."""
+        return Counter(client.srv_name for client in self.pair.drone.relay.clients)
+
+
+def test_clients_of_services_that_ended_are_destroyed(pair: Pair) -> None:
+    relay = Relay(pair)
+    relay.bridge()
+    node = pair.drone.node
+    for number in range(5):
+        name = f'/arm_{number}/go'
+        service = node.create_service(Trigger, name, lambda _, response: response)
+        client = relay.client(name)
+        answer = client.call_async(Trigger.Request())
+        pair.until(lambda answer=answer: relay.step() and answer.done())
+        node.destroy_service(service)
+        pair.ground.node.destroy_client(client)
+        pair.until(lambda name=name: relay.step() and name not in relay.clients())
+    assert relay.clients() == {'/bridge/e_stop': 1}
+    offered = pair.ground.relay.services
+    pair.until(lambda: relay.step() and not any('/arm_' in s.srv_name for s in offered))
+
+
+def test_an_e_stop_passes_a_call_that_is_never_answered(pair: Pair) -> None:
+    relay = Relay(pair)
+    relay.bridge()
+    silent = pair.drone.relay.create_service(  # no executor runs this node
+        SetBool, '/slow/set', lambda _, response: response
+    )
+    slow, stop = relay.client('/slow/set', SetBool), relay.client()
+    slow.call_async(SetBool.Request())
+    for _ in range(5):
+        relay.step()
+    begin = pair.now
+    answer = stop.call_async(Trigger.Request())
+    pair.until(lambda: relay.step() and answer.done())
+    assert answer.result().success
+    assert relay.stops > 0
+    assert pair.now - begin < 1.0  # not the answer "not delivered yet"
+    pair.drone.relay.destroy_service(silent)
+
+
+def test_an_e_stop_that_was_reported_as_failed_stops_no_later_bridge(pair: Pair) -> None:
+    relay = Relay(pair)
+    bridge = relay.bridge()
+    stop = relay.client()
+    pair.drone.node.destroy_service(bridge)
+    pair.until(lambda: relay.step() and not pair.drone.relay.count_services('/bridge/e_stop'))
+    answer = stop.call_async(Trigger.Request())
+    pair.until(lambda: relay.step() and answer.done())
+    assert 'NOT DELIVERED YET' in answer.result().message
+    pair.now += ANSWER_TIMEOUT
+    pair.until(lambda: relay.step() and any('no bridge answered' in text for text in relay.log))
+    for _ in range(20):
+        relay.step()
+    relay.bridge()
+    relay.client()
+    for _ in range(20):
+        relay.step()
+    assert relay.stops == 0
+
+
+def test_an_e_stop_during_a_long_cut_is_reported_as_delivered(pair: Pair) -> None:
+    relay = Relay(pair)
+    relay.bridge()
+    stop = relay.client()
+    pair.loss = 1.0
+    answer = stop.call_async(Trigger.Request())
+    pair.until(lambda: relay.step() and answer.done())
+    assert 'NOT DELIVERED YET' in answer.result().message
+    pair.now += 2.0 * ANSWER_TIMEOUT
+    relay.step()
+    assert relay.stops == 0
+    pair.loss = 0.0
+    relay.log.clear()
+    pair.until(lambda: relay.step() and relay.log)
+    assert 'was delivered 6' in relay.log[0]
+    assert relay.stops > 0
+    assert relay.ground.kept_stops == []
+
+
+def test_an_e_stop_waits_for_a_bridge_that_starts_in_time(pair: Pair) -> None:
+    relay = Relay(pair)
+    bridge = relay.bridge()
+    stop = relay.client()
+    pair.drone.node.destroy_service(bridge)
+    pair.until(lambda: relay.step() and not pair.drone.relay.count_services('/bridge/e_stop'))
+    stop.call_async(Trigger.Request())
+    for _ in range(5):
+        relay.step()
+    relay.bridge()
+    pair.until(lambda: relay.step() and relay.stops > 0)
+
+
+def test_services_are_created_a_few_at_a_time_and_e_stops_first(pair: Pair) -> None:
+    relay = Relay(pair)
+    for number in range(20):
+        pair.drone.node.create_service(Trigger, f'/arm_{number}/act', lambda _, response: response)
+    relay.bridge()
+    relay_node, made = pair.ground.relay, []
+
+    def step() -> bool:
+        before = {service.srv_name for service in relay_node.services}
+        clients = sum(relay.clients().values())
+        relay.step()
+        new = {service.srv_name for service in relay_node.services} - before
+        assert len(new) <= 4
+        assert sum(relay.clients().values()) - clients <= 4
+        if new:
+            made.append(new)
+        return sum(map(len, made)) == 21
+
+    pair.until(step)
+    assert '/bridge/e_stop' in made[0]
