@@ -27,6 +27,7 @@ from aerarm_ros.identification.conditioning.uniform_motion import (
     KinematicsFilter,
     Samples,
 )
+from aerarm_ros.identification.model_choice.model_choice import DISTANCES
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
@@ -57,8 +58,6 @@ UNEXPLAINED = (
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
 _LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # largest value and step of the searched gear ratios
 _SEARCHED = 4000  # number of samples, enough to find a period
-# [rad] distances after a reversal until friction reaches its full value
-_PRESLIDING = (0.003, 0.01, 0.03)
 # smallest explained fraction of the mean square; smaller gains are due to chance
 _LEAST_GAIN = 0.01
 _RIDGE = 1e-4  # regularization, which prevents large opposite coefficients of similar patterns
@@ -324,7 +323,7 @@ def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
     last = np.zeros(len(angle), dtype=np.intp)
     last[turned] = turned
     gone = np.abs(angle - angle[np.maximum.accumulate(last)])
-    missing = [direction * np.exp(-gone / distance) for distance in _PRESLIDING]
+    missing = [direction * np.exp(-gone / distance) for distance in DISTANCES]
     columns = np.column_stack(missing)
     # a reversal before the recording is unknown
     columns[: turned[0] if len(turned) else None] = 0.0

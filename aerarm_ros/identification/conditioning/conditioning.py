@@ -194,6 +194,8 @@ def _edges(
 # fraction of the blocks in which a joint moves that may contain bursts
 _BURSTS = 0.2
 _MOVING = 0.01  # power of a block with motion, relative to that of the joint's fastest block
+# Least factor by which bursts raise an edge; fewer blocks of any motion have a slightly lower edge.
+_RAISED = 1.1
 _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
@@ -220,7 +222,7 @@ def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Arr
         lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1)
         slow = lasting <= (1.0 - _SHARE) * whole.sum(axis=1)
         low, high = np.where(slow, low, middle), np.where(slow, middle, high)
-    return np.asarray(high)
+    return np.where(edges > _RAISED * high, high, edges)
 
 
 # Gautier (ICRA 1997): a low-pass filter ten times above the motion preserves its dynamics.

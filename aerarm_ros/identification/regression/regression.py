@@ -110,9 +110,8 @@ class SampleColumns:
                 # Computed like the links' columns, so that rotor and link columns add up exactly.
                 self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
             else:
-                self._cache[term] = samples.fine_filter(
-                    term.basis(samples.dq_fine, samples.ddq_fine, None)
-                )
+                own = term.along(samples.dq_fine, samples.ddq_fine, None, self._travel())
+                self._cache[term] = samples.fine_filter(own)
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
@@ -125,7 +124,8 @@ class SampleColumns:
         """
         samples = self.samples
         inertial = theta[: 10 * samples.n]
-        raw = model.torque(theta, self.rigid_raw @ inertial, samples.dq, samples.ddq)
+        links = self.rigid_raw @ inertial
+        raw = model.torque(theta, links, samples.dq, samples.ddq, samples.q)
         filtered = self.rigid @ inertial
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
             if term.kind is TermKind.LOAD:
@@ -147,8 +147,13 @@ class SampleColumns:
         fine = np.arange(len(samples.dq_fine), dtype=float)
         coarse = np.arange(len(torque), dtype=float) * samples.step
         load = np.abs(np.interp(fine, coarse, torque))
-        basis = term.basis(samples.dq_fine[:, joint], samples.ddq_fine[:, joint], load)
+        state = samples.dq_fine[:, joint], samples.ddq_fine[:, joint], load
+        basis = term.along(*state, self._travel()[:, joint])
         return samples.fine_filter(basis, derivative)
+
+    def _travel(self) -> Array:
+        """Return the angle (L, n) [rad] turned since the previous fine sample."""
+        return np.asarray(np.abs(self.samples.dq_fine) * self.samples.fine_filter.dt)
 
 
 @dataclass(frozen=True, eq=False)
