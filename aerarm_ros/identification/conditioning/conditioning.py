@@ -200,28 +200,29 @@ _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
 def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Array) -> Array:
-    """Return the band edges (n,) [Hz], lowered where only bursts of motion reach the given edges.
+    """Return the band edges (n,) [Hz], lowered where only bursts or one joint's vibration reach.
 
-    A few jolts hold more than a thousandth of the power, but their ringing is not the motion. The
-    fifth of the blocks with most fast motion is left out.
+    A few jolts, or the vibration of one joint, hold more than a thousandth of a joint's power, but
+    are not the motion. The fifth of a joint's blocks with most fast motion is left out, and a
+    thousandth of the power of all joints, each relative to its own, may lie above the edge.
     """
     spectrum = _spectrum(values) * frequency[:, None] ** derivative
     size = 2 * (len(frequency) - 1)
     block = np.arange(size) * BLOCKS // max(size, 1)
 
-    def powers(above: Array) -> Array:
-        fast = np.fft.irfft(spectrum * (frequency[:, None] > above), size, axis=0)
+    def powers(above: float) -> Array:
+        fast = np.fft.irfft(spectrum * (frequency > above)[:, None], size, axis=0)
         return np.array([np.bincount(block, own, BLOCKS) for own in (fast**2).T])
 
-    whole = powers(np.zeros(len(edges)))
+    whole = powers(0.0)
+    total = np.maximum(whole.sum(axis=1), 1e-300)
     moving = (whole > _MOVING * whole.max(axis=1, keepdims=True)).sum(axis=1)
     kept = np.arange(BLOCKS) < BLOCKS - np.floor(_BURSTS * moving)[:, None]
-    low, high = np.full(len(edges), frequency[1]), np.maximum(edges, frequency[1])
+    low, high = float(frequency[1]), float(max(edges.max(initial=0.0), frequency[1]))
     for _ in range(_HALVINGS):
-        middle = np.sqrt(low * high)
-        lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1)
-        slow = lasting <= (1.0 - _SHARE) * whole.sum(axis=1)
-        low, high = np.where(slow, low, middle), np.where(slow, middle, high)
+        middle = float(np.sqrt(low * high))
+        lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1) / total
+        low, high = (low, middle) if lasting.mean() <= 1.0 - _SHARE else (middle, high)
     return np.where(edges > _RAISED * high, high, edges)
 
 

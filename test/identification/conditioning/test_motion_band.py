@@ -68,6 +68,14 @@ def test_jolts_are_no_motion() -> None:
     assert motion_band(q, None, DT) == pytest.approx(0.8, abs=0.1)
 
 
+def test_vibration_of_one_joint_is_no_motion() -> None:
+    omega = 2 * np.pi * 9.0
+    q, dq = Q.copy(), DQ.copy()
+    q[:, 1] += 0.02 / omega * np.sin(omega * T)
+    dq[:, 1] += 0.02 * np.cos(omega * T)
+    assert motion_band(q, dq, DT) == pytest.approx(0.8, abs=0.1)
+
+
 def test_a_joint_that_moves_for_a_short_time_has_the_band_of_its_motion() -> None:
     moves = ((T > 15.0) & (T < 20.0)) * np.sin(np.pi * (T - 15.0) / 5.0) ** 2
     q = np.column_stack([Q[:, 0], moves * np.sin(2 * np.pi * 2.0 * T)])
