@@ -70,6 +70,9 @@ class JointTerm:
     driver : int or None
         Index of another joint whose motion causes the torque; None if the joint's own motion
         causes it.
+    distance : float
+        Angle [rad] over which Coulomb or load-dependent friction builds up after a reversal
+        (presliding of an elastic gear); 0 if it reverses at once.
 
     Notes
     -----
@@ -81,6 +84,7 @@ class JointTerm:
     kind: TermKind
     width: float = 0.0
     driver: int | None = None
+    distance: float = 0.0
 
     @property
     def symbol(self) -> str:
@@ -108,7 +112,7 @@ class JointTerm:
         return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
     def basis(self, dq: Array, ddq: Array, load: Array | None) -> Array:
-        """Return the torque per coefficient of the term.
+        """Return the torque per coefficient of the term, long after the last reversal.
 
         Parameters
         ----------
@@ -140,6 +144,52 @@ class JointTerm:
         if self.kind is TermKind.BACKWARD:
             return np.asarray(np.minimum(sign, 0.0))
         return np.asarray(sign)
+
+    def along(self, dq: Array, ddq: Array, load: Array | None, travel: Array) -> Array:
+        """Return the torque per coefficient along a motion, in which friction builds up.
+
+        Parameters
+        ----------
+        dq, ddq, load : (M, ...) ndarray
+            As for `basis`.
+        travel : (M, ...) ndarray
+            Angle turned since the previous sample, of either direction [rad].
+        """
+        if self.distance == 0.0:
+            return self.basis(dq, ddq, load)
+        state = friction_state(dq, travel, self.distance)
+        return state if self.kind is TermKind.COULOMB or load is None else load * state
+
+
+def friction_state(dq: Array, travel: Array, distance: float) -> Array:
+    """Return the state z of friction that builds up after reversals, from -1 to 1 (Dahl, 1968).
+
+    `dz = (sgn(dq) - z) |dq| dt / distance`. The friction `F z` of such a gear stores at most
+    `F distance / 2` and dissipates the power `F |dq| z^2`. Friction before the first reversal
+    counts as built up.
+
+    Parameters
+    ----------
+    dq : (M, ...) ndarray
+        Velocities [rad/s].
+    travel : (M, ...) ndarray
+        Angle turned since the previous sample, of either direction [rad].
+    """
+    way = np.sign(dq).reshape(len(dq), -1)
+    gone = np.cumsum(np.abs(travel).reshape(len(dq), -1), axis=0)
+    state = np.empty_like(way)
+    for own, path, column in zip(way.T, gone.T, state.T, strict=True):
+        first = np.concatenate([[0], np.flatnonzero(np.diff(own)) + 1])
+        # The last sample before a reversal is where it begins.
+        begin = path[np.maximum(first - 1, 0)]
+        rest = np.exp(-np.diff(begin, append=path[-1]) / distance).tolist()
+        before = [float(own[0])]
+        for direction, share in zip(own[first].tolist(), rest, strict=True):
+            before.append(direction - (direction - before[-1]) * share)
+        part = np.searchsorted(first, np.arange(len(own)), side='right') - 1
+        missing = own - np.array(before)[part]
+        column[:] = own - missing * np.exp(-(path - begin[part]) / distance)
+    return state.reshape(dq.shape)
 
 
 THESIS_TERMS = (JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB))
@@ -205,7 +255,9 @@ class JointModel:
             joints.append('_'.join([term.symbol, *(self.joint_names[j] for j in moving)]))
         return (*links, *joints)
 
-    def torque(self, theta: Array, links: Array, dq: Array, ddq: Array) -> Array:
+    def torque(
+        self, theta: Array, links: Array, dq: Array, ddq: Array, q: Array | None = None
+    ) -> Array:
         """Return the torque (M, n) of links and joints [Nm], thesis (3.5).
 
         Parameters
@@ -216,11 +268,17 @@ class JointModel:
             Torque on the links [Nm].
         dq, ddq : (M, n) ndarray
             Joint velocities and accelerations [rad/s], [rad/s^2].
+        q : (M, n) ndarray, optional
+            Joint positions [rad] if the rows are one motion, in which friction builds up after
+            reversals; by default the friction of steady motion.
         """
         torque, load = links.copy(), np.abs(links)
+        travel = np.zeros_like(dq) if q is None else np.diff(q, axis=0, prepend=q[:1])
         for (joint, term), value in zip(self.joint_columns, theta[10 * self.n :], strict=True):
             moving = joint if term.driver is None else term.driver
-            torque[:, joint] += value * term.basis(dq[:, moving], ddq[:, moving], load[:, joint])
+            state = dq[:, moving], ddq[:, moving], load[:, joint]
+            own = term.basis(*state) if q is None else term.along(*state, travel[:, moving])
+            torque[:, joint] += value * own
         return torque
 
     @property

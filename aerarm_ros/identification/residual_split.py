@@ -27,6 +27,7 @@ from aerarm_ros.identification.conditioning.uniform_motion import (
     KinematicsFilter,
     Samples,
 )
+from aerarm_ros.identification.model_choice.model_choice import DISTANCES
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.solvers.estimate import Estimate
@@ -57,8 +58,6 @@ UNEXPLAINED = (
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
 _LARGEST_RATIO, _RATIO_STEP = 200.0, 0.25  # largest value and step of the searched gear ratios
 _SEARCHED = 4000  # number of samples, enough to find a period
-# [rad] distances after a reversal until friction reaches its full value
-_PRESLIDING = (0.003, 0.01, 0.03)
 # smallest explained fraction of the mean square; smaller gains are due to chance
 _LEAST_GAIN = 0.01
 _RIDGE = 1e-4  # regularization, which prevents large opposite coefficients of similar patterns
@@ -286,8 +285,13 @@ def _ripple(
         orders += [abs(float(ratios[joint])), 2.0 * abs(float(ratios[joint]))]
     stride = max(1, len(rows) // _SEARCHED)
     tried = np.arange(3.0, _LARGEST_RATIO, _RATIO_STEP)
-    waves = np.exp(1j * np.outer(tried, angle[::stride]))
-    orders.append(float(tried[np.abs(waves @ left[::stride]).argmax()]))
+    wave = np.exp(1j * tried[0] * angle[::stride])
+    turn = np.exp(1j * _RATIO_STEP * angle[::stride])
+    sizes = []
+    for _ in tried:  # products are much faster than exponentials
+        sizes.append(abs(wave @ left[::stride]))
+        wave = wave * turn
+    orders.append(float(tried[np.argmax(sizes)]))
     phase = np.outer(fine[:, joint], orders)
     return samples.fine_filter(np.hstack([np.sin(phase), np.cos(phase)]))
 
@@ -324,7 +328,7 @@ def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
     last = np.zeros(len(angle), dtype=np.intp)
     last[turned] = turned
     gone = np.abs(angle - angle[np.maximum.accumulate(last)])
-    missing = [direction * np.exp(-gone / distance) for distance in _PRESLIDING]
+    missing = [direction * np.exp(-gone / distance) for distance in DISTANCES]
     columns = np.column_stack(missing)
     # a reversal before the recording is unknown
     columns[: turned[0] if len(turned) else None] = 0.0

@@ -100,7 +100,9 @@ _HEADER = """\
 # at the velocity dq: viscous dq + coulomb s(dq) + load |torque on the links| s(dq). Added to this:
 # creep tanh(dq / creep_width) + offset + stribeck sgn(dq) exp(-(dq / stribeck_width)^2). Added to
 # this: forward max(a(dq), 0) + backward min(a(dq), 0). Here s(dq) = tanh(dq / coulomb_width), or
-# sgn(dq) if coulomb_width is 0. The function a(dq) is tanh(dq / asymmetry_width). The term creep is
+# sgn(dq) if coulomb_width is 0. If coulomb_distance is not 0, friction builds up after a reversal:
+# s is then the state z of dz = (sgn(dq) - z) |dq| dt / coulomb_distance, and sgn(dq) in steady
+# motion. The function a(dq) is tanh(dq / asymmetry_width). The term creep is
 # viscous friction that saturates at high velocity.
 # coupled_joints, only if joints are coupled: for each coupling the joint, the joint that drives
 # it, the kind, and the coefficient. Kind cv: torque per velocity of the driving joint. Kind ca:
@@ -196,6 +198,9 @@ def _friction(estimate: Estimate) -> dict[str, list[float]]:
             next((float(term.width) for term in terms if term.kind in kinds), 0.0)
             for terms in estimate.model.terms
         ]
+    friction['coulomb_distance'] = [
+        max((float(term.distance) for term in terms), default=0.0) for terms in estimate.model.terms
+    ]
     return friction
 
 
@@ -339,9 +344,15 @@ def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, f
     friction = parameters['friction']
     values = {kind: _column(friction, parameters, kind, n) for kind in NAMES}
     widths = {name: _numbers(friction.get(name), n) for name in WIDTHS}
+    distances = _numbers(friction.get('coulomb_distance'), n)
+    dry = WIDTHS['coulomb_width']
     return [
         {
-            JointTerm(kind, _width(widths, kind, joint)): float(column[joint])
+            JointTerm(
+                kind,
+                _width(widths, kind, joint),
+                distance=float(distances[joint]) if kind in dry else 0.0,
+            ): float(column[joint])
             for kind, column in values.items()
             if column[joint] != 0.0
         }

@@ -82,6 +82,8 @@ def term_text(term: JointTerm, joint_names: Sequence[str]) -> str:
     """Return the description of a term, for example 'Coulomb friction (tanh, 0.05 rad/s)'."""
     if term.driver is not None:
         return f'{term.meaning} {joint_names[term.driver]}'
+    if term.distance:
+        return f'{term.meaning} (builds up over {term.distance:g} rad)'
     shape = 'exp' if term.kind is TermKind.STRIBECK else 'tanh'
     return f'{term.meaning} ({shape}, {term.width:g} rad/s)' if term.width else term.meaning
 

@@ -233,6 +233,7 @@ def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -
 
 
 _BY_CHANCE = 2.0  # standard errors by which the best of several filters may be better by chance
+_SIMILAR = 1.2  # largest ratio of the squared errors of two equally good filters
 _ENOUGH = 60.0  # [s] length of the excerpt that is used from the middle of a long recording
 
 
@@ -402,26 +403,28 @@ class _Trials:
         return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
 
     def walk(self, cutoffs: Sequence[float], start: KinematicsFilter) -> None:
-        """Try lower and higher cut-offs than that of a filter, as long as errors fall."""
-        below = [cutoff for cutoff in reversed(cutoffs) if cutoff < start.cutoff]
-        above = [cutoff for cutoff in cutoffs if cutoff > start.cutoff]
-        for way in (below, above):
-            last = start
-            for cutoff in way:
-                following = self._conditioner.at(cutoff).adapted(start)
-                if self._best_of(cutoff, [last, following]) is last:
-                    break
-                last = following
+        """Try lower cut-offs than that of a filter.
+
+        All are tried, because the errors have local minima if noise misleads the rule.
+        """
+        for cutoff in cutoffs:
+            if cutoff < start.cutoff:
+                self.run(cutoff, start)
 
     def nearest(self, rule: float) -> float:
         """Return the cut-off nearest to the rule among those that are as good as the best.
 
         Two cut-offs count as equally good if chance explains their difference, given its
-        variation over the blocks of the motion and the number of cut-offs.
+        variation over the blocks of the motion, and the difference is small. Chance seems to
+        explain even large differences if a few blocks cause them.
         """
         errors = self._squared_errors()
         least = min(errors.values(), key=lambda own: float(own.sum()))
-        good = [k.cutoff for k, e in errors.items() if standard_errors(e - least) <= _BY_CHANCE]
+        good = [
+            k.cutoff
+            for k, own in errors.items()
+            if standard_errors(own - least) <= _BY_CHANCE and own.sum() <= _SIMILAR * least.sum()
+        ]
         return min(good, key=lambda cutoff: abs(np.log(cutoff / rule)))
 
     @property

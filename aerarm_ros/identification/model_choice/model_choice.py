@@ -182,6 +182,9 @@ def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Ar
 WIDTHS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)
 """Candidate velocities [rad/s] over which dry friction changes sign; 0 is the step of (2.6)."""
 
+DISTANCES = (0.003, 0.01, 0.03)
+"""Candidate angles [rad] over which dry friction builds up after a reversal."""
+
 CREEP_WIDTHS = (0.3, 0.6)
 """Candidate velocities [rad/s] at which saturating viscous friction levels off."""
 
@@ -198,6 +201,8 @@ _WORTHWHILE = 5e-3
 _VISCOUS = JointTerm(TermKind.VISCOUS)
 _OFFSET = JointTerm(TermKind.OFFSET)
 _DRY = (TermKind.COULOMB, TermKind.LOAD)
+# Pairs of width and distance; at most one of both is not zero.
+_REVERSALS = (*((width, 0.0) for width in WIDTHS), *((0.0, angle) for angle in DISTANCES))
 _SWITCHED = (
     _OFFSET,
     *(JointTerm(TermKind.CREEP, width) for width in CREEP_WIDTHS),
@@ -232,7 +237,7 @@ class Comparison:
 
 def candidate_terms() -> tuple[JointTerm, ...]:
     """Return all friction, rotor and offset terms that a joint may have."""
-    dry = [JointTerm(kind, width) for kind in _DRY for width in WIDTHS]
+    dry = [JointTerm(kind, w, distance=d) for kind in _DRY for w, d in _REVERSALS]
     return (_VISCOUS, ROTOR, *dry, *_SWITCHED)
 
 
@@ -241,10 +246,10 @@ def select_terms(
 ) -> tuple[tuple[tuple[JointTerm, ...], ...], list[Comparison]]:
     """Choose the friction and rotor terms of every joint by cross-validation.
 
-    Each joint goes through three steps before the next joint. First the velocity width of dry
-    friction and its dependence on load are chosen. Then saturating viscous friction,
-    Stribeck friction, asymmetry and offset are tested on held-out motion. Finally the
-    first step is repeated.
+    Each joint goes through three steps before the next joint. First the reversal of dry
+    friction (velocity width or build-up distance) and its dependence on load are chosen. Then
+    saturating viscous friction, Stribeck friction, asymmetry and offset are tested on held-out
+    motion. Finally the first step is repeated.
 
     Parameters
     ----------
@@ -277,15 +282,15 @@ def select_terms(
 
 
 def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
-    """Return the terms with dry friction of every width, with and without load dependence.
+    """Return the terms with dry friction of every reversal, with and without load dependence.
 
-    Width and load dependence are varied together, because a change of only one may not improve
+    Reversal and load dependence are varied together, because a change of only one may not improve
     the prediction.
     """
     others = tuple(term for term in terms if term.kind not in _DRY)
     variants = []
-    for width in WIDTHS:
-        coulomb, load = (JointTerm(kind, width) for kind in _DRY)
+    for width, distance in _REVERSALS:
+        coulomb, load = (JointTerm(kind, width, distance=distance) for kind in _DRY)
         variants += [(*others, coulomb), (*others, coulomb, load)]
     return variants
 

@@ -53,6 +53,7 @@ class SampleColumns:
         self.rigid_raw = regressor.stack_rigid(samples.q, samples.dq, samples.ddq)
         self.rigid = samples.coarse_filter(self.rigid_raw)
         self._cache: dict[JointTerm, Array] = {}
+        self._loads = np.zeros(0), np.zeros((0, samples.n))
         self.weights = np.ones(samples.n)
 
     def with_samples(self, samples: Samples) -> 'SampleColumns':
@@ -74,8 +75,7 @@ class SampleColumns:
         """
         samples = self.samples
         if term.kind is TermKind.LOAD and inertial is not None:
-            joints = range(samples.n)
-            return np.column_stack([self._load_column(term, j, inertial, 1) for j in joints])
+            return self._load_columns(term, inertial, derivative=1)
         if term.smooth:
             basis = term.basis(samples.dq, samples.ddq, None)
             return samples.coarse_filter(basis, derivative=1)
@@ -98,8 +98,7 @@ class SampleColumns:
         if term.kind is TermKind.LOAD:
             if inertial is None:
                 raise ValueError('load-dependent friction needs inertial parameters')
-            joints = range(self.samples.n)
-            return np.column_stack([self._load_column(term, j, inertial) for j in joints])
+            return self._load_columns(term, inertial)
         if term not in self._cache:
             samples = self.samples
             if term.driver is not None:
@@ -110,9 +109,8 @@ class SampleColumns:
                 # Computed like the links' columns, so that rotor and link columns add up exactly.
                 self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
             else:
-                self._cache[term] = samples.fine_filter(
-                    term.basis(samples.dq_fine, samples.ddq_fine, None)
-                )
+                own = term.along(samples.dq_fine, samples.ddq_fine, None, self._travel())
+                self._cache[term] = samples.fine_filter(own)
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
@@ -125,11 +123,12 @@ class SampleColumns:
         """
         samples = self.samples
         inertial = theta[: 10 * samples.n]
-        raw = model.torque(theta, self.rigid_raw @ inertial, samples.dq, samples.ddq)
+        links = self.rigid_raw @ inertial
+        raw = model.torque(theta, links, samples.dq, samples.ddq, samples.q)
         filtered = self.rigid @ inertial
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
             if term.kind is TermKind.LOAD:
-                filtered[:, joint] += value * self._load_column(term, joint, inertial)
+                filtered[:, joint] += value * self._load_columns(term, inertial, [joint])[:, 0]
             else:
                 filtered[:, joint] += value * self.term(term)[:, joint]
         return Prediction(filtered, raw)
@@ -138,17 +137,35 @@ class SampleColumns:
         """Return the (M, n) unfiltered torque on the links [Nm] for (10 n,) parameters."""
         return np.asarray(self.rigid_raw @ inertial)
 
-    def _load_column(
-        self, term: JointTerm, joint: int, inertial: Array, derivative: int = 0
+    def _load_columns(
+        self,
+        term: JointTerm,
+        inertial: Array,
+        joints: Sequence[int] | None = None,
+        derivative: int = 0,
     ) -> Array:
-        """Return the filtered column (M,) of a joint's load-dependent friction, or its rate."""
+        """Return the filtered columns of load-dependent friction, or their rates, by joint."""
         samples = self.samples
-        torque = self.rigid_raw[:, joint] @ inertial
-        fine = np.arange(len(samples.dq_fine), dtype=float)
-        coarse = np.arange(len(torque), dtype=float) * samples.step
-        load = np.abs(np.interp(fine, coarse, torque))
-        basis = term.basis(samples.dq_fine[:, joint], samples.ddq_fine[:, joint], load)
-        return samples.fine_filter(basis, derivative)
+        some = list(range(samples.n)) if joints is None else list(joints)
+        load = self._fine_loads(inertial)[:, some]
+        state = samples.dq_fine[:, some], samples.ddq_fine[:, some], load
+        return samples.fine_filter(term.along(*state, self._travel()[:, some]), derivative)
+
+    def _fine_loads(self, inertial: Array) -> Array:
+        """Return the magnitude (L, n) of the torque on the links at the fine samples [Nm]."""
+        known, loads = self._loads
+        if not np.array_equal(known, inertial):
+            torque = self.links_torque(inertial)
+            fine = np.arange(len(self.samples.dq_fine), dtype=float)
+            coarse = np.arange(len(torque), dtype=float) * self.samples.step
+            columns = [np.interp(fine, coarse, own) for own in torque.T]
+            loads = np.abs(np.column_stack(columns))
+            self._loads = inertial.copy(), loads
+        return loads
+
+    def _travel(self) -> Array:
+        """Return the angle (L, n) [rad] turned since the previous fine sample."""
+        return np.asarray(np.abs(self.samples.dq_fine) * self.samples.fine_filter.dt)
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,9 @@ class IdentifiedModel:
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints. Rows are
+            successive samples of one motion, because friction may build up after a reversal. Rows
+            that are far apart have the friction of steady motion.
 
         Returns
         -------
@@ -97,7 +99,7 @@ class IdentifiedModel:
             )
         rows = [values.reshape(-1, n) for values in motion]
         links = self._regressor.stack_rigid(*rows) @ self.estimate.inertial.ravel()
-        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2])
+        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2], rows[0])
         return torque.reshape(shape)
 
 
@@ -158,7 +160,9 @@ class IdentifiedArm:
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints. Rows are
+            successive samples of one motion, because friction may build up after a reversal. Rows
+            that are far apart have the friction of steady motion.
 
         Returns
         -------

@@ -114,9 +114,9 @@ def test_rows_of_resting_joints_and_dead_sensors_are_not_fitted(recording) -> No
     assert not samples.usable[:, 3].any()
 
 
-def test_cutoffs_to_try_lie_about_the_rule_and_reach_down_to_the_positions(recording) -> None:
+def test_cutoffs_to_try_reach_from_the_rule_down_to_the_positions(recording) -> None:
     conditioner = Conditioner([recording], FREE)
-    assert conditioner.cutoffs == pytest.approx((2.5, 3.5, 5.0, 7.0, 10.0))
+    assert conditioner.cutoffs == pytest.approx((2.5, 3.5, 5.0))
     noisy = 0.05 * np.random.default_rng(0).standard_normal(recording.q.shape)
     smooth = np.apply_along_axis(lambda x: np.convolve(x, np.ones(10) / 10, 'same'), 0, noisy)
     part = recording.part(0.1, 0.6, '')

@@ -1,5 +1,7 @@
 """The band of a motion, with and without measurement noise."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -51,3 +53,31 @@ def test_noise_in_both_that_falls_with_frequency_is_no_motion() -> None:
     assert motion_band(noisy_q, DQ + noise, DT) == pytest.approx(0.8, abs=0.1)
     late = np.vstack([(DQ + noise)[:1]] * 3 + [(DQ + noise)[:-3]])
     assert motion_band(noisy_q, late, DT) == pytest.approx(0.8, abs=0.1)
+
+
+def jolts(starts: Sequence[float]) -> np.ndarray:
+    """Return the ringing velocity after the jolts of a trajectory's corners."""
+    age = T[:, None] - np.array(starts)
+    return np.where(age > 0.0, np.exp(-age / 0.1) * np.sin(2 * np.pi * 9.0 * age), 0.0).sum(axis=1)
+
+
+def test_jolts_are_no_motion() -> None:
+    ringing = np.outer(jolts([12.0, 16.1, 24.2]), [0.3, 0.3])
+    q, dq = Q + np.cumsum(ringing, axis=0) * DT, DQ + ringing
+    assert motion_band(q, dq, DT) == pytest.approx(0.8, abs=0.1)
+    assert motion_band(q, None, DT) == pytest.approx(0.8, abs=0.1)
+
+
+def test_vibration_of_one_joint_is_no_motion() -> None:
+    omega = 2 * np.pi * 9.0
+    q, dq = Q.copy(), DQ.copy()
+    q[:, 1] += 0.02 / omega * np.sin(omega * T)
+    dq[:, 1] += 0.02 * np.cos(omega * T)
+    assert motion_band(q, dq, DT) == pytest.approx(0.8, abs=0.1)
+
+
+def test_a_joint_that_moves_for_a_short_time_has_the_band_of_its_motion() -> None:
+    moves = ((T > 15.0) & (T < 20.0)) * np.sin(np.pi * (T - 15.0) / 5.0) ** 2
+    q = np.column_stack([Q[:, 0], moves * np.sin(2 * np.pi * 2.0 * T)])
+    dq = np.gradient(q, DT, axis=0)
+    assert motion_band(q, dq, DT) == pytest.approx(2.2, abs=0.3)

@@ -11,6 +11,7 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import estimate_yaml, read_estimate, read_gravity
 from aerarm_ros.identification.identification_result import IdentificationResult
+from aerarm_ros.identification.joint_model import TermKind
 
 NOTHING = np.zeros(4)
 
@@ -25,6 +26,25 @@ def test_it_predicts_the_same_torque(
     bag = result.identification[0]
     wanted = bag.predict(estimate.model, estimate.theta).filtered
     np.testing.assert_allclose(bag.predict(again.model, again.theta).filtered, wanted, atol=1e-9)
+
+
+def test_friction_that_builds_up_survives(
+    result: IdentificationResult, robot: Robot, tmp_path: Path
+) -> None:
+    estimate = result.recommended.estimate
+    dry = (TermKind.COULOMB, TermKind.LOAD)
+    terms = tuple(
+        tuple(replace(t, width=0.0, distance=0.01) if t.kind in dry else t for t in own)
+        for own in estimate.model.terms
+    )
+    built_up = replace(estimate, model=replace(estimate.model, terms=terms))
+    file = tmp_path / 'estimate.yaml'
+    file.write_text(estimate_yaml(result, built_up, NOTHING, NOTHING))
+    again = read_estimate(file, robot)
+    bag = result.identification[0]
+    wanted, read = (bag.predict(e.model, e.theta).filtered for e in (built_up, again))
+    np.testing.assert_allclose(read, wanted, atol=1e-9)
+    assert np.abs(wanted - bag.predict(estimate.model, estimate.theta).filtered).max() > 1e-3
 
 
 def test_gravity_is_that_of_the_estimate(

@@ -69,3 +69,43 @@ def test_asymmetric_friction_acts_in_one_direction() -> None:
     assert np.array_equal(forward + backward, both)
     assert np.all(forward[DQ < 0.0] == 0.0)
     assert np.all(backward[DQ > 0.0] == 0.0)
+
+
+T = np.arange(0.0, 8.0, 1e-3)
+PATH = 0.3 * np.sin(T) + 0.1 * np.sin(4.1 * T)
+SPEED = 0.3 * np.cos(T) + 0.41 * np.cos(4.1 * T)
+DISTANCE = 0.02
+
+
+def built_up(load: np.ndarray | None = None, kind: TermKind = TermKind.COULOMB) -> np.ndarray:
+    travel = np.diff(PATH, prepend=PATH[0])
+    return JointTerm(kind, distance=DISTANCE).along(SPEED, SPEED, load, travel)
+
+
+def test_friction_builds_up_after_a_reversal() -> None:
+    state, expected = 1.0, []
+    for step in np.diff(PATH, prepend=PATH[0]):
+        state += step / DISTANCE * (1.0 - state * np.sign(step))
+        expected.append(state)
+    assert np.allclose(built_up(), expected, atol=0.02)
+    long_after = np.abs(built_up() - np.sign(SPEED)) < 0.05
+    assert 0.5 < long_after.mean() < 0.95
+    steady = JointTerm(TermKind.COULOMB, distance=DISTANCE)
+    assert np.array_equal(steady.basis(SPEED, SPEED, None), np.sign(SPEED))
+    load = np.abs(np.sin(T))
+    assert np.allclose(built_up(load, TermKind.LOAD), load * built_up())
+
+
+def test_friction_that_builds_up_returns_no_more_energy_than_it_stored() -> None:
+    state = built_up()
+    work = np.cumsum(state * np.diff(PATH, prepend=PATH[0]))
+    dissipated = work - 0.5 * DISTANCE * (state**2 - 1.0)
+    assert np.all(np.diff(dissipated) > -1e-9)
+
+
+def test_friction_that_has_built_up_stays_at_rest() -> None:
+    dq = np.repeat([0.0, 0.5, 0.0], 100)
+    state = JointTerm(TermKind.COULOMB, distance=0.01).along(dq, dq, None, dq * 1e-3)
+    assert np.array_equal(state[:100], np.zeros(100))
+    assert state[199] == pytest.approx(1.0 - np.exp(-5.0))
+    assert np.allclose(state[200:], state[199])
