@@ -14,9 +14,20 @@ G = np.array([0.0, 0.0, -9.81])
 
 
 class MovingDrone:
-    """A drone and its arm on sine waves, with noisy sensors."""
+    """A drone and its arm on sine waves, with noisy sensors.
 
-    def __init__(self, seed: int, turn: float = 0.35, tilt: float = 0.0) -> None:
+    Parameters
+    ----------
+    seed : int
+    turn, tilt : float
+        Amplitude of the drone's rotations, and tilt of the measured world [rad].
+    made : bool
+        Whether the arm has manufacturing errors, not only its mount and the IMU.
+    """
+
+    def __init__(
+        self, seed: int, turn: float = 0.35, tilt: float = 0.0, made: bool = False
+    ) -> None:
         self.world = rotation_about(tilt * np.array([0.6, -0.8, 0.0]))
         self.random = np.random.default_rng(seed)
         self.made = MadeGeometry.of(ROBOT, seed)
@@ -24,7 +35,9 @@ class MovingDrone:
         self._waves = self.random.uniform(0.3, 0.9, (2, 3, 3))
         self._phases = self.random.uniform(0.0, 6.0, (2, 3, 3))
         self._turn = turn
-        self.plant = ArmPlant(ROBOT, PlantParameters.nominal(CONFIG, ROBOT))
+        robot = self.made.robot if made else ROBOT
+        self.offsets = self.made.offsets if made else np.zeros(ROBOT.n)
+        self.plant = ArmPlant(robot, PlantParameters.nominal(CONFIG, robot))
 
     def _sines(self, kind: int, t: float) -> np.ndarray:
         return np.sin(2.0 * np.pi * self._waves[kind] * t + self._phases[kind]).sum(axis=1)
@@ -50,16 +63,18 @@ class MovingDrone:
         place += 0.2e-3 * self.random.normal(size=place.shape)
         return Track('drone', time + late, place @ self.world.T, self.world @ turn)
 
+    def marker_places(self, t: float) -> np.ndarray:
+        """Return the true positions (K, 3) of the markers in the world [m]."""
+        mount = self.drone.mount
+        self.plant.reset(self.q(t) + self.offsets)
+        rotation, place = self.plant.link_pose(LINK)
+        in_base = place + np.array(MARKERS) @ rotation.T
+        in_body = np.array(mount.position) + in_base @ mount.rotation.T
+        return self.place(t) + in_body @ self.rotation(t).T
+
     def markers(self) -> list[Track]:
         time = np.arange(0.0, DURATION, 0.01)
-        mount = self.drone.mount
-        found = np.empty((len(time), len(MARKERS), 3))
-        for k, t in enumerate(time):
-            self.plant.reset(self.q(t))
-            rotation, place = self.plant.link_pose(LINK)
-            in_base = place + np.array(MARKERS) @ rotation.T
-            in_body = np.array(mount.position) + in_base @ mount.rotation.T
-            found[k] = self.place(t) + in_body @ self.rotation(t).T
+        found = np.array([self.marker_places(t) for t in time])
         found += 0.2e-3 * self.random.normal(size=found.shape)
         return [Track(f'm{k}', time, found[:, k]) for k in range(len(MARKERS))]
 
