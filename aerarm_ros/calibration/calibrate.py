@@ -27,7 +27,7 @@ from aerarm_ros.calibration.choice import (
     identifiable,
 )
 from aerarm_ros.calibration.fit import Fit, fitted, registered
-from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.geometry import ArmGeometry, Tolerance
 from aerarm_ros.calibration.observations import (
     CalibrationError,
     MarkerSource,
@@ -53,11 +53,14 @@ class CalibrationOptions:
         Whether to try models with joint deflection under gravity; requires a URDF with masses.
     eccentricity : bool
         Whether to try models with a gear error of one sine wave per joint turn.
+    tolerance : Tolerance
+        Typical errors of the URDF.
     """
 
     level: str = 'auto'
     compliance: bool = True
     eccentricity: bool = False
+    tolerance: Tolerance = field(default_factory=Tolerance)
 
     def __post_init__(self) -> None:
         """Validate the level."""
@@ -173,7 +176,7 @@ def calibrate(
         If measurements are unusable, see `checks`, or too few errors are identifiable.
     """
     options = options or CalibrationOptions()
-    geometry = ArmGeometry(chain.robot, chain.link)
+    geometry = ArmGeometry(chain.robot, chain.link, options.tolerance)
     observations, messages = _without_copies(observations)
     held_out = [_like(one, observations) for one in held_out]
     check_count(observations)

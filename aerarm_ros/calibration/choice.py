@@ -17,12 +17,13 @@ _DEPENDENT = 1e-5  # independent fraction of a column, below which the column is
 _WEAK = 0.3
 _POSTURES = 80  # number of random postures that show which errors any posture could identify
 _FOLDS = 10
-_SIGNIFICANT = 2.0  # standard deviations
+# standard deviations above which an error improves predictions (Akaike 1974)
+_SIGNIFICANT = 2.0**0.5
 # an error with a larger standard deviation, in typical sizes, counts as unidentified
 _UNCERTAIN = 1.5
 _STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
-_WORTH = 0.03  # fraction by which the squared prediction errors of a larger model must be smaller
+_WORTH = 0.015  # fraction by which the prediction errors of a larger model must be smaller
 
 LEVELS = {
     'frames': (),
@@ -63,8 +64,8 @@ class Candidate:
     fit : Fit
         Fit to all postures.
     predicted : (M,) ndarray
-        Sum of squared residuals of each posture while that posture is held out, relative to the
-        squared noise of the first candidate.
+        Root of the sum of squared residuals of each posture while that posture is held out,
+        relative to the noise of the first candidate.
     position, angle : float
         RMS prediction errors of positions [m] (vector norm) and angles [rad] in held-out postures.
     """
@@ -165,10 +166,10 @@ def chosen(
 ) -> tuple[Candidate, list[Candidate]]:
     """Return the set of errors that predicts best, and all sets that were tried.
 
-    In each model, errors within two standard deviations of nominal are set to nominal, as long as
-    the prediction of held-out postures does not worsen. A larger model is chosen only if the sum
-    of squared prediction errors falls by more than half the standard error of this difference,
-    and by more than 3 %.
+    In each model, errors within 1.4 standard deviations of nominal are set to nominal, as long as
+    the prediction of held-out postures does not worsen. A larger model is chosen only if the mean
+    prediction error of the postures falls by more than half the standard error of this difference,
+    and by more than 1.5 %.
 
     Parameters
     ----------
@@ -216,7 +217,7 @@ def _models(
 
 
 def insignificant(fit: Fit) -> list[int]:
-    """Return the free errors within two standard deviations of nominal, weakest first.
+    """Return the free errors within 1.4 standard deviations of nominal, weakest first.
 
     After each removal the remaining errors are updated as in a fit without the removed error.
     """
@@ -279,11 +280,10 @@ def _candidate(
     sources = start.observations.sources
     predicted = np.zeros(len(start.observations))
     for source, residual in zip(sources, residuals, strict=True):
-        squares = (residual / source.sigma(*noise)) ** 2
-        # A single unexplained posture must not determine the choice.
-        predicted += np.nansum(np.minimum(squares, 25.0), axis=1)
+        predicted += np.nansum((residual / source.sigma(*noise)) ** 2, axis=1)
     position, angle = errors_of(sources, residuals)
-    return Candidate(name, fit, predicted, position, angle)
+    # Roots instead of squares: a single unexplained posture must not determine the choice.
+    return Candidate(name, fit, np.sqrt(predicted), position, angle)
 
 
 def _predicts_better(one: Candidate, other: Candidate) -> bool:

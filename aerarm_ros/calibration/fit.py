@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,6 @@ _LEAST_LENGTH, _LEAST_ANGLE = 1e-7, 1e-7
 _OUTLIER = 3.0  # standard deviations above which a residual has reduced weight
 _ROUNDS = 4
 _SETTLED = 0.03  # relative change of the estimated noise at which the iteration ends
-_PRIOR = 3.0  # prior standard deviation of errors, in typical manufacturing errors
 _MAD = 1.4826
 _STEP = 0.01  # [m], [rad] scale of the sources' unknowns (base frame, markers)
 
@@ -38,6 +37,9 @@ class Fit:
         Estimated unknowns of each source, for example base frame and marker positions.
     length, angle : float
         Standard deviation of measured positions [m] and angles [rad], from the residuals.
+    repeats : float
+        Number of measurements of a posture that contain as much information as one independent
+        measurement (design effect, Kish 1965), from the correlation of the residuals.
     """
 
     geometry: ArmGeometry
@@ -47,6 +49,7 @@ class Fit:
     states: tuple[Array, ...]
     length: float = LENGTH
     angle: float = ANGLE
+    repeats: float = 1.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,14 +76,15 @@ class Fit:
     def covariance(self) -> Array:
         """Covariance matrix of the free errors and unknowns, in the order of `names`.
 
-        Each standard deviation is the larger of two: that of independent residuals, and that of
-        residuals correlated within a posture (cluster-robust, Liang and Zeger 1986, with the
-        correction for few clusters).
+        Each standard deviation is the larger of two: that of `repeats` equal residuals, and that
+        of the observed correlation within a posture (cluster-robust, Liang and Zeger 1986, with
+        the correction for few clusters).
         """
         rows, residuals, clusters = self._weighted()
+        rows, residuals = rows / np.sqrt(self.repeats), residuals / np.sqrt(self.repeats)
         information = rows.T @ rows
         prior = np.zeros(rows.shape[1])
-        prior[: len(self.free)] = 1.0 / (_PRIOR * self.geometry.typical[list(self.free)]) ** 2
+        prior[: len(self.free)] = 1.0 / self.geometry.typical[list(self.free)] ** 2
         inverse = _inverse(information + np.diag(prior))
         number, width = rows.shape
         groups = np.unique(clusters)
@@ -128,8 +132,10 @@ def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
 def fitted(start: Fit, free: Sequence[int], observations: Observations | None = None) -> Fit:
     """Fit given geometric errors, and the base frames and marker positions of all sources.
 
-    The loss is ``soft_l1`` beyond three standard deviations. The measurement noise is estimated
-    from the residuals, so the fit is repeated until the noise converges.
+    The loss is ``soft_l1`` beyond three standard deviations. The estimate maximizes the posterior
+    probability; the prior of each geometric error is normal with the standard deviation
+    `ArmGeometry.typical`. Noise and correlation of the measurements are estimated from the
+    residuals, so the fit is repeated until both converge.
 
     Parameters
     ----------
@@ -148,12 +154,13 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
         start.states,
         start.length,
         start.angle,
+        start.repeats,
     )
     for _ in range(_ROUNDS):
-        before = fit.length, fit.angle
+        before = np.array([fit.length, fit.angle, fit.repeats])
         fit = _with_noise(_solved(fit))
-        change = np.abs(np.log([fit.length / before[0], fit.angle / before[1]]))
-        if np.max(change) < _SETTLED:
+        after = np.array([fit.length, fit.angle, fit.repeats])
+        if np.max(np.abs(np.log(after / before))) < _SETTLED:
             break
     return fit
 
@@ -174,10 +181,9 @@ def free_columns(fit: Fit, columns: Sequence[int]) -> Array:
 
 
 def _solved(fit: Fit) -> Fit:
-    sources, prior = fit.observations.sources, _PRIOR * fit.geometry.typical[list(fit.free)]
-    scales = np.concatenate(
-        [fit.geometry.typical[list(fit.free)], np.full(len(fit.names) - len(fit.free), _STEP)]
-    )
+    sources, typical = fit.observations.sources, fit.geometry.typical[list(fit.free)]
+    scales = np.concatenate([typical, np.full(len(fit.names) - len(fit.free), _STEP)])
+    prior = typical / np.sqrt(fit.repeats)
 
     def at(step: Array) -> Fit:
         return _stepped(fit, step)
@@ -196,9 +202,9 @@ def _solved(fit: Fit) -> Fit:
             (j / s.sigma(fit.length, fit.angle)[:, None])[np.isfinite(r)]
             for j, r, s in zip(there.jacobian(), there.residuals(), sources, strict=True)
         ]
-        weak = np.zeros((len(fit.free), len(step)))
-        weak[:, : len(fit.free)] = np.diag(1.0 / prior)
-        return np.vstack([*parts, weak])
+        known = np.zeros((len(fit.free), len(step)))
+        known[:, : len(fit.free)] = np.diag(1.0 / prior)
+        return np.vstack([*parts, known])
 
     result = least_squares(
         residuals,
@@ -223,13 +229,14 @@ def _stepped(fit: Fit, step: Array) -> Fit:
         end = begin + len(source.unknowns)
         states.append(source.moved(state, step[begin:end]))
         begin = end
-    return Fit(
-        fit.geometry, fit.observations, fit.free, errors, tuple(states), fit.length, fit.angle
-    )
+    return replace(fit, errors=errors, states=tuple(states))
 
 
 def _with_noise(fit: Fit) -> Fit:
-    """Return the fit with the noise estimated by the median absolute deviation of residuals."""
+    """Return the fit with noise and correlation estimated from the residuals.
+
+    The noise is estimated by the median absolute deviation.
+    """
     number, noise = 0, {'m': [], 'rad': []}  # type: ignore[var-annotated]
     for source, residual in zip(fit.observations.sources, fit.residuals(), strict=True):
         for k, (_, unit) in enumerate(source.channels):
@@ -248,7 +255,29 @@ def _with_noise(fit: Fit) -> Fit:
             continue
         values = np.concatenate(noise[unit])
         found.append(max(least, float(correction) * _scale(values)))
-    return Fit(fit.geometry, fit.observations, fit.free, fit.errors, fit.states, found[0], found[1])
+    fit = replace(fit, length=found[0], angle=found[1])
+    return replace(fit, repeats=_repeats(fit))
+
+
+def _repeats(fit: Fit) -> float:
+    """Return the mean design effect of all sources, see `Fit.repeats`.
+
+    The independent measurements of a posture are counted by the participation ratio
+    ``tr(S)^2 / tr(S^2)`` of the residuals' second moments S, without the bias of a finite number
+    of postures.
+    """
+    factors, counts = [], []
+    for source, residual in zip(fit.observations.sources, fit.residuals(), strict=True):
+        seen = np.isfinite(residual).astype(float)
+        scaled = np.nan_to_num(residual) / source.sigma(fit.length, fit.angle)
+        scaled = np.clip(scaled, -_OUTLIER, _OUTLIER)
+        moments = scaled.T @ scaled / np.maximum(seen.T @ seen, 1.0)
+        size, trace = len(moments), float(np.trace(moments))
+        number = float(seen.any(axis=1).sum())
+        squares = (np.sum(moments**2) - trace**2 / number) / (1.0 + 1.0 / number)
+        factors.append(float(np.clip(size * squares / max(trace**2, 1e-300), 1.0, size)))
+        counts.append(float(seen.sum()))
+    return float(np.average(factors, weights=counts))
 
 
 def _scale(values: Array) -> float:

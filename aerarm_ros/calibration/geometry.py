@@ -26,16 +26,26 @@ sin, cos
 LINK_GEOMETRY = ('x', 'y', 'z', 'rx', 'ry', 'rz')
 ECCENTRICITY = ('sin', 'cos')
 
-# Typical errors of manufacture and assembly. They scale the Jacobian's columns and are the
-# standard deviations of a weak prior.
-TYPICAL = {
-    'offset': 0.02,
-    'compliance': 2e-3,
-    'sin': 0.01,
-    'cos': 0.01,
-    **dict.fromkeys('xyz', 0.002),
-    **{f'r{axis}': 0.01 for axis in 'xyz'},
-}
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Standard deviations of a typical arm's geometry from its URDF, before any measurement.
+
+    Attributes
+    ----------
+    length : float
+        Displacement of a joint's frame per axis, and offset of a prismatic joint [m].
+    angle : float
+        Rotation of a joint's frame per axis, and eccentricity of a gear [rad]. Joint offsets, and
+        deflections under the largest gravity torque of a joint, are typically twice as large.
+    """
+
+    length: float = 2e-3
+    angle: float = 0.01
+
+
+_LEAST_TORQUE = 1e-3  # [Nm], [N] smallest gravity torque of a joint that limits its compliance
+_POSTURES = 200  # number of random postures in which the largest gravity torque is searched
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +82,8 @@ class ArmGeometry:
         Nominal robot model.
     link : str
         Link to which the observations are attached.
+    tolerance : Tolerance, optional
+        Typical errors of manufacture and assembly.
 
     Attributes
     ----------
@@ -80,7 +92,7 @@ class ArmGeometry:
     names : tuple of P str
         Error names, for example 'joint2.offset', joint by joint, kinds in the order of `KINDS`.
     typical : (P,) ndarray
-        Typical manufacturing size of each error [rad], [m], [rad/Nm].
+        Typical size of each error [rad], [m], [rad/Nm]: standard deviation of its prior.
 
     Raises
     ------
@@ -88,7 +100,7 @@ class ArmGeometry:
         If the link is unknown, or no joint moves it.
     """
 
-    def __init__(self, robot: Robot, link: str) -> None:
+    def __init__(self, robot: Robot, link: str, tolerance: Tolerance | None = None) -> None:
         frame = robot.frame_of(link)
         self.robot = robot
         self.link = str(frame.name)
@@ -102,7 +114,7 @@ class ArmGeometry:
         self._subspaces = [_subspace(robot.model, i + 1) for i in range(self._count)]
         self.joint_names = robot.joint_names[: self._count]
         self.names = tuple(f'{joint}.{kind}' for joint in self.joint_names for kind in KINDS)
-        self.typical = np.array([TYPICAL[kind] for _ in self.joint_names for kind in KINDS])
+        self.typical = self._typical(tolerance or Tolerance())
 
     @property
     def n(self) -> int:
@@ -112,6 +124,19 @@ class ArmGeometry:
     def is_prismatic(self, joint: int) -> bool:
         """Return whether a joint, counted from 0, is prismatic."""
         return bool(np.any(self._subspaces[joint][:3]))
+
+    def _typical(self, tolerance: Tolerance) -> Array:
+        low, high = self.robot.posture_range
+        q = np.random.default_rng(0).uniform(low, high, (_POSTURES, self.robot.n))
+        torque = np.abs(self.gravity_torque(q)).max(axis=0)
+        typical = []
+        for joint in range(self._count):
+            offset = tolerance.length if self.is_prismatic(joint) else 2.0 * tolerance.angle
+            # A heavily loaded joint has a stiffer gear, so its deflection is similar.
+            own = {'offset': offset, 'compliance': offset / max(torque[joint], _LEAST_TORQUE)}
+            own |= dict.fromkeys('xyz', tolerance.length)
+            typical += [own.get(kind, tolerance.angle) for kind in KINDS]
+        return np.array(typical)
 
     def columns(self, *kinds: str) -> list[int]:
         """Return the indices of all errors of given kinds, in the order of `names`."""

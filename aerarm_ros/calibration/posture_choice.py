@@ -17,6 +17,7 @@ _CANDIDATES = 400
 _MARGIN = 0.05  # [rad], [m] distance from the joint limits
 # regularization of the information matrix before the first posture, relative to its trace
 _REGULAR = 1e-6
+_FACING = 0.5  # cosine of the largest angle between a visible marker's normal and line of sight
 _EXCHANGES = 3  # passes over the chosen postures
 # Positions of the assumed markers, not collinear [m].
 _PLACES = ((0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (0.0, 0.0, 0.08))
@@ -88,6 +89,37 @@ def choose_postures(
     )
     order = _shortest_way(q[chosen], start)
     return PostureChoice(q[chosen][order], gain / information.shape[1], len(columns))
+
+
+def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callable[[Array], bool]:
+    """Return a function that tells whether a marker on the link faces a camera in a posture.
+
+    A marker is visible up to 60 degrees between its normal and the line of sight.
+
+    Parameters
+    ----------
+    camera : (3,) ndarray
+        Position of the camera in the base frame [m].
+    normal : (3,) ndarray
+        Normal of the marker, in the frame of the link.
+
+    Raises
+    ------
+    CalibrationError
+        If the normal is zero.
+    """
+    length = float(np.linalg.norm(normal))
+    if length == 0.0:
+        raise CalibrationError('the normal of the marker is 0 0 0: give its direction')
+    errors = np.zeros(len(geometry.names))
+
+    def is_visible(q: Array) -> bool:
+        poses = geometry.poses(q[None], errors)
+        sight = camera - poses.position[0]
+        cosine = (poses.rotation[0] @ normal) @ sight / (length * np.linalg.norm(sight))
+        return bool(cosine > _FACING)
+
+    return is_visible
 
 
 def _candidates(

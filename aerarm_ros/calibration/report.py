@@ -31,9 +31,9 @@ _METRIC = (
 )
 _CHOICE = (
     'Each model was fitted ten times, each time without a tenth of the postures, and predicted '
-    'that tenth. In every model, estimates within two standard deviations of the nominal value '
-    'are set to the nominal value. A larger model is chosen if its prediction is better by more '
-    'than half a standard error.'
+    'that tenth. In every model, estimates within 1.4 standard deviations of the nominal value '
+    'are set to the nominal value. A larger model is chosen if its mean prediction error is '
+    'smaller by more than half a standard error.'
 )
 _PARAMETERS = (
     'Offsets are added to recorded positions. x, y, z and the rotation vector rx, ry, rz '

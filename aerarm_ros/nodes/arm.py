@@ -372,6 +372,14 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         metavar='NAME',
         help='link that carries the markers (default: the last)',
     )
+    add('--camera', nargs=3, type=finite_number, metavar=('X', 'Y', 'Z'), help=(
+        'position of a camera in the base frame [m]; only configurations in which the marker '
+        'faces the camera'
+    ))  # fmt: skip
+    add('--marker-normal', nargs=3, type=finite_number, default=[0.0, 0.0, 1.0],
+        metavar=('X', 'Y', 'Z'), help=(
+        'normal of the marker in the frame of its link, for --camera (default: 0 0 1)'
+    ))  # fmt: skip
     _add_arm_files(command)
     add('--excitation-config', default='', metavar='FILE', help=(
         'excitation configuration with clearances and ground (default: packaged)'

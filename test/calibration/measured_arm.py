@@ -1,6 +1,6 @@
 """An emulated arm with manufacturing deviations, measured by a motion capture."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,16 +31,24 @@ class MeasuredArm:
     seed : int
     frames : int
         Number of frames in a posture's mean.
+    wobble : (n, 2) ndarray
+        First harmonic of each gear: factors of sin q and cos q in the true position [rad].
     """
 
     seed: int
     frames: int = 1
+    wobble: np.ndarray = field(default_factory=lambda: np.zeros((ROBOT.n, 2)))
 
     def __post_init__(self) -> None:
         self.made = MadeGeometry.of(ROBOT, self.seed)
         parameters = PlantParameters.nominal(CONFIG, self.made.robot)
         self.plant = ArmPlant(self.made.robot, parameters)
         self.mocap = EmulatedMocap(LINK, self.seed, MocapSettings(dropout=0.05))
+
+    def put(self, q: np.ndarray) -> None:
+        """Move the arm until its encoders show a posture."""
+        waves = np.stack([np.sin(q), np.cos(q)], axis=1)
+        self.plant.reset(q + self.made.offsets + (self.wobble * waves).sum(axis=1))
 
     def postures(self, count: int, seed: int = 0) -> np.ndarray:
         """Return random postures (count, n) within the limits."""
@@ -51,7 +59,7 @@ class MeasuredArm:
         """Return motion capture measurements of postures, with the recorded encoder angles."""
         position = np.full((len(q), len(self.mocap.names), 3), np.nan)
         for k, row in enumerate(q):
-            self.plant.reset(row + self.made.offsets)
+            self.put(row)
             frames = np.array([self.mocap.read(self.plant) for _ in range(self.frames)])
             seen = np.isfinite(frames[..., 0]).any(axis=0)
             position[k, seen] = np.nanmean(frames[:, seen], axis=0)
@@ -61,6 +69,6 @@ class MeasuredArm:
         """Return the true positions of the markers (M, K, 3), without noise."""
         found = []
         for row in q:
-            self.plant.reset(row + self.made.offsets)
+            self.put(row)
             found.append(self.mocap.true_positions(self.plant))
         return np.array(found)

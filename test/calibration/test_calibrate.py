@@ -15,7 +15,7 @@ from aerarm_ros.calibration.calibrate import (
 )
 from aerarm_ros.calibration.choice import LEVELS, identifiable
 from aerarm_ros.calibration.fit import fitted, registered
-from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.geometry import ECCENTRICITY, ArmGeometry
 from aerarm_ros.calibration.observations import MarkerSource, Observations
 
 TRIALS = 100
@@ -44,7 +44,7 @@ def test_link_geometry_is_chosen_and_insignificant_errors_stay_as_drawn(
     assert calibration.best.name.startswith('geometry')
     fit = calibration.fit
     values = np.abs(fit.errors[list(fit.free)])
-    assert (values > 1.9 * fit.deviations[: len(fit.free)]).all()
+    assert (values > 1.4 * fit.deviations[: len(fit.free)]).all()
     zero = np.setdiff1d(np.arange(len(fit.errors)), fit.free)
     assert (fit.errors[zero] == 0.0).all()
     # What cross-validation left out was predicted about as well as what was held out.
@@ -133,3 +133,21 @@ def test_an_outlier_does_not_move_the_estimate() -> None:
     truth = Observations(q, (MarkerSource('mocap', source.names, arm.true_positions(q)),))
     assert clean.errors(clean.fit, truth)[0] < 0.15e-3
     assert found.errors(found.fit, truth)[0] < 0.3e-3
+
+
+def test_the_first_harmonic_of_the_gears_is_recovered() -> None:
+    wobble = 1e-3 * np.array([[4.0, -6.0], [7.0, 3.0], [-5.0, 8.0], [0.0, 0.0]])
+    arm = MeasuredArm(5, frames=10, wobble=wobble)
+    observations = arm.observe(arm.postures(50))
+    start = registered(ArmGeometry(ROBOT, LINK), observations)
+    kinds = LEVELS['geometry']
+    plain = fitted(start, identifiable(start, kinds).columns)
+    fit = fitted(start, identifiable(start, (*kinds, *ECCENTRICITY)).columns)
+    q = arm.postures(20, seed=1)
+    truth = Observations(q, (MarkerSource('mocap', arm.mocap.names, arm.true_positions(q)),))
+    errors = [np.sqrt(np.mean(one.residuals(truth)[0] ** 2)) for one in (plain, fit)]
+    assert errors[0] > 5.0 * errors[1] and errors[1] < 0.2e-3
+    # joint2 moves the markers about a horizontal axis, so nothing else looks like its waves.
+    for kind, expected in zip(ECCENTRICITY, wobble[1], strict=True):
+        column = fit.geometry.names.index(f'joint2.{kind}')
+        assert fit.errors[column] == pytest.approx(expected, abs=1e-3)

@@ -17,8 +17,10 @@ from aerarm_ros.calibration.observations import (
     PoseSource,
 )
 from aerarm_ros.calibration.plateaus import Track, rest_observations, resting_arm, time_offset
-from aerarm_ros.calibration.posture_choice import choose_postures
+from aerarm_ros.calibration.posture_choice import choose_postures, faces_camera
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
+from aerarm_ros.simulation.made_geometry import rotation_about
 from aerarm_ros.simulation.mocap import EmulatedCamera
 
 
@@ -156,3 +158,22 @@ def test_too_few_allowed_postures_are_an_error() -> None:
     geometry = ArmGeometry(ROBOT, LINK)
     with pytest.raises(CalibrationError, match='random postures are free of collisions'):
         choose_postures(geometry, 10, lambda q: False)
+
+
+def test_an_independent_camera_sees_the_marker_in_every_chosen_posture() -> None:
+    geometry = ArmGeometry(ROBOT, LINK)
+    plant = ArmPlant(ROBOT, PlantParameters.nominal(CONFIG, ROBOT))
+    camera = EmulatedCamera(LINK, 0)
+    turn, normal = np.array([0.2, 1.3, -0.1]), np.array([0.0, 0.0, 1.0])
+    seen = faces_camera(geometry, np.array([0.9, -0.9, 0.5]), rotation_about(turn) @ normal)
+    choice = choose_postures(geometry, 10, lambda q: True, seen)
+    for q in choice.q:
+        plant.reset(q)
+        assert camera.read(plant) is not None
+    hidden = 0
+    for q in _random(30):
+        plant.reset(q)
+        hidden += camera.read(plant) is None
+    assert hidden > 5
+    with pytest.raises(CalibrationError, match='give its direction'):
+        faces_camera(geometry, np.ones(3), np.zeros(3))

@@ -1,11 +1,18 @@
 """What a millimetre of wrong geometry costs in torque."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.geometry_error import is_calibrated, torque_error_per_length
+from aerarm_ros.identification.geometry_error import (
+    geometry_text,
+    is_calibrated,
+    torque_error_per_length,
+)
+from aerarm_ros.identification.identification_result import IdentificationResult
 
 
 def test_the_cost_of_1_mm_is_that_of_random_displacements() -> None:
@@ -34,3 +41,17 @@ def test_a_calibrated_urdf_says_so() -> None:
     assert not is_calibrated(load_robot(text[text.index('<robot') :]))
     assert is_calibrated(load_robot(text.replace('<robot', '<!-- calibrated geometry: x --><robot')
                                     [text.index('<robot') :]))  # fmt: skip
+
+
+def test_the_report_of_an_identification_names_the_torque_error_of_1_mm(
+    result: IdentificationResult,
+) -> None:
+    text = geometry_text(result)
+    assert text.startswith('The geometry of the URDF was not calibrated. An error of 1 mm')
+    assert 0.05 < float(text.split(' %')[0].rsplit(' ', 1)[1]) < 5.0
+    urdf = result.robot.urdf_text
+    place = urdf.index('<robot')
+    calibrated = load_robot(f'<!-- calibrated geometry: x -->{urdf[place:]}')
+    assert geometry_text(replace(result, robot=calibrated)) == (
+        'The geometry of the URDF is calibrated.'
+    )

@@ -83,6 +83,9 @@ def test_without_a_configuration_the_offsets_are_in_the_urdf(
         ('', ('--link', 'wing'), 'link wing (--link) is unknown'),
         ('', ('--holdout', '2'), '--holdout 2 must lie in 0 .. 1'),
         ('none', (), 'check the path'),
+        ('nan', (), 'row 3 has no position of joint joint2'),
+        ('empty', (), 'must name the columns'),
+        ('time', (), 'the time of row 102 is not after the time of row 101'),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
@@ -98,6 +101,14 @@ def test_bad_input_is_one_line_and_nothing_is_written(
         rows[full][:6] = [*rows[full][3:6], *rows[full][:3]]
     if change == 'few':
         rows = rows[:4]
+    if change == 'nan':
+        rows[2][13] = 'nan'
+    if change == 'time':
+        header = ['time', *header]
+        rows = [[f'{0.01 * k:.2f}', *row] for k, row in enumerate(8 * rows)]
+        rows[101][0] = rows[100][0]
+    if change == 'empty':
+        header, rows = [], []
     if change != 'none':
         with path.open('w', newline='') as file:
             csv.writer(file).writerows([header, *rows])

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from aerarm_msgs_py import topics
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import CalibrationError
-from aerarm_ros.calibration.posture_choice import choose_postures
+from aerarm_ros.calibration.posture_choice import choose_postures, faces_camera
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.clearance import ClearanceChecker
@@ -112,8 +112,12 @@ class CalibrateArm:
         def is_allowed(q: Array) -> bool:
             return bool((np.abs(q - middle) <= half).all()) and checker.margin(q) > 0.0
 
+        is_visible = None
+        if options.camera:
+            normal = np.array(options.marker_normal)
+            is_visible = faces_camera(geometry, np.array(options.camera), normal)
         choice = choose_postures(
-            geometry, options.postures, is_allowed, start=self._position(), seed=options.seed
+            geometry, options.postures, is_allowed, is_visible, self._position(), options.seed
         )
         print_notice(
             'arm',

@@ -120,7 +120,7 @@ def to_observations(
     recording, tracks = given.recording, given.tracks
     if recording is None:
         assert given.table is not None
-        recording, tracks = _recording_of(given.table)
+        recording, tracks = _recording_of(given.table, given.path)
     q = recording.columns(names)
     tracks = [track for track in tracks if track.name not in options.ignore]
     if not tracks:
@@ -273,8 +273,15 @@ def _is_moving(table: PostureTable) -> bool:
     )
 
 
-def _recording_of(table: PostureTable) -> tuple[JointRecording, list[Track]]:
+def _recording_of(table: PostureTable, path: Path) -> tuple[JointRecording, list[Track]]:
     assert table.time is not None
+    increases = np.diff(table.time) > 0.0
+    if not increases.all():
+        row = int(np.flatnonzero(~increases)[0]) + 2
+        raise CalibrationError(
+            f'{path}: the time of row {row} is not after the time of row {row - 1}: sort the rows '
+            'by time and remove duplicates'
+        )
     names = tuple(table.joints)
     position = np.column_stack([table.joints[name] for name in names])
     tracks = [

@@ -49,6 +49,12 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     ),
     ('--eccentricity', {'action': 'store_true'}, 'estimate the first harmonic of the gear errors'),
     (
+        '--tolerance',
+        {'nargs': 2, 'type': float, 'default': [2.0, 10.0], 'metavar': ('LENGTH', 'ANGLE')},
+        'typical errors of lengths [mm] and angles [mrad] of the URDF; smaller values keep the '
+        'estimates closer to the URDF (default: 2 10)',
+    ),
+    (
         '--base-known',
         {'action': 'store_true'},
         "markers are in the frame of the URDF's base link (default: unknown frame)",

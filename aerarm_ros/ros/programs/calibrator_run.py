@@ -22,6 +22,7 @@ from aerarm_ros.calibration.files import (
     config_yaml,
     summary,
 )
+from aerarm_ros.calibration.geometry import Tolerance
 from aerarm_ros.calibration.observations import CalibrationError, Observations
 from aerarm_ros.calibration.report import calibration_html, calibration_text
 from aerarm_ros.description.arm_config import load_arm_config
@@ -60,8 +61,16 @@ class CalibratorRun:
         if not 0.0 <= options.holdout < 1.0:
             raise CalibrationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
         self._options = options
+        length, angle = options.tolerance
+        if not (length > 0.0 and angle > 0.0):
+            raise CalibrationError(
+                f'--tolerance {length:g} {angle:g} must be two positive numbers: [mm], [mrad]'
+            )
         self._choice = CalibrationOptions(
-            options.level, not options.no_compliance, options.eccentricity
+            options.level,
+            not options.no_compliance,
+            options.eccentricity,
+            Tolerance(1e-3 * length, 1e-3 * angle),
         )
         self._urdf, _ = read_urdf(options.urdf)
         # The packaged configuration fits only the packaged URDF.
