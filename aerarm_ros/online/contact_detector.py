@@ -260,6 +260,7 @@ class ContactDetector:
         assert self._first is not None
         torque = row.residual - self._load.torque
         threshold = self._bound.threshold(row) + self._load.doubt
+        row = row._replace(dry=row.dry + self._load.doubt)  # a load adds friction
         if now - self._first < 5.0 / self._external.gain:
             return ContactReport(torque, np.full_like(torque, np.inf), False, 0.0, None)
         is_event = self.event is not None

@@ -18,6 +18,7 @@ _EXPLAINED = 0.9  # fraction of the rows that a payload must explain
 _EXCEEDED = 0.3  # fraction of the rows that the bare arm must not explain
 _SIGNIFICANT = 3.0  # standard deviations of a payload's mass
 _MEMORY = 20.0  # [s]
+_LOAD_SHARE = 0.1  # of the payload's torque, error of friction and torque constants under load
 
 
 class LoadTest:
@@ -40,7 +41,8 @@ class LoadTest:
     torque : (n,) ndarray
         External torque of the detected payload [Nm], zeros without one.
     doubt : (n,) ndarray
-        Three standard deviations of `torque` [Nm].
+        Largest error of `torque` [Nm]: three standard deviations, and a share for the friction and
+        the torque constants under load.
     found, released : bool
         Whether the last `update` detected a payload, or its end.
     mass, mass_std : float
@@ -102,6 +104,7 @@ class LoadTest:
             rows = self._columns * self._scale
             variance = np.einsum('ij,jk,ik->i', rows, self._covariance, rows)
             self.doubt = _SIGNIFICANT * np.sqrt(np.maximum(variance, 0.0))
+            self.doubt += _LOAD_SHARE * np.abs(self.torque)
         self._due += dt
         if self._due >= _PERIOD:
             self._due = 0.0
@@ -160,16 +163,17 @@ class LoadTest:
         mass = float(self._scale[0] * belief.mean[0])
         self._covariance = belief.covariance
         std = float(self._scale[0] * np.sqrt(self._covariance[0, 0]))
-        varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
         if self._body is not None:
             self._body = self._scale * belief.mean
             self.mass, self.mass_std = mass, std
-            # The torque of a payload would show in this motion, but the bare arm explains it.
-            if np.mean(exceeded) < 1.0 - _EXPLAINED and (varied or mass < _SIGNIFICANT * std):
+            # The bare arm explains a motion in which the payload would be noticed.
+            contradicted = np.mean(explained) < 0.5 or mass < _SIGNIFICANT * std
+            if np.mean(exceeded) < 1.0 - _EXPLAINED and contradicted:
                 self._body, self.released = None, True
                 self.torque = self.doubt = np.zeros(self._n)
                 self._forget()
             return
+        varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
         if (
             np.mean(exceeded) > _EXCEEDED
             and np.mean(explained) > _EXPLAINED
