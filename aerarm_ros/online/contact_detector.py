@@ -428,7 +428,8 @@ class _Rest:
         return change, np.where(opposed, 0.0, ratio)
 
 
-_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5)
+_OFF = 100.0  # share that no torque at rest exceeds
+_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, _OFF)
 
 
 def with_rest_share(
@@ -449,12 +450,15 @@ def with_rest_share(
     motion : callable
         Returns times [s] and states of the free motion, from the beginning.
     """
-    tried = bound
-    for share in _REST_SHARES:
-        tried = replace(bound, rest_share=share)
-        if not _begins_at_rest(ContactDetector(external(), tried, settings), motion()):
-            break
-    return tried
+    last = len(_REST_SHARES) - 1
+
+    def begins(step: int) -> bool:
+        tried = replace(bound, rest_share=_REST_SHARES[step])
+        return _begins_at_rest(ContactDetector(external(), tried, settings), motion())
+
+    first = next((step for step in range(last) if not begins(step)), last)
+    # Other motions start differently, hence one step more, unless no start is visible at rest.
+    return replace(bound, rest_share=_REST_SHARES[min(first + 1, last) if first else 0])
 
 
 def _begins_at_rest(detector: ContactDetector, motion: Iterable[tuple[float, ArmState]]) -> bool:
