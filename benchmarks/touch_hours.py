@@ -256,10 +256,11 @@ def report(joints: int, results: list[Session]) -> None:
     if changes:
         delays = [delay for result in results for delay in result.recognized]
         print(
-            f'  {changes} changes of payload: {len(delays)} recognized, after '
-            f'{np.median(delays):.1f} s (median), {max(delays):.1f} s (largest); {contacts} '
-            f'contacts within {SETTLING:g} s of a change'
+            f'  {changes} changes of payload: {len(delays)} recognized; {contacts} contacts within '
+            f'{SETTLING:g} s of a change'
         )
+        if delays:
+            print(f'    after {np.median(delays):.1f} s (median), {max(delays):.1f} s (largest)')
     touches = [touch for result in results for touch in result.touches]
     for place, force in FORCES.items():
         here = [touch for touch in touches if touch.place == place]
