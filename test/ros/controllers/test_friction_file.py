@@ -54,16 +54,16 @@ def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
         if np.abs(bench.dq).min() > 0.02:
             rows.append(list(message.effort))
 
-    bench.listen(topics.DISTURBANCE, keep)
-    unexplained = []
-    for goal, given in ((GOAL, {}), (HERE, {'friction_file': estimate(tmp_path)})):
+    def unexplained(goal: list[float], **given: object) -> np.ndarray:
         rows.clear()
         with bench.controller('computed_torque', compensation=0.0, **given) as process:
-            goals = bench.publisher(topics.JOINT_TRAJECTORY)
-            motion = trajectory(goal, 4.0)
+            goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 4.0)
             bench.wait_for_posture(goal, 0.05, lambda: goals.publish(motion))
             assert process.stop() == 0, process.tail()
         assert len(rows) > 20
-        unexplained.append(np.abs(np.mean(rows, axis=0)))
-    without, with_file = unexplained
+        return np.abs(np.mean(rows, axis=0))
+
+    bench.listen(topics.DISTURBANCE, keep)
+    without = unexplained(GOAL)
+    with_file = unexplained(HERE, friction_file=estimate(tmp_path))
     assert np.all(with_file < 0.4 * without), (without, with_file)
