@@ -1,9 +1,10 @@
-"""Detection delay and false alarm rate of `ContactDetector`.
+"""Detection rate, place error and false alarm rate of `ContactDetector`.
 
-The arms of `payload_hours.py` work on the physics engine, with a model that has the errors of
-identified models (links by 1 %, friction by 15 %). Thresholds are learned from a separate motion.
-Friction drifts, and with `--payload` the arm picks up and puts down an undeclared payload. Touches
-are forces on the tool and on the second link, with random directions and times.
+Emulated arms work for hours on the physics engine: random waves, moves between random postures,
+and rests. The identifier identifies each arm from a bag of 60 s of free motion, from which the
+thresholds are learnt too. Dry friction of each joint drifts. With `--touches`, forces in random
+directions act on the tool and on the end of the second link at random times. Without `--touches`,
+the arm picks up or puts down an undeclared payload every 60 s.
 """
 
 import argparse
@@ -13,58 +14,23 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from payload_hours import (
-    CYCLE,
-    KNOWN,
-    MADE,
-    PURSUIT,
-    VELOCITY_LAG,
-    WINDOW,
-    Arm,
-    Array,
-    Plant,
-    Work,
-)
+from payload_hours import CYCLE, Array
+from touching.touched_arm import Learnt, TouchedArm, learn, made
 
-from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.online.contact_detector import (
-    Cause,
-    ContactDetector,
-    ContactSettings,
-    with_rest_share,
-)
-from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, Unexplained
-from aerarm_ros.online.replay import KnownArm
+from aerarm_ros.online.contact_detector import Cause, ContactDetector
+from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 GAIN = 60.0  # [1/s]
-LEARNING = 60.0  # [s] of motion without contact
+WINDOW = 5  # cycles with one feed-forward of the arm's controller
 HOLD, PAUSE = 0.5, 3.0  # [s] duration of a touch, and shortest time between two
-DRIFT = 0.15  # relative change of friction over DRIFT_TIME
-DRIFT_TIME = 300.0  # [s]
-PAYLOAD_TIME = 30.0  # [s] between changes of payload
+DRIFT, DRIFT_TIME = 0.15, 300.0  # relative change of dry friction, and its period [s]
+PAYLOAD_TIME = 60.0  # [s] between changes of payload
+SETTLING = 10.0  # [s] in which an undeclared payload counts as a contact
 FORCES = {'tool': 2.0, 'link 2': 4.0}  # [N] on the packaged arm
-
-
-class TouchedPlant(Plant):
-    """Arm with an external force on one of its links."""
-
-    def touch(self, body: int, point: Array, force: Array) -> None:
-        """Apply a force [N] at a point of a body's frame [m] from now on; both in world axes."""
-        self._data.xfrc_applied[:] = 0.0
-        arm = self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ point
-        moment = np.cross(arm - self._data.xipos[body], force)
-        self._data.xfrc_applied[body] = [*force, *moment]
-
-    def bodies(self) -> int:
-        """Return the number of bodies in the model."""
-        return int(self._model.nbody)
-
-    def end_of(self, body: int) -> Array:
-        """Return the attachment point (3,) of a body's child, in the body's frame [m]."""
-        children = [c for c in range(self._model.nbody) if self._model.body_parentid[c] == body]
-        return np.array(self._model.body_pos[children[0]]) if children else np.array([0.1, 0, 0])
+SLOW = 0.05  # [rad/s]
+IN_TIME = 0.05  # [s]
+REPORTED = 0.3  # [s] after the touch, at which its place is compared
 
 
 class Job(NamedTuple):
@@ -74,155 +40,262 @@ class Job(NamedTuple):
     seed: int
     seconds: float
     touches: bool
-    payload: bool
+
+
+class Touch(NamedTuple):
+    """One touch.
+
+    Attributes
+    ----------
+    delay : float
+        Time until the detection [s], NaN if missed.
+    moves : bool
+        Whether a joint was faster than SLOW.
+    share : float
+        Largest joint torque relative to the friction that can balance it: 2 times the dry friction
+        of a slow joint, which may act in either direction, and the drift of that of a moving joint.
+        Below 1, dry friction or its drift explains the torque in every joint.
+    link : float
+        Index of the located link minus that of the touched link; NaN without a location.
+    off : float
+        Distance of the located from the touched point [m] on the right link.
+    force : float
+        Error of the estimated force [N], NaN if the posture does not determine the force.
+    """
+
+    place: str
+    delay: float
+    moves: bool
+    share: float
+    link: float = np.nan
+    off: float = np.nan
+    force: float = np.nan
 
 
 @dataclass
 class Session:
-    """Delays [s] of touches by place (NaN: missed), the torque of each, and false contacts."""
+    """Touches and events of a session."""
 
     job: Job
-    delays: dict[str, list[float]] = field(default_factory=dict)
-    false: list[float] = field(default_factory=list)
-    payloads: int = 0
-    early: int = 0  # contacts reported while a payload changed
-
-
-class Rig:
-    """Simulated arm under position control."""
-
-    def __init__(self, arm: Arm, truth: PlantParameters, seed: int) -> None:
-        self.random = np.random.default_rng(seed)
-        self._work = Work(arm.robot, self.random)
-        self.plant = TouchedPlant(arm.robot, truth, self._work.start)
-        self._moves = self._work.play()
-        self._truth, self._noise = truth, arm.noise
-        self._model = Dynamics(
-            arm.robot.with_inertial_parameters(truth.inertial_parameters), truth.rotor_inertia
-        )
-        self._stiffness = PURSUIT**2 * np.diag(self._model.inertia_matrix(self._work.start))
-        self._speed = np.zeros(arm.robot.n)
-
-    def window(self) -> ArmState:
-        """Advance by one window and return the state at its end."""
-        mean = np.zeros(len(self._speed))
-        share = -np.expm1(-CYCLE / VELOCITY_LAG)
-        for _ in range(WINDOW):
-            q, dq, ddq = next(self._moves)
-            friction = self._truth.viscous * dq + self._truth.coulomb * np.tanh(dq / 0.02)
-            tau = self._model.inverse(q, dq, ddq) + friction
-            tau += self._stiffness * (q - self.plant.position)
-            tau += 2.0 * self._stiffness / PURSUIT * (dq - self.plant.velocity)
-            self.plant.cycle(tau)
-            self._speed += share * (self.plant.velocity - self._speed)
-            mean += (tau + self._noise * self.random.standard_normal(len(tau))) / WINDOW
-        return ArmState(self.plant.position, self._speed.copy(), mean)
+    touches: list[Touch] = field(default_factory=list)
+    false: list[float] = field(default_factory=list)  # [s] times of false contacts
+    changes: int = 0  # changes of payload
+    recognized: list[float] = field(default_factory=list)  # [s] after a change
+    contacts: int = 0  # contacts reported within SETTLING of a change
+    errors: int = 0  # reports of a model error
 
 
 def session(job: Job) -> Session:
-    """Learn thresholds, then run the session."""
-    arm = Arm.of(job.joints)
-    truth = arm.drawn.perturbed(job.seed, MADE)
-    known = truth.perturbed(10_000 + job.seed, KNOWN)
-    robot = arm.robot.with_inertial_parameters(known.inertial_parameters)
-    friction = np.array([known.viscous, known.coulomb, known.load_friction])
-    model = KnownArm(robot, known.rotor_inertia, friction)
-    rig, dt = Rig(arm, truth, job.seed), WINDOW * CYCLE
-    external, rows = ExternalTorque(model, GAIN), list[Unexplained]()
-    states: list[tuple[float, ArmState]] = []
-    for number in range(round(LEARNING / dt)):
-        states.append((number * dt, rig.window()))
-        row = external.update(states[-1][1], dt)
-        if number * dt > 0.5:
-            rows.append(row)
-    settings = ContactSettings(0.01, payload_mass=arm.mass, payload_size=0.15)
-    bound = with_rest_share(
-        ResidualBound.learnt(rows, GAIN),
-        lambda: ExternalTorque(model, GAIN),
-        lambda: states,
-        settings,
-    )
-    found = ContactDetector(ExternalTorque(model, GAIN), bound, settings)
-    return work(job, rig, found, truth, arm)
+    """Identify one arm, learn its thresholds, then work."""
+    arm, truth = made(job.joints, job.seed)
+    learnt = learn(arm, truth, job.seed, GAIN)
+    rig = TouchedArm(arm, truth, 1_000_000 + job.seed)
+    random = np.random.default_rng(2_000_000 + job.seed)
+    if job.touches:
+        return touched(job, rig, learnt, random)
+    return free(job, rig, learnt, (truth, truth.carrying(arm.mass, (0.06, 0.01, -0.02), 0.03)))
 
 
-def work(job: Job, rig: Rig, found: ContactDetector, truth: PlantParameters, arm: Arm) -> Session:
-    """Play the session and compare detected with applied touches."""
-    result, dt, n = Session(job), WINDOW * CYCLE, arm.robot.n
-    loaded = truth.carrying(arm.mass, (0.06, 0.01, -0.02), 0.03)
-    places = {'tool': rig.plant.bodies() - 1, 'link 2': rig.plant.bodies() - n + 1}
-    due, until, name, force = 5.0, -1.0, '', np.zeros(3)
-    carries, changed, seen = False, -np.inf, 0
-    for number in range(round(job.seconds / dt)):
-        now = number * dt
+def drift(rig: TouchedArm, now: float, joints: int) -> None:
+    """Let the dry friction of each joint drift with its own phase."""
+    phase = 2.0 * np.pi * (now / DRIFT_TIME + np.arange(joints) / joints)
+    rig.plant.scale_friction((1.0 + DRIFT * np.sin(phase)).tolist())
+
+
+def touched(job: Job, rig: TouchedArm, learnt: Learnt, random: np.random.Generator) -> Session:
+    """Touch the arm now and then."""
+    result, found = Session(job), ContactDetector(learnt.external(), learnt.bound, learnt.settings)
+    plant, n, locator = rig.plant, job.joints, ContactLocator(learnt.model.robot)
+    places = {'tool': plant.bodies - 1, 'link 2': plant.bodies - n + 1}
+    due, until, seen, now = 5.0, -1.0, 0, 0.0
+    # Touches shall begin anywhere in the windows of the detector.
+    skipped = int(random.integers(WINDOW))
+    body, force, report = 0, np.zeros(3), None
+    for number in range(round(job.seconds / CYCLE / WINDOW)):
+        begin = number * WINDOW * CYCLE
         if number % 200 == 0:
-            drift = 1.0 + DRIFT * np.sin(2.0 * np.pi * now / DRIFT_TIME)
-            rig.plant.scale_friction([drift] * n)
-        if job.payload and now - max(changed, 0.0) > PAYLOAD_TIME:
-            carries, changed = not carries, now
-            rig.plant.grasp(loaded if carries else truth)
-        if job.touches and now >= due and found.event is None:
-            name = list(places)[int(rig.random.integers(len(places)))]
-            direction = rig.random.standard_normal(3)
+            drift(rig, begin, n)
+        if begin >= due and found.event is None:
+            name = list(places)[int(random.integers(len(places)))]
+            body, direction = places[name], random.standard_normal(3)
             force = FORCES[name] * direction / np.linalg.norm(direction)
-            until, due = now + HOLD, now + HOLD + PAUSE + rig.random.uniform(0.0, 2.0)
-            result.delays.setdefault(name, []).append(np.nan)
-        body = places.get(name, 0)
-        touching = now < until
-        rig.plant.touch(body, rig.plant.end_of(body), force if touching else np.zeros(3))
-        found.update(rig.window(), now)
-        for event in found.events[seen:]:
-            if now < until + 0.1:
-                if np.isnan(result.delays[name][-1]):
-                    result.delays[name][-1] = now + dt - (until - HOLD)
-            elif now - changed < 10.0:
-                result.early += event.cause is Cause.CONTACT
-            elif event.cause is Cause.CONTACT:
-                result.false.append(round(now, 2))
-        seen = len(found.events)
-    result.payloads = sum(event.cause is Cause.PAYLOAD for event in found.events)
+            until, due = begin + HOLD, begin + HOLD + PAUSE + random.uniform(0.0, 2.0)
+            result.touches.append(felt(name, rig, body, force))
+        touching = begin < until
+        plant.touch(body, plant.end_of(body), force if touching else np.zeros(3))
+        event = found.event
+        if abs(begin - until + HOLD - REPORTED) < 0.5 * CYCLE and event and report:
+            change = report.torque - event.reference
+            place = locator.locate(plant.position, change, event.threshold)
+            links = learnt.model.robot.link_names
+            result.touches[-1] = located(result.touches[-1], place, links, rig, body, force)
+        for state in rig.cycles(WINDOW):
+            now += CYCLE
+            if skipped > 0:
+                skipped -= 1
+                continue
+            report = found.update(state, now)
+            new, seen = found.events[seen:], len(found.events)
+            if new and begin < until + 0.1:
+                if np.isnan(result.touches[-1].delay):
+                    delay = now - (until - HOLD)
+                    result.touches[-1] = result.touches[-1]._replace(delay=delay)
+                continue
+            result.false += [round(now, 2) for event in new if event.cause is Cause.CONTACT]
+    return result
+
+
+def located(
+    touch: Touch, place: ContactPlace | None, links: tuple[str, ...], rig: TouchedArm, body: int,
+    force: Array,
+) -> Touch:  # fmt: skip
+    """Return a touch with the errors of its location."""
+    if place is None:
+        return touch
+    # Bodies are the world and the moving links.
+    link = links.index(place.link) - (body - 1)
+    off = float(np.linalg.norm(place.point - rig.plant.end_of(body))) if link == 0 else np.nan
+    error = float(np.linalg.norm(place.force - force)) if place.is_determined else np.nan
+    return touch._replace(link=link, off=off, force=error)
+
+
+def felt(name: str, rig: TouchedArm, body: int, force: Array) -> Touch:
+    """Return a touch that begins, with the torque on the joints relative to friction."""
+    torque = rig.plant.torque(body, rig.plant.end_of(body), force)
+    speed = np.abs(rig.plant.velocity)
+    band = np.where(speed < SLOW, 2.0, 2.0 * DRIFT) * rig.plant.dry_friction
+    share = float((np.abs(torque) / band).max())
+    return Touch(name, np.nan, bool(speed.max() > SLOW), share)
+
+
+def free(
+    job: Job, rig: TouchedArm, learnt: Learnt, carried: tuple[PlantParameters, PlantParameters]
+) -> Session:
+    """Work without touches, with changes of payload."""
+    result, found = Session(job), ContactDetector(learnt.external(), learnt.bound, learnt.settings)
+    now, changes = 0.0, list[float]()
+    for number in range(round(job.seconds / CYCLE / WINDOW)):
+        begin = number * WINDOW * CYCLE
+        if number % 200 == 0:
+            drift(rig, begin, job.joints)
+        if begin > (len(changes) + 1) * PAYLOAD_TIME:
+            changes.append(begin)
+            rig.plant.grasp(carried[len(changes) % 2])
+        for state in rig.cycles(WINDOW):
+            now += CYCLE
+            found.update(state, now)
+    result.changes = len(changes)
+    for event in found.events:
+        since = min((event.begin - time for time in changes if time < event.begin), default=1e9)
+        if event.cause in (Cause.PAYLOAD, Cause.RELEASED):
+            result.recognized.append(event.end - event.begin + since)
+        elif event.cause is Cause.MODEL:
+            result.errors += 1
+        elif since < SETTLING:
+            result.contacts += 1
+        else:
+            result.false.append(round(event.begin, 2))
     return result
 
 
 def main() -> int:
     """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--hours', type=float, default=0.05, help='hours per number of joints')
+    parser.add_argument('--hours', type=float, default=0.1, help='hours per number of joints')
     parser.add_argument('--joints', type=int, nargs='+', default=[4], choices=[4, 5, 6, 7])
     parser.add_argument('--seconds', type=float, default=300.0, help='duration of a session')
     parser.add_argument('--touches', action='store_true', help='touch the arm')
-    parser.add_argument('--payload', action='store_true', help='change the payload')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the first session')
     parser.add_argument('--jobs', type=int, default=1, help='processes')
     options = parser.parse_args()
     runs = max(round(3600.0 * options.hours / options.seconds), 1)
     jobs = [
-        Job(n, seed, options.seconds, options.touches, options.payload)
-        for seed in range(runs)
+        Job(n, seed, options.seconds, options.touches)
+        for seed in range(options.seed, options.seed + runs)
         for n in options.joints
     ]
+    results = []
     with ProcessPoolExecutor(options.jobs) as pool:
-        results = list(pool.map(session, jobs))
-    for result in results:
-        print(result, flush=True)
+        for result in pool.map(session, jobs):
+            results.append(result)
+            print(summary(result), flush=True)
     for joints in options.joints:
         report(joints, [result for result in results if result.job.joints == joints])
     return 0
 
 
+def summary(result: Session) -> str:
+    """Return one line about a session."""
+    job = result.job
+    found = sum(touch.delay <= IN_TIME + 1e-6 for touch in result.touches)
+    return (
+        f'{job.joints} joints, seed {job.seed}, {job.seconds:g} s: false contacts {result.false}, '
+        f'model errors {result.errors}, touches {found} of {len(result.touches)} in time, payload '
+        f'changes {result.changes}, recognized {np.round(result.recognized, 1).tolist()}'
+    )
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """Return the 95 % interval of a rate (Wilson 1927)."""
+    z, share = 1.96, count / total
+    middle = (share + z**2 / (2.0 * total)) / (1.0 + z**2 / total)
+    half = z / (1.0 + z**2 / total)
+    half *= np.sqrt(share * (1.0 - share) / total + z**2 / (4.0 * total**2))
+    return middle - half, middle + half
+
+
 def report(joints: int, results: list[Session]) -> None:
-    """Print one line per number of joints, and one per touched place."""
+    """Print the rates of one number of joints."""
     hours = sum(result.job.seconds for result in results) / 3600.0
-    false = sum(len(result.false) for result in results)
-    payloads, early = (sum(getattr(r, key) for r in results) for key in ('payloads', 'early'))
-    print(f'{joints} joints: {false} false contacts in {hours:.2f} h; {payloads} payloads '
-          f'reported, {early} contacts within 10 s of a change of payload')  # fmt: skip
+    false, errors, contacts, changes = (
+        sum(np.size(getattr(result, name)) if name == 'false' else getattr(result, name)
+            for result in results)
+        for name in ('false', 'errors', 'contacts', 'changes')
+    )  # fmt: skip
+    print(f'{joints} joints: {false} false contacts and {errors} model errors in {hours:.2f} h')
+    if changes:
+        delays = [delay for result in results for delay in result.recognized]
+        print(
+            f'  {changes} changes of payload: {len(delays)} recognized; {contacts} contacts within '
+            f'{SETTLING:g} s of a change'
+        )
+        if delays:
+            print(f'    after {np.median(delays):.1f} s (median), {max(delays):.1f} s (largest)')
+    touches = [touch for result in results for touch in result.touches]
     for place, force in FORCES.items():
-        delays = np.array([d for r in results for d in r.delays.get(place, [])])
-        if len(delays):
-            in_time = int(np.sum(delays <= 0.05))
-            print(f'  {force:g} N at the {place}: {in_time} of {len(delays)} within 50 ms, '
-                  f'{int(np.isfinite(delays).sum())} found, median '
-                  f'{1e3 * np.median(np.nan_to_num(delays, nan=HOLD)):.0f} ms')  # fmt: skip
+        here = [touch for touch in touches if touch.place == place]
+        for name, chosen in (
+            ('all', here),
+            ('friction does not explain the torque', [t for t in here if t.share > 1.0]),
+            ('a joint moves', [t for t in here if t.moves]),
+            ('all joints rest', [t for t in here if not t.moves]),
+        ):
+            if chosen:
+                line(f'{force:g} N at the {place}, {name}', chosen)
+
+
+def line(name: str, touches: list[Touch]) -> None:
+    """Print the rate and the place error of some touches."""
+    delays = np.array([touch.delay for touch in touches])
+    in_time = int(np.sum(delays <= IN_TIME + 1e-6))
+    low, high = wilson(in_time, len(delays))
+    print(
+        f'  {name}: {in_time} of {len(delays)} within 50 ms, {100.0 * in_time / len(delays):.1f} % '
+        f'({100.0 * low:.1f} to {100.0 * high:.1f} %); {int(np.isfinite(delays).sum())} found, '
+        f'median {1e3 * np.nanmedian(delays):.0f} ms'
+    )
+    links, off, force = (
+        np.array([getattr(t, key) for t in touches]) for key in ('link', 'off', 'force')
+    )
+    known = int(np.isfinite(links).sum())
+    if known and np.isfinite(off).any():
+        print(
+            f'    link right in {int((links == 0).sum())} of {known}, previous link in '
+            f'{int((links == -1).sum())}; median point error {1e3 * np.nanmedian(off):.0f} mm on '
+            f'the right link; force determined in {int(np.isfinite(force).sum())}'
+        )
+        if np.isfinite(force).any():
+            print(f'    median force error {np.nanmedian(force):.2f} N where determined')
 
 
 if __name__ == '__main__':

@@ -46,7 +46,8 @@ class ContactReaction:
     Attributes
     ----------
     reaction : Reaction
-        For the contacts to come; may be replaced at any time.
+        For the contacts to come; may be replaced at any time. A reaction that has begun lasts until
+        its contact ends.
     in_contact : bool
     count : int
         Number of reactions so far.
@@ -74,6 +75,7 @@ class ContactReaction:
         self._past: deque[tuple[float, Array]] = deque(maxlen=max(steps, 1))
         self._reported = self._touched = -np.inf
         self._compensated: bool | None = None
+        self._reacts = False  # to the present contact
 
     @property
     def complies(self) -> bool:
@@ -88,15 +90,18 @@ class ContactReaction:
         """Take a report of `now` [s] that something touches the arm, or nothing does."""
         begins = in_contact and not self.in_contact
         self.in_contact, self._reported = in_contact, now
-        if begins and self.reaction is not Reaction.REPORT:
-            self._react(now)
+        if begins:
+            self._reacts = self.reaction is not Reaction.REPORT
+            if self._reacts:
+                self._react(now)
 
     def update(self, q: Array, now: float) -> None:
         """Act before the law, with the arm at `q` (n,) [rad]."""
         self.in_contact = self.in_contact and not self.is_silent(now)
         if self.in_contact:
             self._touched = now
-        acts = self.in_contact and self.reaction is not Reaction.REPORT
+        reacts = self._reacts or self.reaction is not Reaction.REPORT
+        acts = self.in_contact and reacts
         if acts and self._compensated is None:
             self._compensated, self._loop.compensating = self._loop.compensating, False
         elif not acts and self._compensated is not None:

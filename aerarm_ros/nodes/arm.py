@@ -179,10 +179,11 @@ def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
 
 
 def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.parameter_request import set_parameter
+    from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
     def ask() -> None:
-        value = set_parameter(node, options.node, options.name, options.value, options.timeout)
+        request = ParameterRequest(node, options.node, options.timeout)
+        value = request.set(options.name, options.value)
         print(f'{options.node}: {options.name} = {value}', flush=True)
 
     return ask
@@ -277,7 +278,7 @@ def make_parser() -> argparse.ArgumentParser:
         '--on-contact',
         choices=REACTIONS,
         default='',
-        help='reaction to contact from this motion on (default: as set at the controller)',
+        help='reaction to contact during this motion (default: as set at the controller)',
     )
     command = add('tool', 'let the active Cartesian controller move the tool to a position', _tool)
     for axis in 'xyz':

@@ -1,6 +1,5 @@
 """Contact detection without a contact sensor, with confidence and distinction from a payload."""
 
-from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from enum import Enum
@@ -10,16 +9,16 @@ import numpy as np
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.checks import positive
-from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.external_torque import (
     LONGEST_GAP,
     EncoderWatch,
     ExternalTorque,
     ResidualBound,
+    StateWindow,
     Unexplained,
 )
-from aerarm_ros.online.information_filter import InformationFilter
+from aerarm_ros.online.load_test import LoadTest
 from aerarm_ros.online.payload_estimator import EffortWatch
 
 
@@ -28,6 +27,7 @@ class Cause(Enum):
 
     CONTACT = 'contact'
     PAYLOAD = 'undeclared payload'
+    RELEASED = 'end of the undeclared payload'
     MODEL = 'model error'
 
 
@@ -133,7 +133,8 @@ class _Felt(NamedTuple):
 
 
 _NOISE = 5.0  # standard deviations of noise that a change at rest must exceed
-_FOLLOWING = 0.25  # [s] time constant of a permitted drift of the torque at rest
+_FOLLOWING = 0.15  # [s] time constant of a permitted drift of the torque at rest
+_SLOW = 0.25  # [s] time constant of the torque that counts as steady
 _SETTLING = 0.4  # [s] in which friction relaxes after a motion
 _REST_TIME = 0.1  # [s] of rest before its torque is the reference
 _AGAINST = 5e-5  # [rad/s] of motion against the torque, which indicates friction
@@ -156,7 +157,7 @@ class ContactDetector:
 
     The torque of a payload, unlike that of a contact, follows gravity and inertia in all postures.
     The detector reports a payload once ten inertial parameters of the last link explain the torque
-    in 2 s of motion (`LoadTest`), and then subtracts it.
+    in 2 s of motion (`LoadTest`), and then subtracts it until the payload is put down.
 
     Attributes
     ----------
@@ -175,7 +176,9 @@ class ContactDetector:
         given = settings or ContactSettings()
         share = max(given.rest_share, bound.rest_share)
         self._settings = replace(given, rest_share=share)
-        self._load = LoadTest(external, self._settings)
+        self._load = LoadTest(external, given.payload_mass, given.payload_size)
+        self._window = StateWindow()
+        self._report: ContactReport | None = None
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
         self._watches = (EncoderWatch(names), EffortWatch(names))
@@ -211,7 +214,9 @@ class ContactDetector:
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
-        """Process the state at `now` [s]; return None for an invalid state or after a gap.
+        """Process the state at `now` [s]; return the report of the last window of states.
+
+        Returns None for an invalid state, and after a gap until a window is complete.
 
         `state.tau` is the drives' torque in the cycle that ends now.
         """
@@ -221,18 +226,24 @@ class ContactDetector:
         if last is None or not 0.0 < now - last < LONGEST_GAP:
             self._start_again(now)
             return None
-        dt = now - last
+        window = self._window.update(state, now - last)
+        if window is None:
+            return self._report
+        state, dt, _ = window
         for watch in self._watches:
             watch.update(state, dt)
         if any(watch.problem for watch in self._watches):
             self._start_again(now)
             return None
-        row = self._external.update(state, dt, base)
+        row = self._external.update(window, base)
         self._load.update(state, dt, row, self._bound.threshold(row), base)
-        return self._judge(state, now, dt, row)
+        self._report = self._judge(state, now, dt, row)
+        return self._report
 
     def _start_again(self, now: float) -> None:
         self._external.reset()
+        self._window.reset()
+        self._report = None
         self._load.pause()
         self._rest.reset(np.inf)
         self._begin()
@@ -248,7 +259,8 @@ class ContactDetector:
     def _judge(self, state: ArmState, now: float, dt: float, row: Unexplained) -> ContactReport:
         assert self._first is not None
         torque = row.residual - self._load.torque
-        threshold = self._bound.threshold(row)
+        threshold = self._bound.threshold(row) + self._load.doubt
+        row = row._replace(dry=row.dry + self._load.doubt)  # a load adds friction
         if now - self._first < 5.0 / self._external.gain:
             return ContactReport(torque, np.full_like(torque, np.inf), False, 0.0, None)
         is_event = self.event is not None
@@ -290,6 +302,7 @@ class ContactDetector:
         if self._began - self._first < _SINCE_START:
             event.cause = Cause.MODEL
         self.events.append(event)
+        self._load.suspect(felt.torque / felt.threshold, felt.threshold)
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
         self._below = self._lasting = self._steady = 0.0
@@ -309,6 +322,10 @@ class ContactDetector:
         self._peak = np.maximum(self._peak, np.abs(value))
         moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
         self._lasting += felt.dt if moves else 0.0
+        if self._load.released:
+            event.cause = Cause.RELEASED
+            self._end(event, felt.now)
+            return
         if self._load.found:
             event.cause = Cause.PAYLOAD
             event.mass, event.mass_std = self._load.mass, self._load.mass_std
@@ -384,7 +401,7 @@ class _Rest:
         settings, nothing = self._settings, np.zeros(self._n)
         least = settings.rest_share * row.dry + _NOISE * noise
         self._slow = torque if self._slow is None else self._slow
-        self._slow = self._slow + min(1.0, dt / _FOLLOWING) * (torque - self._slow)
+        self._slow = self._slow + min(1.0, dt / _SLOW) * (torque - self._slow)
         self.is_steady = bool((np.abs(torque - self._slow) < least).all())
         self._motion += min(1.0, dt / 0.03) * (state.dq - self._motion)
         if in_event:
@@ -411,127 +428,8 @@ class _Rest:
         return change, np.where(opposed, 0.0, ratio)
 
 
-_WINDOW = 2.0  # [s] of motion in which a payload must explain the torque
-_PERIOD = 0.05  # [s] between rows; closer rows are correlated
-_CORRELATED = 4.0  # rows that count as one
-_EXPLAINED = 0.9  # fraction of the rows that a payload must explain
-_EXCEEDED = 0.3  # fraction of the rows that the bare arm must not explain
-_SIGNIFICANT = 3.0  # standard deviations of a payload's mass
-_MEMORY = 20.0  # [s]
-
-
-class LoadTest:
-    """Test whether a body at the last link explains the external torque.
-
-    The body's ten parameters follow from a recursive regression. The columns of the regression
-    pass the torque's observer: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`.
-    The regression predicts each torque before it learns from it. So a push counts as a payload
-    only if it follows gravity and inertia for 2 s of motion.
-
-    Attributes
-    ----------
-    torque : (n,) ndarray
-        External torque of the detected payload [Nm], zeros without one.
-    found : bool
-        Whether the last `update` detected a payload.
-    mass, mass_std : float
-        Mass of the detected payload and its standard deviation [kg].
-    """
-
-    def __init__(self, external: ExternalTorque, settings: ContactSettings) -> None:
-        self._gain, self._n = external.gain, external.n
-        self._still = external.dynamics.still
-        self._regressor = MomentumRegressor(external.dynamics.robot)
-        size = settings.payload_size
-        self._scale = settings.payload_mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
-        self._filter = InformationFilter(10)
-        self.torque = np.zeros(self._n)
-        self.found = False
-        self.mass = self.mass_std = float('nan')
-        self._body: Array | None = None
-        self._window: deque[tuple[bool, bool, Array]] = deque(maxlen=round(_WINDOW / _PERIOD))
-        self.pause()
-
-    @property
-    def is_loaded(self) -> bool:
-        """Whether a detected payload is still present."""
-        return self._body is not None
-
-    def pause(self) -> None:
-        """Restart after a gap; a detected payload stays."""
-        self._columns = np.zeros((self._n, 10))
-        self._integral: Array | None = None
-        self._due = 0.0
-
-    def update(
-        self,
-        state: ArmState,
-        dt: float,
-        row: Unexplained,
-        threshold: Array,
-        base: BaseMotion | None,
-    ) -> None:
-        """Process a state and its unexplained torque."""
-        self.found = False
-        motion = self._still if base is None else base
-        momentum, force = self._regressor.evaluate(
-            state.q, state.dq, motion.specific_force, motion.angular_velocity
-        )
-        if self._integral is None:
-            self._integral = momentum
-        integral = self._integral + dt * -force
-        gain = self._gain
-        # The backward Euler step of `MomentumObserver`, column by column.
-        self._columns = gain * (momentum - integral) / (1.0 + dt * gain)
-        self._integral = integral + dt * self._columns
-        if self._body is not None:
-            self.torque = -self._columns @ self._body
-        self._due += dt
-        if self._due >= _PERIOD:
-            self._due = 0.0
-            self._learn(state, row, threshold)
-
-    def _learn(self, state: ArmState, row: Unexplained, threshold: Array) -> None:
-        if np.abs(state.dq).max() < 0.02:
-            return
-        rows = -self._columns * self._scale
-        belief = self._filter.belief
-        predicted = rows @ belief.mean
-        by_body = np.abs(row.residual - predicted) / threshold
-        bare = np.abs(row.residual) / threshold
-        self._window.append(
-            (bool(bare.max() > 1.0), bool(by_body.max() < 1.0), predicted / threshold)
-        )
-        variance = _CORRELATED * (threshold / _SIGNIFICANT) ** 2
-        variance = variance * np.maximum(1.0, by_body**2)
-        kept = np.full(10, np.exp(-_PERIOD / _MEMORY))
-        self._filter.update(rows, row.residual, variance, kept)
-        if len(self._window) == self._window.maxlen:
-            self._decide()
-
-    def _decide(self) -> None:
-        exceeded, explained, predicted = zip(*self._window, strict=True)
-        belief = self._filter.belief
-        mass = float(self._scale[0] * belief.mean[0])
-        std = float(self._scale[0] * np.sqrt(belief.covariance[0, 0]))
-        if self._body is not None:
-            self._body = self._scale * belief.mean
-            self.mass, self.mass_std = mass, std
-            if not any(exceeded) and mass < _SIGNIFICANT * std:
-                self._body, self.torque = None, np.zeros(self._n)
-            return
-        varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
-        if (
-            np.mean(exceeded) > _EXCEEDED
-            and np.mean(explained) > _EXPLAINED
-            and varied
-            and mass > _SIGNIFICANT * std
-        ):
-            self._body, self.found = self._scale * belief.mean, True
-            self.mass, self.mass_std = mass, std
-
-
-_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5)
+_OFF = 100.0  # share that no torque at rest exceeds
+_REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, _OFF)
 
 
 def with_rest_share(
@@ -552,12 +450,22 @@ def with_rest_share(
     motion : callable
         Returns times [s] and states of the free motion, from the beginning.
     """
-    tried = bound
-    for share in _REST_SHARES:
-        tried = replace(bound, rest_share=share)
-        detector = ContactDetector(external(), tried, settings)
-        for time, state in motion():
-            detector.update(state, time)
-        if not any(isinstance(event.reference, np.ndarray) for event in detector.events):
-            break
-    return tried
+    last = len(_REST_SHARES) - 1
+
+    def begins(step: int) -> bool:
+        tried = replace(bound, rest_share=_REST_SHARES[step])
+        return _begins_at_rest(ContactDetector(external(), tried, settings), motion())
+
+    first = next((step for step in range(last) if not begins(step)), last)
+    # Other motions start differently, hence one step more, unless no start is visible at rest.
+    return replace(bound, rest_share=_REST_SHARES[min(first + 1, last) if first else 0])
+
+
+def _begins_at_rest(detector: ContactDetector, motion: Iterable[tuple[float, ArmState]]) -> bool:
+    """Return whether the detector finds an event at rest."""
+    for time, state in motion:
+        detector.update(state, time)
+        event = detector.event
+        if event is not None and isinstance(event.reference, np.ndarray):
+            return True
+    return False

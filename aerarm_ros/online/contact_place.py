@@ -8,7 +8,7 @@ import pinocchio as pin
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
-_FELT = 0.3  # of its threshold, above which a joint's torque counts as external
+_FELT = 0.8  # of its threshold, above which a joint's torque counts as external
 _POINTS = 21  # points tested along a link
 _CONDITION = 30.0  # condition number of the Jacobian up to which the force is determined
 

@@ -17,14 +17,20 @@ from aerarm_ros.motion.signals import ArmState, Array
 from aerarm_ros.online.joint_friction import JointFriction
 from aerarm_ros.online.replay import KnownArm
 
-FEATURES = ('constant', 'dry friction', 'speed', 'gravity', 'acceleration', 'jerk')
+FEATURES = (
+    'constant', 'dry friction', 'dry friction at low speed', 'speed', 'gravity', 'acceleration',
+    'jerk',
+)  # fmt: skip
 """Features of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
 
 LONGEST_GAP = 0.1
 """[s] Longest gap between two states; after a longer one the observer restarts."""
 
-_SLOW = 0.05  # [rad/s] below which dry friction may have another direction or be static
+WINDOW = 5e-3
+"""[s] Length of the windows over which states are averaged."""
 
+_CREEPING = 0.012  # [rad/s] below which dry friction may have another direction or be static
+_SLOW = 0.05  # [rad/s] below which the model of dry friction may be inaccurate
 
 _FROZEN = 0.2  # [s] in which the position of a moving joint changes
 
@@ -64,6 +70,61 @@ class EncoderWatch:
             )
 
 
+class Window(NamedTuple):
+    """Mean state of consecutive cycles.
+
+    Attributes
+    ----------
+    state : ArmState
+        Mean position and velocity, and the torque that acted between this and the former mean.
+    dt : float
+        Duration [s].
+    states : int
+        Number of averaged states.
+    """
+
+    state: ArmState
+    dt: float
+    states: int = 1
+
+
+class StateWindow:
+    """Average states over windows of 5 ms.
+
+    The velocity of one state has the noise of the encoder's resolution. The mean velocity of a
+    window is its travelled distance, in which this noise cancels. The change of mean momentum from
+    window to window is the mean force, weighted with a triangle over both windows, so the torque
+    has the same weights. States with a longer period pass unchanged.
+    """
+
+    def __init__(self) -> None:
+        self._states: list[ArmState] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again after a gap."""
+        self._states.clear()
+        self._lasted = 0.0
+        self._former: Array | None = None
+
+    def update(self, state: ArmState, dt: float) -> Window | None:
+        """Add the state after a cycle of `dt` [s]; return the window that it completes, or None."""
+        self._states.append(state)
+        self._lasted += dt
+        if self._lasted < WINDOW - 0.5 * dt:
+            return None
+        count, lasted = len(self._states), self._lasted
+        states = np.array(self._states).reshape(count, -1)
+        plain, later = np.array([np.ones(count), np.arange(count) / count]) @ states / count
+        q, dq, tau = plain.reshape(3, -1)
+        later = later.reshape(3, -1)[2]
+        former, self._former = self._former, later
+        self._states.clear()
+        self._lasted = 0.0
+        torque = tau - later + (later if former is None else former)
+        return Window(ArmState(q, dq, torque), lasted, count)
+
+
 class Unexplained(NamedTuple):
     """Unexplained joint torque of one state.
 
@@ -71,7 +132,7 @@ class Unexplained(NamedTuple):
     ----------
     residual : (n,) ndarray
         Joint torque beyond drives, model and friction [Nm], positive along +q.
-    features : (n, 6) ndarray
+    features : (n, 7) ndarray
         Features for the bound of the residual in free motion, see `FEATURES` [Nm or rad/s].
     friction : (n,) ndarray
         Modelled friction, as a magnitude [Nm].
@@ -85,8 +146,15 @@ class Unexplained(NamedTuple):
     dry: Array
 
 
+_STAGE = 1.7  # bandwidth of each of two low-pass filters with the rise time of one of bandwidth 1
+_JERK = np.exp(-1.0)  # largest response of two equal low-pass filters to an impulse, of that of one
+
+
 class ExternalTorque:
     """Momentum observer, with the features on which its error depends.
+
+    A second low-pass filter removes the encoder noise that the observer differentiates. Both are
+    1.7 times faster than `gain`, so that a step rises to 90 % in the time of one filter.
 
     Errors of friction near zero velocity, of inertia and of the torque's timing decay in the
     observer within some time constants. So the features decay equally slowly.
@@ -111,47 +179,58 @@ class ExternalTorque:
         self.dynamics = dynamics or MovingBaseDynamics(arm.robot, arm.rotor_inertia)
         self.n = arm.robot.n
         self._friction = JointFriction(arm)
-        self._observer = MomentumObserver(self.dynamics, np.full(self.n, self.gain), self._friction)
+        self.stage = _STAGE * self.gain
+        stages = np.full(self.n, self.stage)
+        self._observer = MomentumObserver(self.dynamics, stages, self._friction)
         self.reset()
 
     def reset(self) -> None:
         """Reset the observer and its features."""
         self._observer.reset()
         self._momentum: Array | None = None
-        self._lagging = self._change = np.zeros(self.n)
-        self._held = np.zeros((self.n, 3))
+        self._residual = self._lagging = self._change = self._torque = np.zeros(self.n)
+        self._held = np.zeros((self.n, 4))
 
-    def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Unexplained:
-        """Process the state at the end of a cycle of `dt` [s]; return the unexplained torque."""
-        q, dq, _ = state
-        residual = self._observer.update(state, dt, base)
+    def update(self, window: Window, base: BaseMotion | None = None) -> Unexplained:
+        """Process a window of states; return the unexplained torque at its end."""
+        state, dt, count = window
+        q, dq, tau = state
+        share = dt * self.stage / (1.0 + dt * self.stage)
+        observed = self._observer.update(state, dt, base)
+        self._residual = self._residual + share * (observed - self._residual)
+        # One state may contain the torque of another cycle; in a mean this changes little. A change
+        # of torque then is an impulse, as is a change of acceleration.
+        late = 1.0 if count == 1 else _JERK / count
         momentum = self.dynamics.fixed.inertia_matrix(q) @ dq
         if self._momentum is None:
             self._momentum = self._lagging = momentum
+            self._torque = tau
         change = momentum - self._momentum
         self._lagging = (self._lagging + dt * self.gain * momentum) / (1.0 + dt * self.gain)
+        impulse = dt * np.abs(tau - self._torque)
         load = self.dynamics.bias(q, dq, base)
         dry = self._friction.dry(load)
         now = np.column_stack(
             [
+                dry * np.maximum(0.0, 1.0 - np.abs(dq) / _CREEPING),
                 dry * np.maximum(0.0, 1.0 - np.abs(dq) / _SLOW),
                 self.gain * np.abs(momentum - self._lagging),
-                self.gain * np.abs(change - self._change),
+                late * self.gain * np.maximum(np.abs(change - self._change), impulse),
             ]
         )
-        self._momentum, self._change = momentum, change
+        self._momentum, self._change, self._torque = momentum, change, tau
         self._held = np.maximum(now, np.exp(-0.5 * self.gain * dt) * self._held)
-        slow, acceleration, jerk = self._held.T
+        creeping, slow, acceleration, jerk = self._held.T
         features = np.column_stack(
-            [np.ones(self.n), slow, np.abs(dq), np.abs(load), acceleration, jerk]
+            [np.ones(self.n), creeping, slow, np.abs(dq), np.abs(load), acceleration, jerk]
         )
         friction = np.abs(self._friction.torque(dq, load))
-        return Unexplained(residual.copy(), features, friction, dry)
+        return Unexplained(self._residual, features, friction, dry)
 
     def over(
         self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
     ) -> Iterator[tuple[float, ArmState, Unexplained]]:
-        """Yield time [s], state and result for each sample of a recording on a still base.
+        """Yield time [s], state and result for each window of a recording on a still base.
 
         Raises
         ------
@@ -164,7 +243,7 @@ class ExternalTorque:
                 'the positions'
             )
         self.reset()
-        last = float(recording.time[0])
+        window, last = StateWindow(), float(recording.time[0])
         rows = zip(recording.time.tolist(), recording.q, recording.dq, recording.tau, strict=True)
         for count, (time, q, dq, tau) in enumerate(rows):
             if count % 1000 == 0 and is_stopped():
@@ -172,8 +251,11 @@ class ExternalTorque:
             dt = time - last if count else float(np.median(np.diff(recording.time)))
             if dt > LONGEST_GAP:
                 self.reset()
-            last, state = time, ArmState(q, dq, tau)
-            yield time, state, self.update(state, dt)
+                window.reset()
+            last = time
+            mean = window.update(ArmState(q, dq, tau), dt)
+            if mean is not None:
+                yield time, mean.state, self.update(mean)
 
 
 _STATIC = 1.25  # smallest ratio of static friction to friction at low speed
@@ -196,7 +278,7 @@ class ResidualBound:
 
     Attributes
     ----------
-    shares : (n, 6) ndarray
+    shares : (n, 7) ndarray
         Coefficients of the features, not negative, in the order of `FEATURES`.
     noise : (n,) ndarray
         RMS of the residual's changes at rest [Nm].
@@ -245,7 +327,7 @@ class ResidualBound:
             _tightest(np.abs(residual[:, joint]), features[:, joint])
             for joint in range(residual.shape[1])
         ]
-        return cls(np.array(shares), _noise(residual, features[:, :, 2].max(axis=1)), gain)
+        return cls(np.array(shares), _noise(residual, features[:, :, 3].max(axis=1)), gain)
 
     def threshold(self, unexplained: Unexplained) -> Array:
         """Return the largest residual (n,) [Nm] that free motion explains."""
@@ -321,7 +403,7 @@ def _tightest(size: Array, features: Array) -> Array:
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)
-    least[1], least[5] = _STATIC, _ASYNCHRONOUS
+    least[1], least[-1] = _STATIC, _ASYNCHRONOUS
     scaled = features / scale
     # A bound that the smallest coefficients already satisfy is not a constraint.
     kept = size > features @ least

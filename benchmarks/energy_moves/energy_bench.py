@@ -28,7 +28,7 @@ from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
-from aerarm_ros.ros.requests.parameter_request import set_parameter
+from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 LEAD = 1.0  # [s] from a message to its motion
 SETTLE = 0.2  # [s] after a motion that belong to it
@@ -221,7 +221,8 @@ class EnergyBench:
         self._sent[_stamp(message)] = message
 
     def _set_duration(self, seconds: float) -> None:
-        set_parameter(self._node, 'motion_planner', 'duration', str(seconds), PATIENCE)
+        request = ParameterRequest(self._node, 'motion_planner', PATIENCE)
+        request.set('duration', str(seconds))
 
     def _publisher(self, topic: topics.Topic):
         return self._node.create_publisher(topic.type, topic.name, topic.qos)

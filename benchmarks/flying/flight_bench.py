@@ -29,7 +29,7 @@ from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
-from aerarm_ros.ros.requests.parameter_request import set_parameter
+from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 LEAD = 2.5  # [s]
 QUICK_LEAD = 1.5  # [s]
@@ -181,8 +181,9 @@ class FlightBench:
 
     def switch(self, values: dict[str, object]) -> None:
         """Change the feed-forward settings of the flight controller."""
+        request = ParameterRequest(self.node, 'flight_control', PATIENCE)
         for name, value in values.items():
-            set_parameter(self.node, 'flight_control', name, json.dumps(value), PATIENCE)
+            request.set(name, json.dumps(value))
 
     def _get_ready(self, is_flying: bool) -> None:
         self.client.wait_for_mode(['idle'], PATIENCE)

@@ -114,6 +114,19 @@ def test_the_contact_is_no_disturbance_to_compensate() -> None:
     assert arm.loop.compensating
 
 
+def test_a_reaction_lasts_as_long_as_its_contact_even_if_another_is_set() -> None:
+    arm = Moving(Reaction.STOP)
+    arm.run(0.5)
+    arm.run(0.1, contact=True)
+    arm.reaction.reaction = Reaction.REPORT
+    arm.run(0.1, contact=True)
+    assert not arm.loop.compensating
+    arm.run(0.01)
+    assert arm.loop.compensating
+    arm.run(0.01, contact=True)
+    assert arm.loop.compensating
+
+
 def test_an_arm_at_rest_does_not_retreat() -> None:
     arm = Moving(Reaction.RETREAT)
     arm.run(3.0)

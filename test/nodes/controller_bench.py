@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from own_domain import others_in
 from quick_spinning import answer_of, spin_once
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -120,6 +120,13 @@ class ControllerBench:
         )
         (result,) = answer_of(self.node, lambda: client.call_async(request), LIMIT).results
         assert result.successful, result.reason
+
+    def parameter(self, name: str, parameter: str) -> str:
+        client = self.node.create_client(GetParameters, f'{name}/get_parameters')
+        assert client.wait_for_service(LIMIT)
+        request = GetParameters.Request(names=[parameter])
+        (value,) = answer_of(self.node, lambda: client.call_async(request), LIMIT).values
+        return value.string_value
 
     def _on_state(self, message: JointState) -> None:
         self.q, self.dq = np.array(message.position), np.array(message.velocity)

@@ -12,7 +12,7 @@ from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
 from aerarm_ros.online.contact_place import ContactLocator
-from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound
+from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, Window
 
 TOUCH = Touch(1.6, 2.3, (0.0, 0.0, -5.0))
 
@@ -49,6 +49,30 @@ def test_a_payload_is_reported_as_one_and_then_subtracted(
     assert event.begin > loaded.pick_up
     assert found.event is None
     assert found.payload_mass == pytest.approx(0.2, rel=0.25)
+
+
+def test_a_payload_that_is_put_down_is_no_longer_subtracted(
+    loaded: CarryingRun, free: CarryingRun, bound: ResidualBound
+) -> None:
+    found = play(detector(loaded, bound), recording(loaded, 0.7, 7.5))
+    motion = recording(free, 0.7, 5.0)
+    play(found, replace(motion, time=motion.time + 10.0))
+    assert found.payload_mass is None
+    assert found.events[-1].cause is Cause.RELEASED
+    assert found.event is None
+
+
+def test_dry_friction_hides_torque_only_at_creeping_speed(run: CarryingRun) -> None:
+    q = np.array([0.3, 0.8, -0.5, 0.4])
+    creeping, slow = (
+        ExternalTorque(known_arm(run), GAIN)
+        .update(Window(ArmState(q, np.full(4, speed), np.zeros(4)), 5e-3))
+        .features
+        for speed in (0.001, 0.02)
+    )
+    assert np.all(creeping[:, 1] > 0.9 * creeping[:, 2])
+    assert np.all(slow[:, 1] == 0.0)
+    assert np.all(slow[:, 2] > 0.5 * creeping[:, 2])
 
 
 def test_at_rest_a_push_counts_that_friction_could_hold(

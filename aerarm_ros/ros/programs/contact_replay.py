@@ -47,7 +47,12 @@ REPORT = 'contacts.html'
 
 _FILES = (RESIDUALS, REPORT, MARKER)
 _SHOWN = 3000  # points of a curve
-_COLOUR = {Cause.CONTACT: '#d62728', Cause.PAYLOAD: '#2ca02c', Cause.MODEL: '#7f7f7f'}
+_COLOUR = {
+    Cause.CONTACT: '#d62728',
+    Cause.PAYLOAD: '#2ca02c',
+    Cause.RELEASED: '#2ca02c',
+    Cause.MODEL: '#7f7f7f',
+}
 
 
 def contact_replay(name: str, arguments: Sequence[str]) -> int:

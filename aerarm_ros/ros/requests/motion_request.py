@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -18,7 +19,7 @@ from aerarm_ros.hardware.bridge_modes import HELD, to_switch_on
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
-from aerarm_ros.ros.requests.parameter_request import set_parameter
+from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 _REPORT = 3.0  # [s] within which every controller has reported on /diagnostics
 _COUNT, _REASON = 'rejected inputs', 'last rejection'  # keys in a controller's status
@@ -128,7 +129,7 @@ class SetPointRequest:
         on_wait
             Called with a description of the missing node.
         reaction
-            Reaction to contact from this motion on; if empty, that of the controller.
+            Reaction to contact during this motion; if empty, that of the controller.
 
         Raises
         ------
@@ -137,13 +138,20 @@ class SetPointRequest:
             not reached.
         """
         names = self._find_arm(timeout, on_wait)
-        if reaction:
-            for controller in self._controllers():
-                set_parameter(self._node, controller, _REACTION, reaction, timeout)
         if len(posture) != len(names):
             raise ArmClientError(
                 f'{len(names)} joint positions [rad] are needed, for {", ".join(names)}'
             )
+        with ExitStack() as stack:
+            for controller in self._controllers() if reaction else []:
+                request = ParameterRequest(self._node, controller, timeout)
+                stack.enter_context(request.during(_REACTION, reaction))
+            self._move(names, posture, tolerance, timeout)
+
+    def _move(
+        self, names: list[str], posture: Sequence[float], tolerance: float, timeout: float
+    ) -> None:
+        """Publish the set point and wait until the motion ends; raises ArmClientError."""
         self._rejections.begin(timeout)
         self._publisher.publish(JointState(name=names, position=list(posture)))
 

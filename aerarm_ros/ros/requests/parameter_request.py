@@ -1,9 +1,10 @@
-"""Set a live parameter of another node from command-line text."""
+"""Read and set live parameters of another node, from command-line text."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any
 
@@ -21,62 +22,79 @@ from aerarm_ros.ros.requests.bridge_service import ASK_AGAIN
 _Type = Parameter.Type
 
 
-def set_parameter(node: Node, target: str, name: str, text: str, timeout: float) -> Any:
-    """Set a parameter of the node `target` and return its new value.
+class ParameterRequest:
+    """Read and set the parameters of another node.
 
     Parameters
     ----------
     node
         Client node; no executor may contain it.
-    target, name
-        Relative or absolute node name, and parameter name.
-    text
-        Value in YAML; for a string parameter the string itself.
+    target
+        Relative or absolute node name.
     timeout
         Longest time to find the node, and again for each answer [s].
 
     Raises
     ------
     ArmClientError
-        If node or parameter does not exist, or the node does not answer, or refuses.
+        If the node does not exist; the methods raise it if the node does not answer.
     """
-    client = AsyncParameterClient(node, target)
-    if not spin_until(node, client.services_are_ready, timeout):
-        raise ArmClientError(
-            f'node {target} was not found, or has no parameters: check that it runs in '
-            f'{this_domain()}'
-        )
 
-    def result(ask: Callable[[], Future]) -> Any:
+    def __init__(self, node: Node, target: str, timeout: float) -> None:
+        self._node, self._target, self._timeout = node, target, timeout
+        self._client = AsyncParameterClient(node, target)
+        if not spin_until(node, self._client.services_are_ready, timeout):
+            raise ArmClientError(
+                f'node {target} was not found, or has no parameters: check that it runs in '
+                f'{this_domain()}'
+            )
+
+    def set(self, name: str, text: str) -> Any:
+        """Set a parameter to a value in YAML (a string parameter to the text); return the value.
+
+        Raises ArmClientError if the parameter does not exist or the node rejects the value.
+        """
+        client, target = self._client, self._target
+        descriptors = self._result(lambda: client.describe_parameters([name])).descriptors
+        if not descriptors:
+            known = self._result(client.list_parameters).result.names
+            closest = next(iter(get_close_matches(name, known, n=1)), '')
+            hint = f", did you mean '{closest}'?" if closest else ''
+            raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
+        if descriptors[0].read_only:
+            raise ArmClientError(
+                f'parameter {name} of {target} is read-only: set it when the node starts, -p '
+                f'{name}:={text}'
+            )
+        parameter = Parameter(name, value=_value(descriptors[0], text))
+        answer = self._result(lambda: client.set_parameters([parameter])).results[0]
+        if not answer.successful:
+            raise ArmClientError(f'{target} rejects the value: {answer.reason}')
+        return parameter.value
+
+    @contextmanager
+    def during(self, name: str, text: str) -> Iterator[None]:
+        """Set a string parameter for the length of a block, then restore its former value."""
+        former = self._result(lambda: self._client.get_parameters([name])).values
+        self.set(name, text)
+        try:
+            yield
+        finally:
+            self.set(name, former[0].string_value)
+
+    def _result(self, ask: Callable[[], Future]) -> Any:
         # An answer is lost if the node has not yet discovered the client.
         futures: list[Future] = []
-        deadline = time.monotonic() + timeout
+        deadline = time.monotonic() + self._timeout
         while not any(future.done() for future in futures):
             left = deadline - time.monotonic()
             if left < 0.0:
                 raise ArmClientError(
-                    f'{target} did not respond within {timeout:g} s: check that it runs'
+                    f'{self._target} did not respond within {self._timeout:g} s: check that it runs'
                 )
             futures.append(ask())
-            spin_until(node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
+            spin_until(self._node, lambda: any(f.done() for f in futures), min(ASK_AGAIN, left))
         return next(future.result() for future in futures if future.done())
-
-    descriptors = result(lambda: client.describe_parameters([name])).descriptors
-    if not descriptors:
-        known = result(client.list_parameters).result.names
-        closest = next(iter(get_close_matches(name, known, n=1)), '')
-        hint = f", did you mean '{closest}'?" if closest else ''
-        raise ArmClientError(f"{target} has no parameter '{name}'{hint}")
-    if descriptors[0].read_only:
-        raise ArmClientError(
-            f'parameter {name} of {target} is read-only: set it when the node starts, -p '
-            f'{name}:={text}'
-        )
-    parameter = Parameter(name, value=_value(descriptors[0], text))
-    answer = result(lambda: client.set_parameters([parameter])).results[0]
-    if not answer.successful:
-        raise ArmClientError(f'{target} rejects the value: {answer.reason}')
-    return parameter.value
 
 
 def _value(descriptor: ParameterDescriptor, text: str) -> Any:

@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from aerarm_msgs_py import topics
+from aerarm_ros.ros.process.node_process import NodeProcess
 
 HERE = np.array([0.0, 0.5 * np.pi, 0.0, 0.0])
 GOAL = [0.9, 1.2, 0.4, -0.6]
@@ -85,4 +86,16 @@ def test_arm_go_sets_the_reaction_and_says_that_the_arm_was_touched(
         assert answer.returncode == 1, answer.stderr
         assert 'stopped: contact (retreat)' in answer.stderr
         assert 'remove what touches the arm' in answer.stderr
+        assert bench.parameter('gravity_compensation', 'contact_reaction') == 'report'
+        assert process.stop() == 0, process.tail()
+
+
+def test_arm_go_restores_the_reaction_when_it_is_interrupted(bench: ControllerBench) -> None:
+    with bench.controller('computed_torque', contact_reaction='stop') as process:
+        words = ('go', *map(str, GOAL), '--on-contact', 'retreat', '--timeout', '100')
+        with NodeProcess('arm', words, {}, None, bench.folder / 'arm.log') as asking:
+            bench.wait(lambda: moved(bench) > 0.02, 'the motion')
+            assert bench.parameter('computed_torque', 'contact_reaction') == 'retreat'
+            assert asking.stop() == 130, asking.tail()
+        assert bench.parameter('computed_torque', 'contact_reaction') == 'stop'
         assert process.stop() == 0, process.tail()

@@ -8,7 +8,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.requests.parameter_request import set_parameter
+from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 
 @pytest.mark.parametrize('request_type', ['describe_parameters', 'set_parameters'])
@@ -26,7 +26,7 @@ def test_what_is_not_answered_is_asked_for_again(
     other = rclpy.create_node('other')
     other.declare_parameter('gain', 1.0)
     with BackgroundExecutor(other):
-        assert set_parameter(ros_node, 'other', 'gain', '2', LIMIT) == 2.0
+        assert ParameterRequest(ros_node, 'other', LIMIT).set('gain', '2') == 2.0
     assert other.get_parameter('gain').value == 2.0
     assert len(asked) > 1
     other.destroy_node()

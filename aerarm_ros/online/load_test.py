@@ -1,0 +1,184 @@
+"""Distinction of a payload, which follows gravity and inertia, from other external torque."""
+
+from collections import deque
+
+import numpy as np
+
+from aerarm_ros.control.base.base_motion import BaseMotion
+from aerarm_ros.model.regressor import MomentumRegressor
+from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.online.external_torque import ExternalTorque, Unexplained
+from aerarm_ros.online.information_filter import InformationFilter
+
+_WINDOW = 2.0  # [s] of motion in which a payload must explain the torque
+_PERIOD = 0.05  # [s] between rows; closer rows are correlated
+_CORRELATED = 4.0  # rows that count as one
+_NOTABLE = 0.6  # of the threshold, above which torque may be that of a payload
+_EXPLAINED = 0.9  # fraction of the rows that a payload must explain
+_EXCEEDED = 0.3  # fraction of the rows that the bare arm must not explain
+_SIGNIFICANT = 3.0  # standard deviations of a payload's mass
+_MEMORY = 20.0  # [s]
+_LOAD_SHARE = 0.1  # of the payload's torque, error of friction and torque constants under load
+
+
+class LoadTest:
+    """Test whether a body at the last link explains the external torque.
+
+    The body's ten parameters follow from a recursive regression. The columns of the regression
+    pass the torque's observer: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`.
+    The regression predicts each torque before it learns from it. So a push counts as a payload
+    only if it follows gravity and inertia for 2 s of motion.
+
+    Parameters
+    ----------
+    external : ExternalTorque
+        Observer of the torque.
+    mass, size : float
+        Standard deviation of a payload's mass [kg], and its distance from the last joint [m].
+
+    Attributes
+    ----------
+    torque : (n,) ndarray
+        External torque of the detected payload [Nm], zeros without one.
+    doubt : (n,) ndarray
+        Largest error of `torque` [Nm]: three standard deviations, and a share for the friction and
+        the torque constants under load.
+    found, released : bool
+        Whether the last `update` detected a payload, or its end.
+    mass, mass_std : float
+        Mass of the detected payload and its standard deviation [kg].
+    """
+
+    def __init__(self, external: ExternalTorque, mass: float, size: float) -> None:
+        self._gain, self._n = external.stage, external.n
+        self._still = external.dynamics.still
+        self._regressor = MomentumRegressor(external.dynamics.robot)
+        self._scale = mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
+        self._filter = InformationFilter(10)
+        self.torque = self.doubt = np.zeros(self._n)
+        self.found = self.released = False
+        self.mass = self.mass_std = float('nan')
+        self._body: Array | None = None
+        self._covariance = np.zeros((10, 10))
+        self._window: deque[tuple[bool, bool, Array]] = deque(maxlen=round(_WINDOW / _PERIOD))
+        self.pause()
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether a detected payload is still present."""
+        return self._body is not None
+
+    def pause(self) -> None:
+        """Restart after a gap; a detected payload stays."""
+        self._columns = np.zeros((self._n, 10))
+        self._integral: Array | None = None
+        self._due = self._quiet = 0.0
+
+    def update(
+        self,
+        state: ArmState,
+        dt: float,
+        row: Unexplained,
+        threshold: Array,
+        base: BaseMotion | None,
+    ) -> None:
+        """Process a state and its unexplained torque."""
+        self.found = self.released = False
+        if not self._is_needed(row.residual, threshold, dt):
+            return
+        motion = self._still if base is None else base
+        momentum, force = self._regressor.evaluate(
+            state.q, state.dq, motion.specific_force, motion.angular_velocity
+        )
+        if self._integral is None:
+            self._integral, self._columns = momentum, np.zeros((self._n, 10))
+        integral = self._integral + dt * -force
+        gain = self._gain
+        # The backward Euler steps of `ExternalTorque`, column by column.
+        observed = gain * (momentum - integral) / (1.0 + dt * gain)
+        self._integral = integral + dt * observed
+        share = dt * gain / (1.0 + dt * gain)
+        self._columns = self._columns + share * (observed - self._columns)
+        if self._body is not None:
+            self.torque = -self._columns @ self._body
+            rows = self._columns * self._scale
+            variance = np.einsum('ij,jk,ik->i', rows, self._covariance, rows)
+            self.doubt = _SIGNIFICANT * np.sqrt(np.maximum(variance, 0.0))
+            self.doubt += _LOAD_SHARE * np.abs(self.torque)
+        self._due += dt
+        if self._due >= _PERIOD:
+            self._due = 0.0
+            self._learn(state, row, threshold)
+
+    def suspect(self, ratio: Array, threshold: Array) -> None:
+        """Forget what was learnt before a new event, unless it explains the torque of the event.
+
+        Parameters
+        ----------
+        ratio, threshold : (n,) ndarray
+            External torque relative to its threshold, and the threshold [Nm].
+        """
+        if self.is_loaded:
+            return
+        predicted = -self._columns @ (self._scale * self._filter.belief.mean) / threshold
+        if np.linalg.norm(ratio - predicted) > 0.5 * np.linalg.norm(ratio):
+            self._forget()
+
+    def _forget(self) -> None:
+        self._filter.forget(slice(None))
+        self._window.clear()
+
+    def _is_needed(self, residual: Array, threshold: Array, dt: float) -> bool:
+        """Return whether there is torque to explain; the regression is half of all computation."""
+        if self.is_loaded or bool((np.abs(residual) > _NOTABLE * threshold).any()):
+            self._quiet = 0.0
+        elif self._quiet > _WINDOW:
+            self._integral = None
+            self._window.clear()
+            return False
+        self._quiet += dt
+        return True
+
+    def _learn(self, state: ArmState, row: Unexplained, threshold: Array) -> None:
+        if np.abs(state.dq).max() < 0.02:
+            return
+        rows = -self._columns * self._scale
+        belief = self._filter.belief
+        predicted = rows @ belief.mean
+        by_body = np.abs(row.residual - predicted) / threshold
+        bare = np.abs(row.residual) / threshold
+        self._window.append(
+            (bool(bare.max() > 1.0), bool(by_body.max() < 1.0), predicted / threshold)
+        )
+        variance = _CORRELATED * (threshold / _SIGNIFICANT) ** 2
+        variance = variance * np.maximum(1.0, by_body**2)
+        kept = np.full(10, np.exp(-_PERIOD / _MEMORY))
+        self._filter.update(rows, row.residual, variance, kept)
+        if len(self._window) == self._window.maxlen:
+            self._decide()
+
+    def _decide(self) -> None:
+        exceeded, explained, predicted = zip(*self._window, strict=True)
+        belief = self._filter.belief
+        mass = float(self._scale[0] * belief.mean[0])
+        self._covariance = belief.covariance
+        std = float(self._scale[0] * np.sqrt(self._covariance[0, 0]))
+        if self._body is not None:
+            self._body = self._scale * belief.mean
+            self.mass, self.mass_std = mass, std
+            # The bare arm explains a motion in which the payload would be noticed.
+            contradicted = np.mean(explained) < 0.5 or mass < _SIGNIFICANT * std
+            if np.mean(exceeded) < 1.0 - _EXPLAINED and contradicted:
+                self._body, self.released = None, True
+                self.torque = self.doubt = np.zeros(self._n)
+                self._forget()
+            return
+        varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
+        if (
+            np.mean(exceeded) > _EXCEEDED
+            and np.mean(explained) > _EXPLAINED
+            and varied
+            and mass > _SIGNIFICANT * std
+        ):
+            self._body, self.found = self._scale * belief.mean, True
+            self.mass, self.mass_std = mass, std

@@ -1,0 +1,54 @@
+"""Averages of states that `StateWindow` returns."""
+
+import numpy as np
+import pytest
+
+from aerarm_ros.motion.signals import ArmState
+from aerarm_ros.online.external_torque import StateWindow, Window
+
+CYCLE = 1e-3
+MASS = 0.3
+
+
+def windows(states: list[ArmState], dt: float) -> list[Window]:
+    window = StateWindow()
+    return [mean for state in states if (mean := window.update(state, dt)) is not None]
+
+
+def pushed_mass(force: np.ndarray) -> list[ArmState]:
+    """Return the states of a mass under a force per cycle."""
+    dq = np.cumsum(force) * CYCLE / MASS
+    return [
+        ArmState(np.zeros(1), np.array([v]), np.array([f]))
+        for v, f in zip(dq, force, strict=True)
+    ]  # fmt: skip
+
+
+def test_the_mean_torque_is_the_change_of_mean_momentum() -> None:
+    force = np.random.default_rng(1).uniform(-1.0, 1.0, 60)
+    means = windows(pushed_mass(force), CYCLE)
+    assert [mean.states for mean in means] == [5] * 12
+    for before, after in zip(means, means[1:], strict=False):
+        change = MASS * (after.state.dq - before.state.dq) / after.dt
+        assert after.state.tau == pytest.approx(change)
+
+
+def test_slow_states_pass_unchanged() -> None:
+    states = pushed_mass(np.array([1.0, -2.0, 0.5]))
+    means = windows(states, 0.01)
+    assert [mean.states for mean in means] == [1, 1, 1]
+    for state, mean in zip(states, means, strict=True):
+        assert mean.state.dq == pytest.approx(state.dq)
+        assert mean.state.tau == pytest.approx(state.tau)
+
+
+def test_encoder_counts_disappear_in_the_mean() -> None:
+    count, speed = 5e-5, 0.02
+    q = np.floor(speed * CYCLE * np.arange(1001) / count) * count
+    states = [
+        ArmState(np.array([b]), np.array([(b - a) / CYCLE]), np.zeros(1))
+        for a, b in zip(q, q[1:], strict=False)
+    ]
+    raw = np.std([state.dq for state in states])
+    mean = np.std([window.state.dq for window in windows(states, CYCLE)])
+    assert mean < 0.25 * raw

@@ -1,0 +1,69 @@
+"""A controller compensates the friction of `friction_file`, which the URDF cannot hold."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from controller_bench import NAMES, ControllerBench, trajectory
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from aerarm_msgs_py import topics
+from aerarm_ros.description.robot import load_robot
+
+STRIBECK, VELOCITY = 1.0, 0.2  # of the dry friction, and [rad/s]
+HERE, GOAL = [0.0, 0.5 * np.pi, 0.0, 0.0], [0.3, 1.3, 0.3, -0.3]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, ros_node: Node) -> Iterator[ControllerBench]:
+    bench = ControllerBench(tmp_path, ros_node, stribeck=STRIBECK, stribeck_velocity=VELOCITY)
+    with bench.hardware:
+        bench.start()
+        yield bench
+
+
+def estimate(folder: Path) -> Path:
+    """Write the emulated arm's friction as the identifier does."""
+    robot = load_robot()
+    friction = {
+        'viscous': robot.viscous,
+        'coulomb': robot.coulomb,
+        'stribeck': STRIBECK * robot.coulomb,
+        'stribeck_width': np.full(4, VELOCITY),
+    }
+    parameters = {
+        'joint_names': list(robot.joint_names),
+        'inertial_parameters': robot.inertial_parameters.ravel().tolist(),
+        'friction': {name: values.tolist() for name, values in friction.items()},
+    }
+    file = folder / 'estimate.yaml'
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}))
+    return file
+
+
+def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
+    bench: ControllerBench, tmp_path: Path
+) -> None:
+    rows: list[list[float]] = []
+
+    def keep(message: JointState) -> None:
+        assert list(message.name) == NAMES
+        if np.abs(bench.dq).min() > 0.02:
+            rows.append(list(message.effort))
+
+    def unexplained(goal: list[float], **given: object) -> np.ndarray:
+        rows.clear()
+        with bench.controller('computed_torque', compensation=0.0, **given) as process:
+            goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 4.0)
+            bench.wait_for_posture(goal, 0.05, lambda: goals.publish(motion))
+            assert process.stop() == 0, process.tail()
+        assert len(rows) > 20
+        return np.abs(np.mean(rows, axis=0))
+
+    bench.listen(topics.DISTURBANCE, keep)
+    without = unexplained(GOAL)
+    with_file = unexplained(HERE, friction_file=estimate(tmp_path))
+    assert np.all(with_file < 0.4 * without), (without, with_file)
