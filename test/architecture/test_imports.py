@@ -33,7 +33,7 @@ ALLOWED = {
     'flight': {'control', 'model', 'description'},
     'autopilot': {'flight', 'control', 'model', 'description'},
     'energy': {'control', 'model', 'description'},
-    'excitation': {'pages', 'model', 'description', 'realtime'},
+    'excitation': {'pages', 'model', 'description', 'parallel'},
     'identification': {'energy', 'pages', 'model', 'description'},
     'calibration': {'excitation', 'identification', 'pages', 'model', 'description'},
     'online': {'identification', 'control', 'model', 'description'},
@@ -43,7 +43,7 @@ ALLOWED = {
     'draft': {'excitation', 'hardware', 'model', 'description'},
     'experiment': {
         *('control', 'excitation', 'identification', 'hardware', 'simulation'),
-        *('pages', 'model', 'description'),
+        *('pages', 'model', 'description', 'parallel'),
     },
     'link': set(),
     'planner': {'energy', 'excitation', 'control', 'model', 'description'},
