@@ -328,7 +328,7 @@ class DroneEnd(LinkEnd):
     def _take(self, received: Received) -> None:
         channel = received.channel
         if channel in (CALLS, STOPS):
-            self._services.call(received.payload, time.monotonic())
+            self._services.call(received.payload, time.monotonic(), channel == STOPS)
         elif channel == BAG_REQUESTS:
             self._recordings.take_request(received.payload)
         elif channel == QUESTIONS:

@@ -37,7 +37,8 @@ SERVICE_TYPES: Mapping[str, Any] = MappingProxyType(
 """Types of relayed services, by their names in ROS."""
 E_STOP = 'e_stop'
 
-_CALL = struct.Struct('<IH')
+_CALL = struct.Struct('<IH')  # number, length of the name
+_NUMBER_MAX = 2**32 - 1
 _LIFETIME = 1.0  # [s] in which a call must reach the drone
 _ANSWER_TIMEOUT = 30.0  # [s]; as long as the longest wait of the command `arm`
 _STOP_NOTICE = 1.0  # [s] after which the user is warned that the stop is not delivered yet
@@ -66,9 +67,10 @@ class DroneServices:
         self._clients: dict[str, Client] = {}
         self._found: dict[str, str] = {}
         self._offered: dict[str, str] = {}
-        self._calls: dict[tuple[str, int], tuple[int, float]] = {}
-        self._stops: dict[int, tuple[str, bytes, float]] = {}
+        self._calls: dict[tuple[str, int], tuple[int, int, float]] = {}
+        self._stops: dict[int, tuple[str, Trigger.Request, float]] = {}
         self._stopped = -inf
+        self._newest_stop, self._newest_stop_at = 0, -inf
 
     def update(self, now: float) -> None:
         """Check for services periodically, and send received answers."""
@@ -82,7 +84,7 @@ class DroneServices:
             # The ground reports an e-stop as failed after this time.
             self._stops = {k: stop for k, stop in self._stops.items() if stop[2] > now}
             for number, (name, request, _) in self._stops.items():
-                self._request(number, name, request, now)
+                self._request(STOP_RESULTS, number, name, request, now)
         waiting = {name for name, _ in self._calls}
         for name in waiting:
             client = self._clients[name]
@@ -92,30 +94,49 @@ class DroneServices:
                     break
                 call = self._calls.pop((name, header.request_id.sequence_number), None)
                 if call is not None:
-                    self._stops.pop(call[0], None)
-                    content = _CALL.pack(call[0], 0) + serialize_message(response)
-                    if name.endswith(f'/{E_STOP}'):
-                        self._connection.send(STOP_RESULTS, content, URGENT)
-                    else:
-                        self._connection.send(RESULTS, content)
-        self._calls = {key: call for key, call in self._calls.items() if call[1] > now}
+                    channel, number, _ = call
+                    if channel == STOP_RESULTS:
+                        self._stops.pop(number, None)
+                    self._answer(channel, number, response)
+        self._calls = {key: call for key, call in self._calls.items() if call[2] > now}
 
-    def call(self, content: bytes, now: float) -> None:
-        """Call a service for a client on the ground computer."""
+    def call(self, content: bytes, now: float, is_stop: bool) -> None:
+        """Call a service for a client on the ground computer; `is_stop` marks an e-stop.
+
+        An e-stop may overtake an earlier call, such as `clear_fault`, which must not undo it.
+        """
         number, length = _CALL.unpack_from(content)
         name = content[_CALL.size : _CALL.size + length].decode()
-        if name.endswith(f'/{E_STOP}'):
-            self._stops[number] = name, content[_CALL.size + length :], now + _ANSWER_TIMEOUT
-            self._stopped = now
-        self._request(number, name, content[_CALL.size + length :], now)
+        content = content[_CALL.size + length :]
+        if is_stop:
+            stop = deserialize_message(content, Trigger.Request)
+            self._stops[number] = name, stop, now + _ANSWER_TIMEOUT
+            self._stopped = self._newest_stop_at = now
+            self._newest_stop = number
+            self._request(STOP_RESULTS, number, name, stop, now)
+        elif name in self._clients:
+            kind = self._clients[name].srv_type
+            request = deserialize_message(content, kind.Request)
+            if self._is_before_stop(number, now) and hasattr(kind.Response, 'success'):
+                text = f'{name} rejected, because an e-stop came after it: send the request again'
+                self._answer(RESULTS, number, kind.Response(success=False, message=text))
+            else:
+                self._request(RESULTS, number, name, request, now)
 
-    def _request(self, number: int, name: str, content: bytes, now: float) -> None:
+    def _is_before_stop(self, number: int, now: float) -> bool:
+        age = (self._newest_stop - number) & _NUMBER_MAX
+        return now - self._newest_stop_at < 2.0 * _LIFETIME and age <= _NUMBER_MAX // 2
+
+    def _answer(self, channel: int, number: int, response: Any) -> None:
+        content = _CALL.pack(number, 0) + serialize_message(response)
+        self._connection.send(channel, content, URGENT if channel == STOP_RESULTS else PROMPT)
+
+    def _request(self, channel: int, number: int, name: str, request: Any, now: float) -> None:
         client = self._clients.get(name)
-        if client is None:
-            return
-        request = deserialize_message(content, client.srv_type.Request)
-        sequence = client.handle.send_request(request)
-        self._calls[name, sequence] = number, now + _ANSWER_TIMEOUT
+        # A service named e_stop may have another type.
+        if client is not None and isinstance(request, client.srv_type.Request):
+            sequence = client.handle.send_request(request)
+            self._calls[name, sequence] = channel, number, now + _ANSWER_TIMEOUT
 
     def greet(self) -> None:
         """Announce the drone's services to a ground computer whose `ground_link` just started."""
@@ -183,6 +204,7 @@ class GroundServices:
         self._services: dict[str, Service] = {}
         self._offered: dict[str, str] = {}
         self._calls: dict[int, _Call] = {}
+        self._shared_stops: dict[str, Message] = {}  # since the newest other call
         self._number = int(time.time()) & 0xFFFF_FF00
 
     @property
@@ -241,17 +263,17 @@ class GroundServices:
             )
 
     def _forward(self, name: str, service: Service, request: Any, header: Any, now: float) -> None:
-        self._number = (self._number + 1) & 0xFFFFFFFF
+        self._number = (self._number + 1) & _NUMBER_MAX
         encoded = name.encode()
         content = _CALL.pack(self._number, len(encoded)) + encoded + serialize_message(request)
-        is_stop = _offers_stop(service)
-        kept = [call for call in self._calls.values() if call.service is service]
-        if is_stop and kept and not kept[-1].message.is_confirmed:
-            message = kept[-1].message  # one message is enough
-        elif is_stop:
-            message = self._connection.send(STOPS, content, URGENT)
-        else:
+        kept = self._shared_stops.get(name)
+        if not _offers_stop(service):
             message = self._connection.send(CALLS, content, PROMPT, now + _LIFETIME)
+            self._shared_stops.clear()  # a later e-stop must come after this call
+        elif kept is not None and not kept.is_confirmed:
+            message = kept  # one message is enough
+        else:
+            message = self._shared_stops[name] = self._connection.send(STOPS, content, URGENT)
         self._calls[self._number] = _Call(service, header, now, message)
 
     def _look_after(self, number: int, call: _Call, now: float) -> None:

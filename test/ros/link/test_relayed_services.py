@@ -36,7 +36,7 @@ class Relay:
         drone, ground = self.pair.step()
         for received in drone:
             assert received.channel in (CALLS, STOPS)
-            self.drone.call(received.payload, self.pair.now)
+            self.drone.call(received.payload, self.pair.now, received.channel == STOPS)
         for received in ground:
             if received.channel == OFFERED:
                 self.ground.take_offered(received.payload)
@@ -174,3 +174,59 @@ def test_services_are_created_a_few_at_a_time_and_e_stops_first(pair: Pair) -> N
 
     pair.until(step)
     assert '/bridge/e_stop' in made[0]
+
+
+def log_of_bridge(pair: Pair) -> list[str]:
+    """Return the calls that a bridge with `clear_fault` and `e_stop` receives, in order."""
+    came: list[str] = []
+    for name in ('clear_fault', 'e_stop'):
+
+        def act(
+            _: Trigger.Request, response: Trigger.Response, name: str = name
+        ) -> Trigger.Response:
+            came.append(name)
+            response.success = True
+            return response
+
+        pair.drone.node.create_service(Trigger, f'/bridge/{name}', act)
+    return came
+
+
+def test_an_earlier_clear_fault_does_not_undo_an_e_stop(pair: Pair) -> None:
+    relay = Relay(pair)
+    came = log_of_bridge(pair)
+    stop, clear = relay.client(), relay.client('/bridge/clear_fault')
+    pair.loss = 1.0
+    cleared = clear.call_async(Trigger.Request())
+    for _ in range(15):
+        relay.step()
+    stopped = stop.call_async(Trigger.Request())
+    for _ in range(15):
+        relay.step()
+    pair.loss = 0.0
+    pair.until(lambda: relay.step() and cleared.done() and stopped.done())
+    assert set(came) == {'e_stop'}
+    assert 'rejected, because an e-stop came after it' in cleared.result().message
+    assert stopped.result().success
+    cleared = clear.call_async(Trigger.Request())  # at once, but after the e-stop
+    pair.until(lambda: relay.step() and cleared.done())
+    assert cleared.result().success
+
+
+def test_an_e_stop_after_a_clear_fault_does_not_share_the_message_of_an_earlier_one(
+    pair: Pair,
+) -> None:
+    relay = Relay(pair)
+    came = log_of_bridge(pair)
+    stop, clear = relay.client(), relay.client('/bridge/clear_fault')
+    pair.loss = 1.0
+    calls = []
+    for client in (stop, stop, clear, stop):
+        calls.append(client.call_async(Trigger.Request()))
+        for _ in range(5):
+            relay.step()
+    assert pair.ground.connection.waiting == 3  # one message for the first two e-stops
+    pair.loss = 0.0
+    pair.until(lambda: relay.step() and all(call.done() for call in calls))
+    assert 'clear_fault' not in came
+    assert [call.result().success for call in calls] == [True, True, False, True]
