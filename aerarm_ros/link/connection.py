@@ -175,7 +175,7 @@ class Connection:
         self._waiting = [deque[_Part]() for _ in range(3)]  # not sent yet, by priority
         self._moving: list[_Part] = []  # sent and not acknowledged
         self._their_times = (0, 0)
-        self._least_trip = inf
+        self._least_trip, self._aged = inf, -inf
         self._exchanges: deque[tuple[float, float, float]] = deque()
         self._delays: deque[tuple[float, float]] = deque()
         self._next = self._confirmed_below = 0
@@ -269,7 +269,8 @@ class Connection:
         self._expire(now)
         sealed = self._session.seal(self._body(now, now_ns, system_ns)) if self.is_joined else None
         datagram = self._counted(sealed or self._session.greeting(now))
-        self._tokens -= len(datagram) + HEADERS
+        # E-stops are sent at any cost; the debt must not delay later commands.
+        self._tokens = max(self._tokens - len(datagram) - HEADERS, -_FILL * self._rate)
         return datagram
 
     def _body(self, now: float, now_ns: int, system_ns: int) -> bytes:
@@ -387,6 +388,9 @@ class Connection:
         """Process the times of clocks and delays; return whether the datagram was late."""
         sent_ns, their_system_ns, our_ns, held_ns = times
         self._their_times = (sent_ns, now_ns)
+        # A longer delay may be permanent. A cut must not age the quickest trip before it.
+        step, self._aged = min(now - self._aged, 0.1), now
+        self._least_trip += step * _LATE_MAX / _DELAY_SPAN
         is_fresh = False
         if our_ns:
             # The other end received our datagram, held it, and answered.

@@ -38,6 +38,7 @@ _CALLER = 'ground'  # role of the end that calls the other
 _WINDOW = 128  # datagrams that may overtake each other
 _OFFER = 5.0  # [s] in which a session number is offered; for as long again it may be accepted
 _ANSWER_EVERY, _ANSWERS = 0.02, 8  # [s]; in that time one answer per session, and so many in all
+_FIRST_ANSWERS = 64  # sessions of which the time of the first answer is known
 # [s] after a handshake, besides its duration, in which datagrams of the former sessions are still
 # under way. An answer to one of them would begin the next handshake.
 _SETTLING = 1.0
@@ -140,6 +141,7 @@ class Session:
         self._offered, self._offered_at = _Sealer(key, role), -inf
         self._settled_at = -inf
         self._answered: dict[bytes, float] = {}
+        self._first_answers: dict[bytes, float] = {}
 
     @property
     def is_joined(self) -> bool:
@@ -181,7 +183,8 @@ class Session:
         to, body = plain[:SESSION_SIZE], plain[SESSION_SIZE:]
         if to == self._offered.session and now - self._offered_at < 2.0 * _OFFER:
             self._own, self._peer = self._offered, _Peer(session, cipher, counter)
-            self._settled_at = now + (now - self._offered_at) + _SETTLING
+            begin = self._first_answers.get(session, self._offered_at)
+            self._settled_at = now + (now - begin) + _SETTLING
             self._offered_at = -inf  # the next greeting gets another number
             return Opened(body, True, True)
         if is_peer and not self._peer.is_new(counter):
@@ -200,6 +203,10 @@ class Session:
         if session not in recent and len(recent) < _ANSWERS:
             self.answer = self._offer(now).seal(session, b'')
             recent[session] = now
+            first = {key: when for key, when in self._first_answers.items() if now - when < _OFFER}
+            if len(first) < _FIRST_ANSWERS:
+                first.setdefault(session, now)
+            self._first_answers = first
         self._answered = recent
 
     def _offer(self, now: float) -> _Sealer:

@@ -302,3 +302,31 @@ def test_a_flood_of_events_on_a_good_link_does_not_fill_the_backlog() -> None:
     came = link.payloads('ground')
     assert came[-1] == (19_999).to_bytes(4, 'little')
     assert came == sorted(came, key=lambda content: int.from_bytes(content, 'little'))
+
+
+@pytest.mark.parametrize('stops', [1, 2])
+def test_commands_pass_as_soon_as_a_kept_urgent_message_is_delivered(stops: int) -> None:
+    link = Link()
+    link.run(3.0)
+    link.is_cut = True
+    link.run(1.0)
+    for _ in range(stops):
+        link.ground.send(1, bytes(45), URGENT)
+    link.run(60.0)
+    link.is_cut = False
+    link.run(1.0, lambda: len(link.came['drone']) == stops)
+    link.ground.send(2, b'go' * 20, PROMPT, expires=link.clocks('ground')[0] + 1.0)
+    link.run(2.0)
+    assert link.payloads('drone')[stops:] == [b'go' * 20]
+
+
+def test_commands_pass_again_after_the_delay_has_risen_for_good() -> None:
+    link = Link()
+    link.run(3.0)
+    link.delay = 0.62
+    link.run(120.0)
+    for _ in range(5):
+        link.ground.send(2, b'go', PROMPT, expires=link.clocks('ground')[0] + 1.0)
+        link.run(3.0)
+    assert link.payloads('drone') == [b'go'] * 5
+    assert link.drone.delay < 0.02

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from bad_link import KEY, TICK, Link
 
-from aerarm_ros.link.connection import MESSAGE_MAX, PROMPT, Connection
+from aerarm_ros.link.connection import MESSAGE_MAX, PROMPT, URGENT, Connection
 
 
 def ground() -> Connection:
@@ -225,3 +225,16 @@ def test_a_message_that_unpacks_to_gigabytes_is_dropped() -> None:
     body = part(len(parts), 1, 1, 8, b'next')
     (received,) = link.drone.receive(session.seal(body), *link.clocks('drone'))
     assert received.payload == b'next'
+
+
+def test_a_new_ground_connects_soon_although_the_former_one_got_an_old_offer() -> None:
+    link = Link()
+    link.is_cut = True
+    link.drone.receive(ground().datagram(*link.clocks('ground')), *link.clocks('drone'))
+    link.run(4.8)
+    link.is_cut = False
+    link.run(2.0, lambda: link.drone.is_joined and link.ground.is_joined)
+    link.run(0.5)
+    link.ground = ground()
+    link.ground.send(1, b'stop', URGENT)
+    assert link.run(20.0, lambda: link.came['drone']) < 1.5
