@@ -417,6 +417,7 @@ class GroundEnd(LinkEnd):
 
     def _greet(self) -> None:
         self._node.get_logger().info('the drone is connected')
+        self._services.greet()
 
     def _problem(self, now: float) -> str:
         kept = self._services.kept_stops

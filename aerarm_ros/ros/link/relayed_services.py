@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import secrets
 import struct
-import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
@@ -13,6 +13,7 @@ from typing import Any
 
 from rcl_interfaces import srv as parameters
 from rclpy.client import Client
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.service import Service
@@ -42,6 +43,10 @@ _NUMBER_MAX = 2**32 - 1
 _LIFETIME = 1.0  # [s] in which a call must reach the drone
 _ANSWER_TIMEOUT = 30.0  # [s]; as long as the longest wait of the command `arm`
 _STOP_NOTICE = 1.0  # [s] after which the user is warned that the stop is not delivered yet
+_UNCONFIRMED = (
+    'NOT CONFIRMED: the drone received the e-stop, but no bridge has answered: check the bridge on '
+    'the drone'
+)
 _LOOKS = 0.5  # [s] between two checks for services
 _STOP_AGAIN = 0.2  # [s] between two requests of an e-stop that the bridge has not answered
 _NEW_MAX = 4  # services or clients made in one update: each takes a millisecond or more
@@ -205,7 +210,8 @@ class GroundServices:
         self._offered: dict[str, str] = {}
         self._calls: dict[int, _Call] = {}
         self._shared_stops: dict[str, Message] = {}  # since the newest other call
-        self._number = int(time.time()) & 0xFFFF_FF00
+        # A late answer to a former process of this host must not answer a call of this one.
+        self._number = secrets.randbits(32)
 
     @property
     def kept_stops(self) -> list[str]:
@@ -216,6 +222,15 @@ class GroundServices:
         """Offer the services that the drone announces, and remove others, in the next updates."""
         offered = json.loads(content)
         self._offered = {name: kind for name, kind in offered.items() if kind in SERVICE_TYPES}
+
+    def greet(self) -> None:
+        """Re-send e-stops that a former process of the drone received, without an answer."""
+        for message in dict.fromkeys(c.message for c in self._calls.values() if _is_stop(c)):
+            if message.is_confirmed:
+                again = self._connection.send(STOPS, message.payload, URGENT)
+                for call in self._calls.values():
+                    if call.message is message:
+                        call.message, call.confirmed = again, inf
 
     def update(self, now: float) -> bool:
         """Forward received requests; return whether there were any."""
@@ -258,9 +273,13 @@ class GroundServices:
         for name in [name for name in own - offered if E_STOP not in name][:_NEW_MAX]:
             self._node.destroy_service(self._services.pop(name))
         for name in _e_stops_first(offered - own)[:_NEW_MAX]:
-            self._services[name] = self._node.create_service(
-                SERVICE_TYPES[self._offered[name]], name, _ignore, callback_group=self._group
-            )
+            kind = SERVICE_TYPES[self._offered[name]]
+            try:
+                self._services[name] = self._node.create_service(
+                    kind, name, _ignore, callback_group=self._group
+                )
+            except (NameValidationException, TypeError):  # TypeError: not UTF-8
+                del self._offered[name]
 
     def _forward(self, name: str, service: Service, request: Any, header: Any, now: float) -> None:
         self._number = (self._number + 1) & _NUMBER_MAX
@@ -277,33 +296,38 @@ class GroundServices:
         self._calls[self._number] = _Call(service, header, now, message)
 
     def _look_after(self, number: int, call: _Call, now: float) -> None:
-        name = call.service.srv_name
         if _is_stop(call):
             if now - call.begin > _STOP_NOTICE and not call.is_answered:
-                state = 'delivered, but not confirmed' if call.message.is_confirmed else 'kept'
-                text = (
-                    'NOT DELIVERED YET, because the drone has been silent for '
-                    f'{self._silence(now)}; the e-stop is {state} and acts when the connection '
-                    'is back'
-                )
-                self._log(True, f'{name}: {text}')
                 call.is_answered = True
-                self._answer(call, Trigger.Response(success=False, message=text))
+                self._fail(call, _UNCONFIRMED if call.message.is_confirmed else (
+                    'NOT DELIVERED YET, because the drone has been silent for '
+                    f'{self._silence(now)}; the e-stop is kept and acts when the connection is back'
+                ))  # fmt: skip
             if call.message.is_confirmed:
                 call.confirmed = min(call.confirmed, now)
             if now - call.confirmed > _ANSWER_TIMEOUT:
                 del self._calls[number]
-                self._log(True, f'{name}: the drone received the e-stop, but no bridge answered: '
-                          'check the bridge on the drone')  # fmt: skip
+                self._log(True, f'{call.service.srv_name}: no bridge answered the e-stop within '
+                          f'{_ANSWER_TIMEOUT:g} s: check the bridge on the drone')  # fmt: skip
         elif call.message.is_expired and not call.is_answered:
             del self._calls[number]
-            text = f'not delivered within {_LIFETIME:g} s, because the drone has been silent for '
-            text += f'{self._silence(now)}: send the request again when the connection is back'
-            self._log(True, f'{name}: {text}')
-            if hasattr(call.service.srv_type.Response, 'success'):
-                self._answer(call, call.service.srv_type.Response(success=False, message=text))
+            self._fail(call, (
+                f'not delivered within {_LIFETIME:g} s, because the drone has been silent for '
+                f'{self._silence(now)}: send the request again when the connection is back'
+            ))  # fmt: skip
         elif now - call.begin > _ANSWER_TIMEOUT:
             del self._calls[number]
+            self._fail(call, (
+                'the drone received the request, but the service has not answered within '
+                f'{_ANSWER_TIMEOUT:g} s: check its node on the drone'
+            ))  # fmt: skip
+
+    def _fail(self, call: _Call, text: str) -> None:
+        """Log a warning, and answer with a failure if the service's type has one."""
+        self._log(True, f'{call.service.srv_name}: {text}')
+        kind = call.service.srv_type.Response
+        if hasattr(kind, 'success'):
+            self._answer(call, kind(success=False, message=text))
 
     def _silence(self, now: float) -> str:
         silent = now - self._connection.last_received

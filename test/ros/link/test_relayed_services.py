@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import struct
 from collections import Counter
 from typing import TYPE_CHECKING
 
+import pytest
 from rclpy.client import Client
+from rclpy.serialization import serialize_message
 from rclpy.service import Service
 from std_srvs.srv import SetBool, Trigger
 
+from aerarm_ros.link.connection import Connection
+from aerarm_ros.ros.link.link_ends import _MALFORMED
 from aerarm_ros.ros.link.relayed_services import DroneServices, GroundServices
 from aerarm_ros.ros.link.relayed_topics import CALLS, OFFERED, STOPS
 
@@ -29,11 +35,22 @@ class Relay:
             pair.ground.relay, pair.ground.connection, lambda _, text: self.log.append(text)
         )
         self.stops = 0
+        self._peers = pair.ground.connection.peers
+
+    def restart_drone(self) -> None:
+        side = self.pair.drone
+        side.connection = Connection(bytes(range(32)), 'drone', 'ground', 1e6)
+        for client in list(side.relay.clients):
+            side.relay.destroy_client(client)
+        self.drone = DroneServices(side.relay, side.connection)
 
     def step(self) -> bool:
         self.drone.update(self.pair.now)
         self.ground.update(self.pair.now)
         drone, ground = self.pair.step()
+        if self.pair.ground.connection.peers != self._peers:
+            self._peers = self.pair.ground.connection.peers
+            self.ground.greet()
         for received in drone:
             assert received.channel in (CALLS, STOPS)
             self.drone.call(received.payload, self.pair.now, received.channel == STOPS)
@@ -110,7 +127,7 @@ def test_an_e_stop_that_was_reported_as_failed_stops_no_later_bridge(pair: Pair)
     pair.until(lambda: relay.step() and not pair.drone.relay.count_services('/bridge/e_stop'))
     answer = stop.call_async(Trigger.Request())
     pair.until(lambda: relay.step() and answer.done())
-    assert 'NOT DELIVERED YET' in answer.result().message
+    assert 'NOT CONFIRMED' in answer.result().message
     pair.now += ANSWER_TIMEOUT
     pair.until(lambda: relay.step() and any('no bridge answered' in text for text in relay.log))
     for _ in range(20):
@@ -230,3 +247,111 @@ def test_an_e_stop_after_a_clear_fault_does_not_share_the_message_of_an_earlier_
     pair.until(lambda: relay.step() and all(call.done() for call in calls))
     assert 'clear_fault' not in came
     assert [call.result().success for call in calls] == [True, True, False, True]
+
+
+def test_a_restarted_drone_receives_an_e_stop_that_no_bridge_has_answered(pair: Pair) -> None:
+    relay = Relay(pair)
+    bridge = relay.bridge()
+    stop = relay.client()
+    pair.drone.node.destroy_service(bridge)
+    pair.until(lambda: relay.step() and not pair.drone.relay.count_services('/bridge/e_stop'))
+    answer = stop.call_async(Trigger.Request())
+    pair.until(lambda: relay.step() and answer.done())
+    text = answer.result().message
+    assert text.startswith('NOT CONFIRMED: the drone received the e-stop, but no bridge')
+    relay.restart_drone()
+    relay.bridge()
+    pair.until(lambda: relay.step() and relay.stops > 0)
+    pair.until(lambda: relay.step() and not relay.ground.kept_stops)
+
+
+def test_a_truncated_e_stop_is_not_kept(pair: Pair) -> None:
+    relay = Relay(pair)
+    relay.bridge()
+    relay.client()
+    name = b'/bridge/e_stop'
+    for body in (b'', b'\0\1'):
+        with pytest.raises(_MALFORMED):
+            relay.drone.call(struct.pack('<IH', 1, len(name)) + name + body, pair.now, True)
+        pair.now += 0.3
+        relay.step()
+    assert relay.stops == 0
+
+
+def own_names(pair: Pair) -> list[str]:
+    names = [service.srv_name for service in pair.ground.relay.services]
+    return [name for name in names if 'get_type_description' not in name]
+
+
+@pytest.mark.parametrize('name', ['/no name', '', 'a' * 300, '/\ud800'])
+def test_an_offered_service_with_an_invalid_name_is_ignored(pair: Pair, name: str) -> None:
+    relay = Relay(pair)
+    kind = 'std_srvs/srv/Trigger'
+    relay.ground.take_offered(json.dumps({name: kind, '/bridge/e_stop': kind}).encode())
+    for _ in range(3):
+        relay.ground.update(pair.now)
+    assert own_names(pair) == ['/bridge/e_stop']
+
+
+def test_a_late_answer_to_a_former_ground_does_not_confirm_a_new_e_stop(pair: Pair) -> None:
+    relay = Relay(pair)
+    bridge = relay.bridge()
+    stop = relay.client()
+    pair.drone.node.destroy_service(bridge)
+    pair.until(lambda: relay.step() and not pair.drone.relay.count_services('/bridge/e_stop'))
+    stop.call_async(Trigger.Request())
+    relay.step()
+    pair.until(lambda: relay.step() and relay.ground.kept_stops)
+    former = struct.pack('<IH', next(iter(relay.ground._calls)), 0)
+    for service in list(pair.ground.relay.services):
+        if service.srv_name == '/bridge/e_stop':
+            pair.ground.relay.destroy_service(service)
+    pair.until(lambda: pair.step() and not stop.service_is_ready())
+    relay.ground = GroundServices(pair.ground.relay, pair.ground.connection, lambda *_: None)
+    offered = json.dumps({'/bridge/e_stop': 'std_srvs/srv/Trigger'}).encode()
+    relay.ground.take_offered(offered)
+    pair.until(lambda: relay.step() and stop.service_is_ready())
+    answer = stop.call_async(Trigger.Request())
+    pair.until(lambda: relay.step() and relay.ground.kept_stops)
+    response = serialize_message(Trigger.Response(success=True))
+    relay.ground.take_result(former + response, pair.now)
+    assert relay.ground.kept_stops == ['/bridge/e_stop']
+    assert not answer.done()
+
+
+def test_a_service_named_e_stop_of_another_type_is_an_ordinary_call(pair: Pair) -> None:
+    relay = Relay(pair)
+    came: list[bool] = []
+
+    def act(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        came.append(request.data)
+        response.success = True
+        return response
+
+    pair.drone.node.create_service(SetBool, '/other/e_stop', act)
+    client = relay.client('/other/e_stop', SetBool)
+    answer = client.call_async(SetBool.Request(data=True))
+    pair.until(lambda: relay.step() and answer.done())
+    assert answer.result().success
+    assert relay.drone._stops == {}
+    for _ in range(30):
+        relay.step()
+    assert came == [True]
+
+
+def test_a_delivered_call_without_an_answer_is_reported(pair: Pair) -> None:
+    relay = Relay(pair)
+    silent = pair.drone.relay.create_service(  # no executor runs this node
+        SetBool, '/slow/set', lambda _, response: response
+    )
+    client = relay.client('/slow/set', SetBool)
+    answer = client.call_async(SetBool.Request())
+    for _ in range(10):
+        relay.step()
+    assert not answer.done()
+    pair.now += ANSWER_TIMEOUT
+    pair.until(lambda: relay.step() and answer.done())
+    assert not answer.result().success
+    assert 'has not answered within 30 s' in answer.result().message
+    assert relay.log == [f'/slow/set: {answer.result().message}']
+    pair.drone.relay.destroy_service(silent)
