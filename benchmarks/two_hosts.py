@@ -302,7 +302,7 @@ def measure_clocks(presses: int) -> None:
             when = rig.ground.wait(lambda row: 'offset' in row, begin)
             found = next(r for r in rig.ground.rows() if r['time'] == when)
             row(clock or 'as the drone\'s', presses, f'{np.median(times):.3f} s',
-                f'{max(times):.3f} s', f'{found["offset"]} ms', f'{error:.3f} rad away',
+                f'{max(times):.3f} s', f'{found["offset"]:+.1f} ms', f'{error:.3f} rad away',
                 f'{found["latency"]} us')  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Recording into a rosbag2 directory that stays readable if the recorder is killed."""
 
+import fcntl
 import io
 import os
 import threading
@@ -7,6 +8,7 @@ import time
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
@@ -130,6 +132,7 @@ class BagWriter:
     `write` only queues the message; a thread compresses and stores the messages of the last 0.2 s
     in order of reception. A killed process loses little more than the last 0.2 s. `ros2 bag info`,
     `ros2 bag play` and every MCAP reader can open the bag of a killed process.
+    While a bag is being written, its MCAP file is locked (`flock`), see `is_being_written`.
 
     Parameters
     ----------
@@ -158,6 +161,8 @@ class BagWriter:
         self._make_directory()
         try:
             self._stream = _TimedFile(self.directory / self._metadata.file, 'xb')
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(self._stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._writer = McapWriter(self._stream, topics, compression)
             self._store_metadata()
         except OSError as error:
@@ -288,6 +293,19 @@ class BagWriter:
         temporary = self.directory / 'metadata.yaml.part'
         temporary.write_text(self._metadata.to_yaml())
         temporary.replace(self.directory / 'metadata.yaml')
+
+
+def is_being_written(directory: Path) -> bool:
+    """Return whether a `BagWriter` of a live process writes the bag."""
+    for path in directory.glob('*.mcap'):
+        with path.open('rb') as stream:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+            except OSError:  # a file system without locks
+                continue
+    return False
 
 
 def _chunks(messages: Sequence[RecordedMessage]) -> Iterator[Sequence[RecordedMessage]]:

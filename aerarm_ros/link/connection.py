@@ -49,7 +49,7 @@ _DELAY_SPAN = 60.0  # [s] over which the fastest datagram gives the usual delay
 _URGENT_EVERY, _AGAIN_MIN = 0.018, 0.1  # [s]
 _CLOCK_SPAN = 10.0  # [s] over which the fastest exchange gives the clocks' offset
 _BACKLOG, _BACKLOG_BYTES = 2000, 2 * MESSAGE_MAX  # messages
-_HELD_MAX, _HELD_PART = 8 * MESSAGE_MAX, 100  # bytes of incomplete messages; of one part besides
+_HELD_MAX, _HELD_PART = 8 * MESSAGE_MAX, 100  # bytes of incomplete messages; overhead per part
 _TURNS = 4
 _FILL = 0.1  # [s] of the rate that may be saved up
 
@@ -219,11 +219,17 @@ class Connection:
             old = next((part.message for part in waiting if part.message._sequence < 0), None)
             if old is not None:
                 self.dropped += 1
-                old.void()
-                del self._messages[old]
-                self._waiting[priority] = deque(p for p in waiting if p.message is not old)
+                self.withdraw(old)
                 return True
         return False
+
+    def withdraw(self, message: Message) -> None:
+        """Drop a message of which no part was sent; another one is sent nevertheless."""
+        if message in self._messages and message._sequence < 0:
+            waiting = self._waiting[message.priority]
+            self._waiting[message.priority] = deque(p for p in waiting if p.message is not message)
+            message.void()
+            del self._messages[message]
 
     def set_value(self, channel: int, payload: bytes) -> None:
         """Replace the value of a channel; it is sent once, if it fits into a datagram."""
@@ -396,7 +402,7 @@ class Connection:
             # The other end received our datagram, held it, and answered.
             round_trip = max(0.0, 1e-9 * (now_ns - our_ns - held_ns))
             self._least_trip = min(self._least_trip, round_trip)
-            # After a cut, what waited in the radio's queue shows neither the clocks' offset nor
+            # After a cut, datagrams from the radio's queue show neither the clocks' offset nor
             # the usual delay, even if all earlier datagrams are older than their span.
             is_fresh = round_trip < self._least_trip + _LATE_MAX
             smooth = self.round_trip

@@ -32,7 +32,7 @@ _PLACE = struct.Struct('<HI')  # file, block
 _AHEAD = 1_000_000  # bytes that the disk reads at once
 _SPAN = 512  # blocks under way
 _AGAIN = 0.25  # [s] beyond the round trip, after which a block is asked for again
-_FILES_MAX, _SIZE_MAX = 1 << 16, BLOCK << 32  # what the numbers of files and blocks can name
+_FILES_MAX, _SIZE_MAX = 1 << 16, BLOCK << 32  # limits of file and block numbers
 _DELAY_MAX = 0.05  # [s] of a queue in the radio
 _CALM = 0.2  # [s] between two reductions
 _NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
@@ -109,7 +109,7 @@ def _cached(file: int, size: int, offset: int) -> bytes:
     except OSError as error:
         if error.errno != errno.EOPNOTSUPP:
             raise
-        return os.pread(file, size, offset)  # this file system only waits
+        return os.pread(file, size, offset)  # this file system does not support RWF_NOWAIT
     return bytes(content[:count])
 
 
@@ -168,7 +168,7 @@ class Fetch:
         return self._storing is not None
 
     def question(self, now: float, delay: float, round_trip: float) -> bytes | None:
-        """Return what to ask at a time [s], None if nothing is due; raises OSError.
+        """Return the question that is due at `now` [s], or None; raises OSError.
 
         Parameters
         ----------
@@ -286,13 +286,13 @@ class Fetch:
             return
 
     def _store(self) -> None:
-        """Let the disk store the file that has arrived."""
+        """Write the received file to the disk in the worker thread."""
         assert self._stream is not None
         self._storing = self._worker.submit(_stored, self._stream)
         self._stream = None
 
     def _rename(self) -> None:
-        """Give a stored file its name, and go on with the next."""
+        """Rename the stored file and open the next one."""
         storing, self._storing = self._storing, None
         assert storing is not None
         storing.result()

@@ -35,13 +35,22 @@ OVERHEAD = SESSION_SIZE + 8 + SESSION_SIZE + 16
 
 _HEADER = struct.Struct(f'<{SESSION_SIZE}sQ')
 _CALLER = 'ground'  # role of the end that calls the other
+_COUNTER_MAX = 2**32  # datagrams, for years
 _WINDOW = 128  # datagrams that may overtake each other
 _OFFER = 5.0  # [s] in which a session number is offered; for as long again it may be accepted
 _ANSWER_EVERY, _ANSWERS = 0.02, 8  # [s]; in that time one answer per session, and so many in all
 _FIRST_ANSWERS = 64  # sessions of which the time of the first answer is known
-# [s] after a handshake, besides its duration, in which datagrams of the former sessions are still
-# under way. An answer to one of them would begin the next handshake.
+# [s] added to the duration of the handshake, while datagrams of former sessions can still arrive.
+# An answer to one of them would begin the next handshake.
 _SETTLING = 1.0
+
+
+def looks_sealed(datagram: bytes) -> bool:
+    """Return whether a datagram may be one of this protocol, from an end with another key."""
+    if len(datagram) < OVERHEAD:
+        return False
+    _, counter = _HEADER.unpack_from(datagram)
+    return 0 < int(counter) < _COUNTER_MAX
 
 
 class KeyFileError(ValueError):
@@ -100,7 +109,7 @@ class Opened(NamedTuple):
     Attributes
     ----------
     body
-        What the other end sealed.
+        Decrypted content.
     is_newest
         Whether no later datagram of the session has arrived, so that its address is the current
         one.
@@ -210,7 +219,7 @@ class Session:
         self._answered = recent
 
     def _offer(self, now: float) -> _Sealer:
-        """Return the session that this end offers, a new one if it was offered for long."""
+        """Return the offered session, or a new one if the offer is older than `_OFFER`."""
         if now - self._offered_at > _OFFER:
             self._offered, self._offered_at = _Sealer(self._key, self._role), now
         return self._offered

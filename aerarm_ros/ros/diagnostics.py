@@ -69,10 +69,10 @@ class DiagnosticsPublisher:
         seconds, nanoseconds = divmod(now_ns, 1_000_000_000)
         return Time(sec=seconds, nanosec=nanoseconds)
 
-    def report(self, problem: str, values: Mapping[str, object]) -> None:
-        """Publish one status of the whole node: a warning if there is a problem."""
+    def report(self, problem: str, values: Mapping[str, object], part: str = '') -> None:
+        """Publish one status, by default of the whole node: a warning if there is a problem."""
         level = DiagnosticStatus.WARN if problem else DiagnosticStatus.OK
-        part = self._node.get_name()
+        part = part or self._node.get_name()
         self.publish([self.status(part, level, problem or 'in order', values)])
 
 

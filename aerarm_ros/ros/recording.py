@@ -40,8 +40,8 @@ LINK, DISK, PROCESSOR = 'link', 'disk', 'processor'
 
 _STALL_NS = 50_000_000  # a pass of the recorder's loop takes some milliseconds
 _JOIN_NS = 1_000_000_000  # gaps of one cause that are closer than this are one line of the log
-_SAMPLE_NS = 100_000_000  # between two looks at the kernel's count, each of which takes 0.2 ms
-_OVERFLOW_NS = 1_000_000_000  # a held-up middleware reads what is left in the buffer afterwards
+_SAMPLE_NS = 100_000_000  # between two readings of the kernel's counter (0.2 ms each)
+_OVERFLOW_NS = 1_000_000_000  # a delayed middleware empties the buffer afterwards
 _PASSES = 4096  # remembered: 10 s and more
 _ADVICE = {
     LINK: (

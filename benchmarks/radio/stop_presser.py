@@ -4,10 +4,10 @@ Usage: python benchmarks/radio/stop_presser.py [watch]
 
 With `watch` it prints when states come again after a pause of 0.3 s. The lines `press` and `clear`
 call the bridge's services, `state` prints the newest joint states, `sweep` moves joint 1 by 1 rad
-within 6 s by a trajectory, `diagnostics` prints the offset of the clocks that ground_link estimates
-and the largest latency that a node reports. Each change of `arm_mode` and each answer is printed as
-a JSON object with its time on the machine's monotonic clock, which both hosts of `two_hosts.py`
-share.
+within 6 s by a trajectory, `diagnostics` prints the offset of the drone's clock that ground_link
+estimates on the ground and the largest latency that a node reports. Each change of `arm_mode` and
+each answer is printed as a JSON object with its time on the machine's monotonic clock, which both
+hosts of `two_hosts.py` share.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ def joint_state(node: Node) -> dict[str, list[float]]:
 
 
 def diagnostics(node: Node) -> dict[str, float]:
-    """Return the estimated offset of the clocks [ms] and the largest latency [us] of 2.5 s."""
+    """Return the drone's clock minus the ground's [ms] and the largest latency [us] of 2.5 s."""
     offset, latency = float('nan'), float('-inf')
     came: list[topics.DiagnosticArray] = []
     topic = topics.DIAGNOSTICS
@@ -51,7 +51,7 @@ def diagnostics(node: Node) -> dict[str, float]:
     node.destroy_subscription(subscription)
     for status in (status for message in came for status in message.status):
         for item in status.values:
-            if item.key == 'clock offset [ms]' and status.name.startswith('/ground_link'):
+            if item.key == 'clock offset [ms]' and status.name == '/ground_link: ground side':
                 offset = float(item.value)
             elif 'latency' in item.key or 'command age' in item.key:
                 with contextlib.suppress(ValueError):

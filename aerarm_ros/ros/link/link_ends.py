@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.link.connection import Connection, Received
-from aerarm_ros.link.sealed import OVERHEAD
+from aerarm_ros.link.sealed import OVERHEAD, looks_sealed
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.graph import SolePublisher, endpoint_name
 from aerarm_ros.ros.link.ground_watchdog import GroundWatchdog
@@ -54,6 +54,7 @@ _CUT_MIN = 0.4  # [s] of silence that is reported; at 20 % loss it has another c
 _DATAGRAM_MAX = 2048
 _STOP_CHANNELS = (STOPS, STOP_RESULTS)
 _REFLECT_EVERY = 1.0  # [s]
+_KEY_LOG_EVERY = 10.0  # [s] between two warnings of other keys
 _JOINS, _JOINS_TIME = 3, 10.0  # connections in a time [s], which several grounds cause
 _DATAGRAMS_MAX = 64  # received in one step, so that a flood does not keep this end from sending
 # Exceptions caused by messages of another version of `ground_link`, or by a full disk.
@@ -91,7 +92,8 @@ class LinkEnd:
         self._address: _Address | None = None
         self._sent = self._reported = -inf
         self._was_up = False
-        self._key_problem = ''
+        self._key_problem = self._key_logged = ''
+        self._key_logged_at = -inf
         self._away = 0.0  # [s] length of the other end's last silence
         self._peers = 0
         self._joins: deque[float] = deque(maxlen=_JOINS)
@@ -146,15 +148,17 @@ class LinkEnd:
 
     def _on_rejected(self, datagram: bytes, address: _Address) -> None:
         """Warn of a datagram that the key does not authenticate, while the other end is silent."""
-        is_stray = len(datagram) < OVERHEAD
-        if is_stray or self.connection.is_up(time.monotonic()) or self._key_problem:
+        now = time.monotonic()
+        if not looks_sealed(datagram) or self.connection.is_up(now):
             return
         self._key_problem = (
             f'the key of {address[0]} is not the key of this host ({self._values.key_file}): copy '
             "the drone's key file to the ground, use one version of aerarm_ros on both hosts, and "
             'start ground_link again'
         )
-        self._node.get_logger().warning(self._key_problem)
+        if self._key_problem != self._key_logged and now - self._key_logged_at >= _KEY_LOG_EVERY:
+            self._key_logged, self._key_logged_at = self._key_problem, now
+            self._node.get_logger().warning(self._key_problem)
 
     def _problem(self, now: float) -> str:
         return ''
@@ -221,7 +225,7 @@ class LinkEnd:
 
     def _note_return(self, before: float, now: float) -> None:
         self._was_up = True
-        self._key_problem = ''
+        self._key_problem = self._key_logged = ''
         silent = now - before
         if _CUT_MIN < silent < inf:
             self._away = silent
@@ -253,7 +257,8 @@ class LinkEnd:
             **self._rows(),
         }
         problems = filter(None, (self._problem(now), self._usual_problem(now)))
-        self._diagnostics.report('; '.join(problems), rows)
+        # The drone's status arrives on the ground too, and must not replace the ground's.
+        self._diagnostics.report('; '.join(problems), rows, f'{self.role} side')
         self._stranger = ''
 
     def _usual_problem(self, now: float) -> str:

@@ -21,6 +21,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
+from aerarm_msgs_py.bags.bag_writer import is_being_written
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.link.connection import PROMPT, Connection, Message
 from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name, questions
@@ -29,7 +30,7 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 BAG_REQUESTS, BAG_REPORTS, QUESTIONS, BLOCKS = range(1006, 1010)
 """Channels of requests and reports, and of questions about blocks and the blocks."""
 RECORD, WATCH, FINISH = 'record', 'watch', 'finish'
-"""What may be requested: to record a bag, its state, or to complete it and fetch it."""
+"""Requests: record a bag, report its state, or complete and fetch it."""
 REQUESTED, RECORDING, ENDED, STORED, WAITING, FETCHING, COMPLETE, FAILED = (
     *('requested', 'recording', 'ended', 'stored'),
     *('waiting', 'fetching', 'complete', 'failed'),
@@ -155,7 +156,7 @@ class DroneRecordings:
             if answer:
                 datagram = self._connection.single(BLOCKS, answer, now_ns, time.time_ns())
                 if not send(datagram):
-                    return False  # the next step goes on with it
+                    return False  # the next step sends it
             self._places.popleft()
         return bool(self._places)
 
@@ -272,6 +273,10 @@ class DroneRecordings:
         if not (bag / METADATA).is_file():
             self._report(key, name, FAILED, f'the drone has no bag {name} in {self._folder}')
             return
+        if is_being_written(bag):
+            text = f'a recorder on the drone is still recording {name}: end it, or wait until it '
+            self._report(key, name, FAILED, text + f"ends, then run 'arm fetch {name}'")
+            return
         number = (self._number + 1) & 0xFFFF
         server = FileServer(bag, number)
         for other, served in list(self._served.items()):
@@ -301,7 +306,7 @@ class DroneRecordings:
 
 @dataclass
 class _Served:
-    """A bag that is offered, and the request that asked for it last."""
+    """Offered bag and its newest request."""
 
     name: str
     key: str

@@ -6,9 +6,11 @@ import json
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -129,6 +131,7 @@ class DroneTopics:
         self._due = [0.0] * len(self._periods)
         self._newest: list[bytes | None] = [None] * len(VALUES)
         self._latched: dict[int, tuple[bytes, Message]] = {}
+        self._kept: dict[tuple[str, ...], Message] = {}  # diagnostics of a cut, by names
         self._publishers = [_publisher(node, topic) for topic in COMMANDS]
 
     def update(self, now: float) -> None:
@@ -136,7 +139,10 @@ class DroneTopics:
         for channel in range(len(DOWN)):
             for payload in _waiting(self._reader, channel):
                 self._came[DOWN[channel].name] = now
-                self._take(channel, payload)
+                if DOWN[channel] is topics.DIAGNOSTICS:
+                    self._send_diagnostics(channel, payload, self._connection.is_up(now))
+                else:
+                    self._take(channel, payload)
         for channel, period in enumerate(self._periods):
             if now >= self._due[channel]:
                 self._due[channel] = max(self._due[channel] + period, now - period)
@@ -188,6 +194,20 @@ class DroneTopics:
 
     def _send_layout(self, text: bytes) -> None:
         self._connection.send(LAYOUTS, text)
+
+    def _send_diagnostics(self, channel: int, payload: bytes, is_up: bool) -> None:
+        """Send diagnostics; during a cut only the newest of each name wait."""
+        if is_up:
+            self._kept.clear()
+            self._send_event(channel, payload)
+            return
+        names: tuple[str, ...] = ()
+        with suppress(RuntimeError):  # malformed message of another program
+            content = deserialize_message(payload, DiagnosticArray)
+            names = tuple(status.name for status in content.status)
+        if names in self._kept:
+            self._connection.withdraw(self._kept[names])
+        self._kept[names] = self._connection.send(channel, payload, BULK)
 
     def _send_event(self, channel: int, payload: bytes) -> None:
         is_bulk = DOWN[channel] in (topics.DIAGNOSTICS, topics.ROBOT_DESCRIPTION)

@@ -130,7 +130,7 @@ class RecordingRequest:
         self._tell(f'{self._folder}: {_megabytes(self._report.get("size"))} stored')
 
     def _begin(self) -> None:
-        """Begin a request, which only reports with its identifier answer."""
+        """Start a request with a new identifier; reports without it are ignored."""
         self._id, self._report = secrets.token_hex(8), {}
 
     @property

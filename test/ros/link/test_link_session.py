@@ -15,7 +15,9 @@ from typing import Any
 import pytest
 import rclpy
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
+from aerarm_msgs_py import topics
 from aerarm_ros.link.connection import Connection, Received
 from aerarm_ros.nodes.ground_link import PARAMETERS
 from aerarm_ros.ros.link.link_ends import DroneEnd, GroundEnd, LinkEnd
@@ -168,6 +170,42 @@ def test_strangers_do_not_blame_the_key_of_a_live_ground(drone: DroneEnd, port: 
     assert stranger.received == 0
 
 
+@pytest.mark.parametrize('stray', [b'x' * 60, bytes(range(1, 120)), bytes(100)])
+def test_a_datagram_of_another_protocol_does_not_blame_the_key(
+    drone: DroneEnd, port: int, stray: bytes
+) -> None:
+    sender = udp()
+    sender.sendto(stray, ('127.0.0.1', port))
+    run(lambda: drone.connection.rejected, drone.step)
+    assert drone._key_problem == ''
+
+
+def test_the_newest_address_with_another_key_is_named(drone: DroneEnd) -> None:
+    datagram = Connection(OTHER_KEY, 'ground', 'drone', 9_000.0).datagram(0.0, 0, 0)
+    for address in ('10.0.0.1', '10.0.0.2'):
+        drone._on_rejected(datagram, (address, 7))
+        assert f'the key of {address} is not' in drone._usual_problem(time.monotonic())
+
+
+def test_both_ends_have_statuses_of_different_names(
+    drone: DroneEnd, ros_node: Node, values: SimpleNamespace
+) -> None:
+    ground = GroundEnd(ros_node, values, KEY)
+    came: set[str] = set()
+    topic = topics.DIAGNOSTICS
+    ros_node.create_subscription(
+        topic.type, topic.name, lambda m: came.update(s.name for s in m.status), topic.qos
+    )
+
+    def spin() -> None:
+        rclpy.spin_once(ros_node, timeout_sec=0.0)
+
+    run(lambda: len(came) > 1, drone.step, ground.step, spin)
+    node = ros_node.get_fully_qualified_name()
+    assert came == {f'{node}: drone side', f'{node}: ground side'}
+    ground.close()
+
+
 def random_payload(source: random.Random, names: list[str]) -> bytes:
     """A call of a real service, a JSON object, compressed bytes, or random bytes."""
     name = source.choice(names).encode()
@@ -177,10 +215,13 @@ def random_payload(source: random.Random, names: list[str]) -> bytes:
     keys = ('channel', 'names', 'frame', 'full', 'name', 'id', 'state', 'files', 'number', 'do')
     values = (0, 5, -1, 1e400, None, 'a', ['a', 'a'], {}, 'position', ['position'])
     content = {key: source.choice(values) for key in keys if source.random() < 0.8}
+    kinds = ('std_srvs/srv/Trigger', 'std_srvs/srv/SetBool', 'other/srv/Type')
+    services = ('/no name', '', '/a/e_stop', '/b', '/\ud800', 'x' * 300)
+    offered = {name: source.choice(kinds) for name in services if source.random() < 0.3}
     return source.choice(
         (
             *(noise, serialized, zlib.compress(serialized), json.dumps(content).encode()),
-            *(json.dumps([content]).encode(), b'[' * 100_000),
+            *(json.dumps([content]).encode(), b'[' * 100_000, json.dumps(offered).encode()),
             struct.pack('<IH', source.randrange(100), length) + name + serialized,
         )
     )
@@ -191,6 +232,7 @@ def test_random_messages_of_an_authentic_end_do_not_end_the_node(
     ros_node: Node, values: SimpleNamespace, role: str
 ) -> None:
     other = rclpy.create_node('other')  # its services are relayed
+    other.create_service(Trigger, '/other/e_stop', lambda _, response: response)
     end = (DroneEnd if role == 'drone' else GroundEnd)(ros_node, values, KEY)
     deadline = time.monotonic() + 0.7
     while time.monotonic() < deadline:

@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.bags.bag_reader import topics as topics_of
+from aerarm_msgs_py.bags.bag_writer import BagWriter, RecordedTopic
 from aerarm_ros.link.connection import Connection
 from aerarm_ros.ros.link.link_ends import _MALFORMED
 from aerarm_ros.ros.link.recordings import (
@@ -260,6 +261,18 @@ def test_a_request_does_not_see_the_report_of_a_former_one(
         request(client, tmp_path / 'here').fetch()
     request(client, tmp_path / 'there').fetch()
     assert same(bag, tmp_path / 'there' / 'flight')
+
+
+def test_a_bag_that_a_recorder_still_writes_is_not_fetched(
+    link: LinkedRecordings, client: Node, tmp_path: Path
+) -> None:
+    streams = [RecordedTopic('/joint_states', 'sensor_msgs/msg/JointState')]
+    writer = BagWriter(tmp_path / 'bags' / 'flight', streams)
+    with pytest.raises(ArmClientError, match='still recording flight'):
+        request(client, tmp_path / 'here').fetch()
+    writer.close()
+    request(client, tmp_path / 'here').fetch()
+    assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
 
 
 def test_a_second_bag_waits_for_the_first(

@@ -6,6 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -193,4 +194,41 @@ def test_a_flood_of_messages_does_not_keep_the_relay_from_other_work(pair: Pair)
     relay.drone._reader.take = take
     relay.drone.update(pair.now)
     assert taken[0] == 100
+    relay.close()
+
+
+def test_after_a_cut_the_ground_receives_only_the_newest_diagnostics_of_each_name(
+    pair: Pair,
+) -> None:
+    relay = Relay(pair)
+    topic = topics.DIAGNOSTICS
+    publisher = pair.drone.node.create_publisher(topic.type, topic.name, topic.offered)
+    came: list[tuple[str, str]] = []
+
+    def note(message: DiagnosticArray) -> None:
+        came.extend((status.name, status.message) for status in message.status)
+
+    pair.ground.node.create_subscription(topic.type, topic.name, note, topic.qos)
+
+    def publish(name: str, text: str) -> None:
+        publisher.publish(DiagnosticArray(status=[DiagnosticStatus(name=name, message=text)]))
+        relay.step()
+
+    pair.until(lambda: publish('a', 'before') or came)
+    for text in ('1', '2', '3'):  # each arrives while the link is up
+        publish('b', text)
+    pair.until(lambda: relay.step() and ('b', '3') in came)
+    assert [text for name, text in came if name == 'b'] == ['1', '2', '3']
+    pair.loss = 1.0
+    pair.now += 2.0
+    for number in range(30):
+        publish('a', f'old {number}')
+        publish('b', f'old {number}')
+    publish('a', 'new')
+    for _ in range(20):
+        relay.step()
+    came.clear()
+    pair.loss = 0.0
+    pair.until(lambda: relay.step() and ('a', 'new') in came)
+    assert sorted(came) == [('a', 'new'), ('b', 'old 29')]
     relay.close()
