@@ -23,7 +23,7 @@ from itertools import islice
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
-from aerarm_ros.realtime.scheduling import use_one_thread
+from aerarm_ros.realtime.scheduling import THREAD_VARIABLES, use_one_thread
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
@@ -32,6 +32,8 @@ LOCAL = 'local'
 """Ray's address of a cluster that is started on this computer for the runs."""
 _TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
 _GIB = 2**30
+_unprepared: list[str] = []
+"""Reason why this worker process could not be prepared."""
 _KILLED = (
     'a process was killed twice: check the free memory, and whether another program ends processes'
 )
@@ -57,6 +59,7 @@ def run_each(
     workers: int = 0,
     memory: float = 0.0,
     prepare: Callable[[], None] | None = None,
+    leave: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, Result | Failure]]:
     """Yield the number and the result of each run as soon as the run ends.
 
@@ -67,13 +70,16 @@ def run_each(
     function : callable
         Picklable, without side effects: the run of a killed process is repeated.
     items : iterable
-        Picklable arguments of `function`, one per run; taken when the run starts.
+        Picklable arguments of `function`, one per run; each is read when its run starts.
     workers : int
         Number of processes; 0 for the number of CPUs.
     memory : float
         Memory limit of each process [GiB]; 0 for no limit.
     prepare : callable, optional
         Picklable; each process calls it once before its first run.
+    leave : callable, optional
+        Called when the iteration ends early, before it waits for the present runs, for example to
+        shorten them.
     """
     workers = workers or os.cpu_count() or 1
     waiting = enumerate(items)
@@ -90,8 +96,8 @@ def run_each(
                 while len(running) < workers and (run := next(source, None)) is not None:
                     count += 1
                     running[None] = run  # until it is submitted, which fails in a broken pool
-                    with _interrupts_held_back():
-                        future = pool.submit(function, run[1])
+                    with _surroundings_of_workers():
+                        future = pool.submit(_run, function, run[1])
                     running[future] = running.pop(None)
                 if not running:
                     break
@@ -104,6 +110,10 @@ def run_each(
                 yield from ((index, Failure(_KILLED, is_final=False)) for index, _ in lost)
             else:
                 suspects.extend(lost)
+        except BaseException:
+            if leave is not None:
+                leave()
+            raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
         if not count:
@@ -201,6 +211,12 @@ def _call(function: Callable[..., Result], arguments: tuple[Any, ...]) -> Result
     return function(*arguments)
 
 
+def _run(function: Callable[[Item], Result], item: Item) -> Result:
+    if _unprepared:
+        raise RuntimeError(_unprepared[0])
+    return function(item)
+
+
 def _outcome(future: Future[Result]) -> Result | Failure:
     try:
         return future.result()
@@ -222,26 +238,34 @@ def _pool(workers: int, memory: float, prepare: Callable[[], None] | None) -> Pr
 
 
 def _prepare(memory: float, prepare: Callable[[], None] | None) -> None:
-    """Prepare a worker process: ignore Ctrl-C, which the parent handles, and limit the memory."""
+    """Prepare a worker process: ignore Ctrl-C, limit the memory, and call `prepare`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    use_one_thread()
     if memory > 0.0:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         resource.setrlimit(resource.RLIMIT_DATA, (int(memory * _GIB), most))
-    if prepare is not None:
+    if prepare is None:
+        return
+    try:
         prepare()
+    except Exception as error:  # Each run reports it, because a dead process has no reason.
+        _unprepared.append(_reason(error))
 
 
 @contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Block SIGINT in this thread, and permanently in processes started in this context.
+def _surroundings_of_workers() -> Iterator[None]:
+    """Block SIGINT and use one thread of linear algebra in processes started in this context.
 
     Ctrl-C sends SIGINT to every process of the terminal; only the parent handles it.
     """
     # started now; the pool would start the resource tracker later, which would unblock SIGINT
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # NumPy reads these variables when a worker imports it to unpickle its first argument.
+    added = [name for name in THREAD_VARIABLES if name not in os.environ]
+    use_one_thread()
     try:
         yield
     finally:
+        for name in added:
+            del os.environ[name]
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

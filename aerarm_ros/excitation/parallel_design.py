@@ -56,25 +56,29 @@ def design_all(
     stopping = multiprocessing.get_context('spawn').RawValue('b', False)
     ended = threading.Event()
 
+    def leave() -> None:
+        stopping.value = True
+
     def watch() -> None:
-        while not ended.wait(_INTERVAL):
-            if stop():
-                stopping.value = True
-                return
+        try:
+            while not ended.wait(_INTERVAL) and not stop():
+                pass
+        finally:
+            leave()
 
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
     try:
         worker = _Worker(specification, stopping)
         numbers = takewhile(lambda _: not worker.is_stopping(), range(starts))
-        for _, outcome in run_each(_work, numbers, workers, prepare=worker.prepare):
+        runs = run_each(_work, numbers, workers, prepare=worker.prepare, leave=leave)
+        for _, outcome in runs:
             if isinstance(outcome, Failure):
                 raise RuntimeError(f'a design failed: {outcome.reason}')
             if outcome is not None:
                 yield outcome
     finally:
         ended.set()
-        stopping.value = True
         watcher.join()
 
 

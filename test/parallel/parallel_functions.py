@@ -3,6 +3,7 @@
 import os
 import resource
 import signal
+import time
 from pathlib import Path
 
 
@@ -27,3 +28,24 @@ def hungry(mebibytes: int) -> int:
 
 def limit_and_process(_: int) -> tuple[int, int]:
     return resource.getrlimit(resource.RLIMIT_DATA)[0], os.getpid()
+
+
+def refuse() -> None:
+    raise ValueError('no licence')
+
+
+def threads_of_algebra(_: int) -> str:
+    return os.environ['OMP_NUM_THREADS']
+
+
+def wait_for(path: Path) -> bool:
+    while not path.exists():
+        time.sleep(0.01)
+    return True
+
+
+def product(one: int, other: int) -> int:
+    if one == 4:
+        raise ValueError('four is refused')
+    time.sleep(0.1 * (one == 0))  # the first run ends last
+    return one * other
