@@ -75,7 +75,7 @@ def test_a_csv_an_npz_and_a_bag_are_identified(commands: Path, tmp_path: Path) -
         errors.append(error['filtered'])
     assert max(errors) < 2.0  # [%]
     assert errors == pytest.approx(errors[:1] * 3, rel=0.01)
-    for command in ('excitation_designer', 'payload_estimator', 'calibrator'):
+    for command in ('excitation_designer', 'calibrator'):
         done = run(commands / command, '--help')
         assert (done.returncode, done.stderr) == (0, ''), command
     done = run(commands / 'arm', 'enable')
