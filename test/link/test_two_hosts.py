@@ -128,6 +128,8 @@ def test_a_fetch_goes_on_after_a_restart_of_the_drones_link(rig: Rig) -> None:
 
 
 def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
+    # A slow or busy machine loses cycles without a radio as well.
+    limit = min(rig.loop(2.0).lost for _ in range(3)) + 0.005
     rig.listen_on_ground()
     for rate in ('2mbit', '8kbit'):
         rig.hosts.set_rate(rate)
@@ -135,12 +137,12 @@ def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
 
         def is_steady(loops: list[Loop] = loops) -> bool:
             loops.append(rig.loop(2.0))
-            return loops[-1].lost < 0.005 and loops[-1].gaps == 0
+            return loops[-1].lost < limit and loops[-1].gaps == 0
 
         # Other programs on this machine cost cycles now and then; a radio that stops the loop costs
         # 29 to 100 % of them all the time.
         kbits, packets = rig.traffic(lambda is_steady=is_steady: any(is_steady() for _ in range(5)))
-        assert min(loop.lost for loop in loops) < 0.005, (rate, loops)
+        assert min(loop.lost for loop in loops) < limit, (rate, limit, loops)
         assert min(loop.gaps for loop in loops) == 0, (rate, loops)
         assert kbits < 300.0
         assert packets < 100.0
