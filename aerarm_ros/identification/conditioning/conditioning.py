@@ -125,8 +125,8 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
     -------
     float
         Largest band edge of all joints [Hz]. White measurement noise, estimated from the upper
-        half of the spectrum, is subtracted first. Bursts of fast motion, such as jolts of a
-        trajectory's corners, are left out.
+        half of the spectrum, is subtracted first. Frequencies that only bursts, such as jolts at
+        a trajectory's corners, or the vibration of one joint contain are excluded.
     """
     frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
     edges = _edges(frequency, q, derivative=1)
@@ -191,8 +191,8 @@ def _edges(
     return np.asarray(frequency[edges])
 
 
-# fraction of the blocks in which a joint moves that may contain bursts
-_BURSTS = 0.2
+# The function ignores the 20 % of a joint's blocks with the most high-frequency power.
+_BURSTS = 0.2  # fraction of the blocks in which a joint moves
 _MOVING = 0.01  # power of a block with motion, relative to that of the joint's fastest block
 # Least factor by which bursts raise an edge; fewer blocks of any motion have a slightly lower edge.
 _RAISED = 1.1
@@ -200,11 +200,11 @@ _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
 def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Array) -> Array:
-    """Return the band edges (n,) [Hz], lowered where only bursts or one joint's vibration reach.
+    """Return band edges (n,) [Hz] without frequencies that only bursts or one joint contain.
 
-    A few jolts, or the vibration of one joint, hold more than a thousandth of a joint's power, but
-    are not the motion. The fifth of a joint's blocks with most fast motion is left out, and a
-    thousandth of the power of all joints, each relative to its own, may lie above the edge.
+    A few jolts, or the vibration of one joint, contain more than a thousandth of a joint's power.
+    The function ignores the 20 % of a joint's blocks with the most high-frequency power. Above the
+    edge, the joints that move contain on average a thousandth of their remaining power.
     """
     spectrum = _spectrum(values) * frequency[:, None] ** derivative
     size = 2 * (len(frequency) - 1)
@@ -214,15 +214,26 @@ def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Arr
         fast = np.fft.irfft(spectrum * (frequency > above)[:, None], size, axis=0)
         return np.array([np.bincount(block, own, BLOCKS) for own in (fast**2).T])
 
+    low, high = float(frequency[1]), float(max(edges.max(initial=0.0), frequency[1]))
     whole = powers(0.0)
-    total = np.maximum(whole.sum(axis=1), 1e-300)
+    total = whole.sum(axis=1)
+    # Above all edges there is only noise. It is white in `values`, so its power grows with the
+    # frequency range, in a derivative with the cube of the frequency.
+    order, top = 2 * derivative + 1, float(frequency[-1])
+    noise = powers(high).sum(axis=1)
+    moves = noise < 0.5 * total  # The other joints are at rest.
+    if not moves.any():
+        return edges
+    density = noise / max(top**order - high**order, 1e-300)
+    signal = np.maximum(total - density * top**order, 1e-300)
     moving = (whole > _MOVING * whole.max(axis=1, keepdims=True)).sum(axis=1)
     kept = np.arange(BLOCKS) < BLOCKS - np.floor(_BURSTS * moving)[:, None]
-    low, high = float(frequency[1]), float(max(edges.max(initial=0.0), frequency[1]))
     for _ in range(_HALVINGS):
         middle = float(np.sqrt(low * high))
-        lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1) / total
-        low, high = (low, middle) if lasting.mean() <= 1.0 - _SHARE else (middle, high)
+        lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1)
+        lasting -= density * (top**order - middle**order) * kept.mean(axis=1)
+        share = (np.maximum(lasting, 0.0) / signal)[moves].mean()
+        low, high = (low, middle) if share <= 1.0 - _SHARE else (middle, high)
     return np.where(edges > _RAISED * high, high, edges)
 
 
@@ -275,8 +286,8 @@ class Conditioner:
     Attributes
     ----------
     cutoff : float
-        Cut-off of the torque's low-pass filter [Hz]: the given one, or ten times the band, with
-        which the choice by data begins.
+        Cut-off of the torque's low-pass filter [Hz]: the given one, or the one with which the
+        choice by data begins: ten times the band, but at least four times the positions' band.
     cutoffs : tuple of float
         Cut-offs to try, in ascending order [Hz]; only the given one if the user has given one.
     harmonics : int or None
@@ -334,10 +345,11 @@ class Conditioner:
         self.band = band
         dt = max(map(sampling_time, recordings))
         positions = max(position_band(m.q[m.window], m.dt) for m in motions)
-        self.cutoff = self._given_cutoff(positions, dt) or self._rule(band, dt)
+        least = _LEAST_PER_POSITION_BAND * positions
+        lowest = max(band, least / _CUTOFF_PER_BAND)
+        self.cutoff = self._given_cutoff(positions, dt) or self._rule(lowest, dt)
         self.cutoffs: tuple[float, ...] = (self.cutoff,)
         if options.cutoff is None:
-            least = _LEAST_PER_POSITION_BAND * positions
             self.cutoffs = _tried(self.cutoff, least, 1.0 / (_FEWEST_PER_CUTOFF * dt))
         self._trial_rate = max(_TRIAL_RATE, _RATE_PER_CUTOFF * self.cutoff)
         if not options.exact_stamps:

@@ -81,3 +81,22 @@ def test_a_joint_that_moves_for_a_short_time_has_the_band_of_its_motion() -> Non
     q = np.column_stack([Q[:, 0], moves * np.sin(2 * np.pi * 2.0 * T)])
     dq = np.gradient(q, DT, axis=0)
     assert motion_band(q, dq, DT) == pytest.approx(2.2, abs=0.3)
+
+
+def test_a_resting_joint_does_not_hide_that_jolts_are_no_motion() -> None:
+    """Only its noise is in the velocity, so its blocks contain no bursts."""
+    random = np.random.default_rng(3)
+    ringing = np.outer(jolts([12.0, 16.1, 24.2]), [0.3, 0.3])
+    encoder = 1e-5 * random.standard_normal(len(T))
+    q = np.column_stack([Q + np.cumsum(ringing, axis=0) * DT, encoder])
+    dq = np.column_stack([DQ + ringing, 1e-3 * random.standard_normal(len(T))])
+    assert motion_band(q, dq, DT) == pytest.approx(0.8, abs=0.1)
+    assert motion_band(q, None, DT) == pytest.approx(0.8, abs=0.1)
+
+
+def test_noisy_velocities_do_not_hide_that_jolts_are_no_motion() -> None:
+    """White noise holds more than a thousandth of the power, in every block."""
+    ringing = np.outer(jolts([12.0, 16.1, 24.2]), [1.0, 1.0])
+    noise = 0.05 * np.random.default_rng(4).standard_normal(DQ.shape)
+    q, dq = Q + np.cumsum(ringing, axis=0) * DT, DQ + ringing
+    assert motion_band(q, dq + noise, DT) == pytest.approx(0.8, abs=0.1)
