@@ -32,6 +32,7 @@ from aerarm_ros.identification.conditioning.uniform_motion import (
     Samples,
     UniformMotion,
     aperiodic_motion,
+    at_rest,
     periodic_motion,
     sampling_time,
 )
@@ -191,8 +192,8 @@ def _edges(
     return np.asarray(frequency[edges])
 
 
-# The function ignores the 20 % of a joint's blocks with the most high-frequency power.
-_BURSTS = 0.2  # fraction of the blocks in which a joint moves
+# fraction of the blocks in which a joint moves that may contain bursts
+_BURSTS = 0.2
 _MOVING = 0.01  # power of a block with motion, relative to that of the joint's fastest block
 # Least factor by which bursts raise an edge; fewer blocks of any motion have a slightly lower edge.
 _RAISED = 1.1
@@ -200,7 +201,7 @@ _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
 def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Array) -> Array:
-    """Return band edges (n,) [Hz] without frequencies that only bursts or one joint contain.
+    """Return the edges (n,) without frequencies of only bursts or the vibration of one joint [Hz].
 
     A few jolts, or the vibration of one joint, contain more than a thousandth of a joint's power.
     The function ignores the 20 % of a joint's blocks with the most high-frequency power. Above the
@@ -268,8 +269,6 @@ _EDGE = 0.5  # cut-off periods excluded at both ends of an aperiodic motion
 _FEWEST_PERIODS = 3.0
 _EDGE_MOST = 0.1  # largest excluded fraction of the motion
 _SPREAD = 1.0  # cut-off periods excluded before and after saturated torque
-# fraction of a joint's top speed, below which the joint counts as at rest
-_STANDSTILL_SPEED = 5e-3
 _STANDSTILL_TIME = 0.3  # [s]
 
 
@@ -550,7 +549,7 @@ def _slope(motion: UniformMotion) -> Array:
 
 def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
     """Return the samples in which a joint is at rest, where dry friction is undetermined."""
-    slow = np.abs(dq) < _STANDSTILL_SPEED * np.maximum(np.abs(dq).max(axis=0), 1e-6)
+    slow = at_rest(dq)
     shortest = max(2, round(_STANDSTILL_TIME / dt))
     still = np.zeros_like(slow)
     for joint in range(dq.shape[1]):
