@@ -207,7 +207,13 @@ def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Arr
     The function ignores the 20 % of a joint's blocks with the most high-frequency power. Above the
     edge, the joints that move contain on average a thousandth of their remaining power.
     """
-    spectrum = _spectrum(values) * frequency[:, None] ** derivative
+    spectrum = _spectrum(values)
+    low, high = float(frequency[1]), float(max(edges.max(initial=0.0), frequency[1]))
+    # Noise is white in `values`. The median ignores vibration above all edges.
+    fast_part = frequency > min(high, 0.5 * frequency[-1])
+    white = np.median(np.abs(spectrum[fast_part]) ** 2, axis=0) / np.log(2.0)
+    weight = frequency**derivative
+    spectrum *= weight[:, None]
     size = 2 * (len(frequency) - 1)
     block = np.arange(size) * BLOCKS // max(size, 1)
 
@@ -215,25 +221,22 @@ def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Arr
         fast = np.fft.irfft(spectrum * (frequency > above)[:, None], size, axis=0)
         return np.array([np.bincount(block, own, BLOCKS) for own in (fast**2).T])
 
-    low, high = float(frequency[1]), float(max(edges.max(initial=0.0), frequency[1]))
+    def noise(above: float) -> Array:
+        return np.asarray(white * 2.0 / size * (weight[frequency > above] ** 2).sum())
+
     whole = powers(0.0)
     total = whole.sum(axis=1)
-    # Above all edges there is only noise. It is white in `values`, so its power grows with the
-    # frequency range, in a derivative with the cube of the frequency.
-    order, top = 2 * derivative + 1, float(frequency[-1])
-    noise = powers(high).sum(axis=1)
-    moves = noise < 0.5 * total  # The other joints are at rest.
+    moves = powers(high).sum(axis=1) < 0.5 * total  # The other joints are at rest.
     if not moves.any():
         return edges
-    density = noise / max(top**order - high**order, 1e-300)
-    signal = np.maximum(total - density * top**order, 1e-300)
+    signal = np.maximum(total - noise(0.0), 1e-300)
     moving = (whole > _MOVING * whole.max(axis=1, keepdims=True)).sum(axis=1)
     kept = np.arange(BLOCKS) < BLOCKS - np.floor(_BURSTS * moving)[:, None]
     for _ in range(_HALVINGS):
         middle = float(np.sqrt(low * high))
         lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1)
-        lasting -= density * (top**order - middle**order) * kept.mean(axis=1)
-        share = (np.maximum(lasting, 0.0) / signal)[moves].mean()
+        lasting = np.maximum(lasting - noise(middle) * kept.mean(axis=1), 0.0)
+        share = (lasting / signal)[moves].mean()
         low, high = (low, middle) if share <= 1.0 - _SHARE else (middle, high)
     return np.where(edges > _RAISED * high, high, edges)
 

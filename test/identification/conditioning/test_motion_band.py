@@ -100,3 +100,12 @@ def test_noisy_velocities_do_not_hide_that_jolts_are_no_motion() -> None:
     noise = 0.05 * np.random.default_rng(4).standard_normal(DQ.shape)
     q, dq = Q + np.cumsum(ringing, axis=0) * DT, DQ + ringing
     assert motion_band(q, dq + noise, DT) == pytest.approx(0.8, abs=0.1)
+
+
+def test_vibration_of_measured_velocities_does_not_hide_fast_motion() -> None:
+    """It is above the motion, and no noise that is also expected within the band of the motion."""
+    omega = 2 * np.pi * np.array([5.0, 4.7])
+    q = Q + 0.1 / omega * np.sin(np.outer(T, omega))
+    dq = DQ + 0.1 * np.cos(np.outer(T, omega))
+    vibration = 0.3 * np.cos(2 * np.pi * 40.0 * T)[:, None]
+    assert motion_band(q, dq + vibration, DT) == pytest.approx(5.0, abs=0.1)
