@@ -111,8 +111,8 @@ class JointTerm:
         """Whether the term's torque contains no higher frequencies than the motion."""
         return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
-    def basis(self, dq: Array, ddq: Array, load: Array | None) -> Array:
-        """Return the torque per coefficient of the term, long after the last reversal.
+    def basis(self, dq: Array, ddq: Array, load: Array | None, state: Array | None = None) -> Array:
+        """Return the torque per coefficient of the term.
 
         Parameters
         ----------
@@ -120,6 +120,9 @@ class JointTerm:
             Velocity and acceleration of the driver, or of the joint itself [rad/s], [rad/s^2].
         load : (...) ndarray or None
             Magnitude of the torque on the links [Nm]; only `LOAD` terms need it.
+        state : (...) ndarray, optional
+            `friction_state` of a term with `distance` along a motion; by default the state long
+            after the last reversal.
 
         Raises
         ------
@@ -134,7 +137,9 @@ class JointTerm:
             return np.ones_like(dq)
         if self.kind is TermKind.STRIBECK:
             return np.asarray(np.sign(dq) * np.exp(-((dq / max(self.width, 1e-9)) ** 2)))
-        sign = np.tanh(dq / self.width) if self.width > 0.0 else np.sign(dq)
+        sign = state
+        if sign is None:
+            sign = np.tanh(dq / self.width) if self.width > 0.0 else np.sign(dq)
         if self.kind is TermKind.LOAD:
             if load is None:
                 raise ValueError('load-dependent friction needs the load')
@@ -145,51 +150,56 @@ class JointTerm:
             return np.asarray(np.minimum(sign, 0.0))
         return np.asarray(sign)
 
-    def along(self, dq: Array, ddq: Array, load: Array | None, travel: Array) -> Array:
-        """Return the torque per coefficient along a motion, in which friction builds up.
-
-        Parameters
-        ----------
-        dq, ddq, load : (M, ...) ndarray
-            As for `basis`.
-        travel : (M, ...) ndarray
-            Angle turned since the previous sample, of either direction [rad].
-        """
-        if self.distance == 0.0:
-            return self.basis(dq, ddq, load)
-        state = friction_state(dq, travel, self.distance)
-        return state if self.kind is TermKind.COULOMB or load is None else load * state
-
 
 def friction_state(dq: Array, travel: Array, distance: float) -> Array:
     """Return the state z of friction that builds up after reversals, from -1 to 1 (Dahl, 1968).
 
     `dz = (sgn(dq) - z) |dq| dt / distance`. The friction `F z` of such a gear stores at most
-    `F distance / 2` and dissipates the power `F |dq| z^2`. Friction before the first reversal
-    counts as built up.
+    `F distance / 2` and dissipates the power `F |dq| z^2`. The state starts at the sign of the
+    first velocity.
 
     Parameters
     ----------
-    dq : (M, ...) ndarray
-        Velocities [rad/s].
-    travel : (M, ...) ndarray
-        Angle turned since the previous sample, of either direction [rad].
+    dq : (M, n) or (M,) ndarray
+        Velocities [rad/s]. Samples without a velocity (NaN) have no state, and the following
+        samples continue the state before them.
+    travel : ndarray like dq
+        Angle turned since the previous sample, of either direction [rad]. Unknown angles (NaN)
+        count as 0.
     """
-    way = np.sign(dq).reshape(len(dq), -1)
-    gone = np.cumsum(np.abs(travel).reshape(len(dq), -1), axis=0)
-    state = np.empty_like(way)
-    for own, path, column in zip(way.T, gone.T, state.T, strict=True):
-        first = np.concatenate([[0], np.flatnonzero(np.diff(own)) + 1])
-        # The last sample before a reversal is where it begins.
-        begin = path[np.maximum(first - 1, 0)]
-        rest = np.exp(-np.diff(begin, append=path[-1]) / distance).tolist()
-        before = [float(own[0])]
-        for direction, share in zip(own[first].tolist(), rest, strict=True):
-            before.append(direction - (direction - before[-1]) * share)
-        part = np.searchsorted(first, np.arange(len(own)), side='right') - 1
-        missing = own - np.array(before)[part]
-        column[:] = own - missing * np.exp(-(path - begin[part]) / distance)
-    return state.reshape(dq.shape)
+    state = np.full(dq.shape, np.nan)
+    columns = (np.atleast_2d(values.T) for values in (dq, travel, state))
+    for velocity, turned, column in zip(*columns, strict=True):
+        known = np.isfinite(velocity)
+        if known.all():
+            column[:] = _joint_state(velocity, turned, distance)
+        else:
+            column[known] = _joint_state(velocity[known], turned[known], distance)
+    return state
+
+
+def _joint_state(dq: Array, travel: Array, distance: float) -> Array:
+    """Return the friction state (M,) of one joint."""
+    if not len(dq):
+        return dq
+    direction = np.sign(dq)
+    path = np.cumsum(np.abs(np.nan_to_num(travel, posinf=0.0, neginf=0.0)))
+    first = np.concatenate([[0], np.flatnonzero(np.diff(direction)) + 1])
+    # The last sample before a reversal is where it begins.
+    begin = path[np.maximum(first - 1, 0)]
+    decay = np.exp(-np.diff(begin, append=path[-1]) / distance).tolist()
+    initial_state = [float(direction[0])]
+    for sign, share in zip(direction[first].tolist(), decay, strict=True):
+        initial_state.append(sign - (sign - initial_state[-1]) * share)
+    length = np.diff(first, append=len(direction))
+    # In place, because recordings are long.
+    deficit = direction - np.repeat(initial_state[:-1], length)
+    path -= np.repeat(begin, length)
+    path /= -distance
+    np.exp(path, out=path)
+    deficit *= path
+    direction -= deficit
+    return np.asarray(direction)
 
 
 THESIS_TERMS = (JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB))
@@ -273,11 +283,13 @@ class JointModel:
             reversals; by default the friction of steady motion.
         """
         torque, load = links.copy(), np.abs(links)
-        travel = np.zeros_like(dq) if q is None else np.diff(q, axis=0, prepend=q[:1])
         for (joint, term), value in zip(self.joint_columns, theta[10 * self.n :], strict=True):
             moving = joint if term.driver is None else term.driver
-            state = dq[:, moving], ddq[:, moving], load[:, joint]
-            own = term.basis(*state) if q is None else term.along(*state, travel[:, moving])
+            state = None
+            if q is not None and term.distance:
+                travel = np.diff(q[:, moving], prepend=q[:1, moving])
+                state = friction_state(dq[:, moving], travel, term.distance)
+            own = term.basis(dq[:, moving], ddq[:, moving], load[:, joint], state)
             torque[:, joint] += value * own
         return torque
 

@@ -156,6 +156,18 @@ class JointTorques:
         return matrix
 
 
+def simulated_model(model: JointModel) -> JointModel:
+    """Return the model as simulated: friction of steady motion with smoothed steps.
+
+    Only terms that build up after a reversal change, because the simulation has no such state.
+    """
+    terms = tuple(
+        tuple(replace(_spread(term), distance=0.0) if term.distance else term for term in own)
+        for own in model.terms
+    )
+    return replace(model, terms=terms)
+
+
 def _spread(term: JointTerm) -> JointTerm:
     """Return a dry friction term with a smoothed step."""
     dry = (TermKind.COULOMB, TermKind.LOAD, TermKind.CREEP, TermKind.FORWARD, TermKind.BACKWARD)

@@ -32,6 +32,7 @@ from aerarm_ros.identification.conditioning.uniform_motion import (
     Samples,
     UniformMotion,
     aperiodic_motion,
+    at_rest,
     periodic_motion,
     sampling_time,
 )
@@ -125,8 +126,8 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
     -------
     float
         Largest band edge of all joints [Hz]. White measurement noise, estimated from the upper
-        half of the spectrum, is subtracted first. Bursts of fast motion, such as jolts of a
-        trajectory's corners, are left out.
+        half of the spectrum, is subtracted first. Frequencies that only bursts, such as jolts at
+        a trajectory's corners, or the vibration of one joint contain are excluded.
     """
     frequency = np.asarray(np.fft.rfftfreq(len(q), dt))
     edges = _edges(frequency, q, derivative=1)
@@ -200,13 +201,19 @@ _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
 def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Array) -> Array:
-    """Return the band edges (n,) [Hz], lowered where only bursts or one joint's vibration reach.
+    """Return the edges (n,) without frequencies of only bursts or the vibration of one joint [Hz].
 
-    A few jolts, or the vibration of one joint, hold more than a thousandth of a joint's power, but
-    are not the motion. The fifth of a joint's blocks with most fast motion is left out, and a
-    thousandth of the power of all joints, each relative to its own, may lie above the edge.
+    A few jolts, or the vibration of one joint, contain more than a thousandth of a joint's power.
+    The function ignores the 20 % of a joint's blocks with the most high-frequency power. Above the
+    edge, the joints that move contain on average a thousandth of their remaining power.
     """
-    spectrum = _spectrum(values) * frequency[:, None] ** derivative
+    spectrum = _spectrum(values)
+    low, high = float(frequency[1]), float(max(edges.max(initial=0.0), frequency[1]))
+    # Noise is white in `values`. The median ignores vibration above all edges.
+    fast_part = frequency > min(high, 0.5 * frequency[-1])
+    white = np.median(np.abs(spectrum[fast_part]) ** 2, axis=0) / np.log(2.0)
+    weight = frequency**derivative
+    spectrum *= weight[:, None]
     size = 2 * (len(frequency) - 1)
     block = np.arange(size) * BLOCKS // max(size, 1)
 
@@ -214,15 +221,23 @@ def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Arr
         fast = np.fft.irfft(spectrum * (frequency > above)[:, None], size, axis=0)
         return np.array([np.bincount(block, own, BLOCKS) for own in (fast**2).T])
 
+    def noise(above: float) -> Array:
+        return np.asarray(white * 2.0 / size * (weight[frequency > above] ** 2).sum())
+
     whole = powers(0.0)
-    total = np.maximum(whole.sum(axis=1), 1e-300)
+    total = whole.sum(axis=1)
+    moves = powers(high).sum(axis=1) < 0.5 * total  # The other joints are at rest.
+    if not moves.any():
+        return edges
+    signal = np.maximum(total - noise(0.0), 1e-300)
     moving = (whole > _MOVING * whole.max(axis=1, keepdims=True)).sum(axis=1)
     kept = np.arange(BLOCKS) < BLOCKS - np.floor(_BURSTS * moving)[:, None]
-    low, high = float(frequency[1]), float(max(edges.max(initial=0.0), frequency[1]))
     for _ in range(_HALVINGS):
         middle = float(np.sqrt(low * high))
-        lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1) / total
-        low, high = (low, middle) if lasting.mean() <= 1.0 - _SHARE else (middle, high)
+        lasting = np.where(kept, np.sort(powers(middle), axis=1), 0.0).sum(axis=1)
+        lasting = np.maximum(lasting - noise(middle) * kept.mean(axis=1), 0.0)
+        share = (lasting / signal)[moves].mean()
+        low, high = (low, middle) if share <= 1.0 - _SHARE else (middle, high)
     return np.where(edges > _RAISED * high, high, edges)
 
 
@@ -257,8 +272,6 @@ _EDGE = 0.5  # cut-off periods excluded at both ends of an aperiodic motion
 _FEWEST_PERIODS = 3.0
 _EDGE_MOST = 0.1  # largest excluded fraction of the motion
 _SPREAD = 1.0  # cut-off periods excluded before and after saturated torque
-# fraction of a joint's top speed, below which the joint counts as at rest
-_STANDSTILL_SPEED = 5e-3
 _STANDSTILL_TIME = 0.3  # [s]
 
 
@@ -275,8 +288,8 @@ class Conditioner:
     Attributes
     ----------
     cutoff : float
-        Cut-off of the torque's low-pass filter [Hz]: the given one, or ten times the band, with
-        which the choice by data begins.
+        Cut-off of the torque's low-pass filter [Hz]: the given one, or the one with which the
+        choice by data begins: ten times the band, but at least four times the positions' band.
     cutoffs : tuple of float
         Cut-offs to try, in ascending order [Hz]; only the given one if the user has given one.
     harmonics : int or None
@@ -334,10 +347,11 @@ class Conditioner:
         self.band = band
         dt = max(map(sampling_time, recordings))
         positions = max(position_band(m.q[m.window], m.dt) for m in motions)
-        self.cutoff = self._given_cutoff(positions, dt) or self._rule(band, dt)
+        least = _LEAST_PER_POSITION_BAND * positions
+        lowest = max(band, least / _CUTOFF_PER_BAND)
+        self.cutoff = self._given_cutoff(positions, dt) or self._rule(lowest, dt)
         self.cutoffs: tuple[float, ...] = (self.cutoff,)
         if options.cutoff is None:
-            least = _LEAST_PER_POSITION_BAND * positions
             self.cutoffs = _tried(self.cutoff, least, 1.0 / (_FEWEST_PER_CUTOFF * dt))
         self._trial_rate = max(_TRIAL_RATE, _RATE_PER_CUTOFF * self.cutoff)
         if not options.exact_stamps:
@@ -538,7 +552,7 @@ def _slope(motion: UniformMotion) -> Array:
 
 def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
     """Return the samples in which a joint is at rest, where dry friction is undetermined."""
-    slow = np.abs(dq) < _STANDSTILL_SPEED * np.maximum(np.abs(dq).max(axis=0), 1e-6)
+    slow = at_rest(dq)
     shortest = max(2, round(_STANDSTILL_TIME / dt))
     still = np.zeros_like(slow)
     for joint in range(dq.shape[1]):

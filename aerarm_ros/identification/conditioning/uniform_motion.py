@@ -23,6 +23,16 @@ BLOCKS = 5 * FOLDS
 """Number of consecutive blocks of a motion that form the parts."""
 
 
+# fraction of a joint's top speed, below which the joint counts as at rest
+_STANDSTILL_SPEED = 5e-3
+
+
+def at_rest(dq: Array) -> npt.NDArray[np.bool_]:
+    """Return, for velocities (M, n) [rad/s], in which samples each joint counts as at rest."""
+    top = np.maximum(np.abs(dq).max(axis=0, initial=0.0), 1e-6)
+    return np.asarray(np.abs(dq) < _STANDSTILL_SPEED * top, dtype=bool)
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Conditioned motion of one bag, sampled at a fine and at a coarse rate.

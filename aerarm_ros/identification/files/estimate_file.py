@@ -1,6 +1,6 @@
 """Estimates as YAML files that ROS nodes read with `--params-file`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -288,6 +288,7 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
             f'{path} is not an estimate.yaml of an arm with {robot.n} joints ({_fault(error)}): '
             'pass the unchanged file of the identifier'
         ) from None
+    _check_distances(path, names, own)
     terms = [
         (*values, *(term for owner, term in coupled if owner == joint))
         for joint, values in enumerate(own)
@@ -396,6 +397,18 @@ def _check_joints(path: Path, names: tuple[str, ...], wanted: tuple[str, ...]) -
             f'{path} has {len(names)} joints {", ".join(map(str, names))}, but the URDF has '
             f'{len(wanted)}, {", ".join(wanted)}: pass the URDF of that arm (--urdf)'
         )
+
+
+def _check_distances(path: Path, names: Sequence[str], own: Sequence[Iterable[JointTerm]]) -> None:
+    for name, terms in zip(names, own, strict=True):
+        for term in terms:
+            if not 0.0 <= term.distance < np.inf:
+                fault = f'is {term.distance:g} rad: use a finite, non-negative angle'
+            elif term.distance and term.width:
+                fault = 'is set together with coulomb_width: set one of both to 0'
+            else:
+                continue
+            raise IdentificationError(f'coulomb_distance of {name} in {path} {fault}')
 
 
 def _fault(error: Exception) -> str:

@@ -415,8 +415,8 @@ class _Trials:
         """Return the cut-off nearest to the rule among those that are as good as the best.
 
         Two cut-offs count as equally good if chance explains their difference, given its
-        variation over the blocks of the motion, and the difference is small. Chance seems to
-        explain even large differences if a few blocks cause them.
+        variation over the blocks of the motion, and the difference is small. If few blocks cause
+        a difference, its standard error is large, so a second limit applies.
         """
         errors = self._squared_errors()
         least = min(errors.values(), key=lambda own: float(own.sum()))

@@ -397,6 +397,8 @@ def choose_model(
     if fit.model.depends_on_load:
         own = [term for _, term in fit.model.joint_columns]
         fit = fit_model(bags, RegressionBank(bags, own, fit.inertial), fit.model, cad, fit.noise)
+    for bag in bags:
+        bag.free_memory()
     return fit, comparisons
 
 

@@ -7,8 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from aerarm_ros.identification.conditioning.uniform_motion import Samples
-from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKind
+from aerarm_ros.identification.conditioning.uniform_motion import Samples, at_rest
+from aerarm_ros.identification.joint_model import (
+    JointModel,
+    JointTerm,
+    TermKind,
+    friction_state,
+)
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 
@@ -54,6 +59,7 @@ class SampleColumns:
         self.rigid = samples.coarse_filter(self.rigid_raw)
         self._cache: dict[JointTerm, Array] = {}
         self._loads = np.zeros(0), np.zeros((0, samples.n))
+        self._states: dict[float, Array] = {}
         self.weights = np.ones(samples.n)
 
     def with_samples(self, samples: Samples) -> 'SampleColumns':
@@ -79,7 +85,7 @@ class SampleColumns:
         if term.smooth:
             basis = term.basis(samples.dq, samples.ddq, None)
             return samples.coarse_filter(basis, derivative=1)
-        basis = term.basis(samples.dq_fine, samples.ddq_fine, None)
+        basis = term.basis(samples.dq_fine, samples.ddq_fine, None, self._state(term))
         return samples.fine_filter(basis, derivative=1)
 
     def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
@@ -109,8 +115,8 @@ class SampleColumns:
                 # Computed like the links' columns, so that rotor and link columns add up exactly.
                 self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
             else:
-                own = term.along(samples.dq_fine, samples.ddq_fine, None, self._travel())
-                self._cache[term] = samples.fine_filter(own)
+                basis = term.basis(samples.dq_fine, samples.ddq_fine, None, self._state(term))
+                self._cache[term] = samples.fine_filter(basis)
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
@@ -147,9 +153,11 @@ class SampleColumns:
         """Return the filtered columns of load-dependent friction, or their rates, by joint."""
         samples = self.samples
         some = list(range(samples.n)) if joints is None else list(joints)
-        load = self._fine_loads(inertial)[:, some]
-        state = samples.dq_fine[:, some], samples.ddq_fine[:, some], load
-        return samples.fine_filter(term.along(*state, self._travel()[:, some]), derivative)
+        motion = samples.dq_fine[:, some], samples.ddq_fine[:, some]
+        state = self._state(term)
+        known = None if state is None else state[:, some]
+        basis = term.basis(*motion, self._fine_loads(inertial)[:, some], known)
+        return samples.fine_filter(basis, derivative)
 
     def _fine_loads(self, inertial: Array) -> Array:
         """Return the magnitude (L, n) of the torque on the links at the fine samples [Nm]."""
@@ -163,9 +171,24 @@ class SampleColumns:
             self._loads = inertial.copy(), loads
         return loads
 
-    def _travel(self) -> Array:
-        """Return the angle (L, n) [rad] turned since the previous fine sample."""
-        return np.asarray(np.abs(self.samples.dq_fine) * self.samples.fine_filter.dt)
+    def _state(self, term: JointTerm) -> Array | None:
+        """Return the friction state (L, n) of a term along the fine samples; None in steady motion.
+
+        Noise of the velocity at rest does not turn the joint, so the state lasts.
+        """
+        if not term.distance:
+            return None
+        if term.distance not in self._states:
+            dq = self.samples.dq_fine
+            travel = np.abs(dq) * self.samples.fine_filter.dt
+            travel[at_rest(dq)] = 0.0
+            self._states[term.distance] = friction_state(dq, travel, term.distance)
+        return self._states[term.distance]
+
+    def free_memory(self) -> None:
+        """Drop intermediate signals of the fine samples, which are computed again if needed."""
+        self._loads = np.zeros(0), np.zeros((0, self.samples.n))
+        self._states.clear()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import TermKind
 from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import SampleColumns
-from aerarm_ros.identification.rollout import RolloutWindows
+from aerarm_ros.identification.rollout import RolloutWindows, simulated_model
 from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
 from aerarm_ros.identification.solvers.estimate import Estimate, PhysicalLimits
 from aerarm_ros.identification.solvers.huber_solver import solve_huber
@@ -99,7 +99,8 @@ def solve_all(
             failures.append(f'solver {name} was skipped: {error}')
             continue
         seconds = time.perf_counter() - begin
-        estimates[name] = Estimate(name, fit.model, theta, seconds=seconds, notes=notes)
+        model = simulated_model(fit.model) if name == 'output_error' else fit.model
+        estimates[name] = Estimate(name, model, theta, seconds=seconds, notes=notes)
     recommended = _with_uncertainty(estimates[RECOMMENDED], fit)
     estimates[RECOMMENDED] = replace(recommended, notes=(*recommended.notes, *failures))
     return estimates

@@ -68,15 +68,23 @@ class IdentifiedModel:
         self.estimate = estimate
         self._regressor = Regressor(robot)
 
-    def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
+    def torque(
+        self,
+        q: npt.ArrayLike,
+        dq: npt.ArrayLike,
+        ddq: npt.ArrayLike,
+        *,
+        is_motion: bool = False,
+    ) -> Array:
         """Return the joint torque of the complete model, thesis (3.5): links, rotors, friction.
 
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints. Rows are
-            successive samples of one motion, because friction may build up after a reversal. Rows
-            that are far apart have the friction of steady motion.
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
+        is_motion : bool
+            Whether the rows are successive samples of one motion, in which friction may build up
+            after a reversal. By default each row has the friction of steady motion.
 
         Returns
         -------
@@ -99,7 +107,8 @@ class IdentifiedModel:
             )
         rows = [values.reshape(-1, n) for values in motion]
         links = self._regressor.stack_rigid(*rows) @ self.estimate.inertial.ravel()
-        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2], rows[0])
+        path = rows[0] if is_motion else None
+        torque = self.estimate.model.torque(self.estimate.theta, links, rows[1], rows[2], path)
         return torque.reshape(shape)
 
 
@@ -154,15 +163,23 @@ class IdentifiedArm:
         names = self.estimate.model.columns
         return dict(zip(names, self.estimate.theta.tolist(), strict=True))
 
-    def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
+    def torque(
+        self,
+        q: npt.ArrayLike,
+        dq: npt.ArrayLike,
+        ddq: npt.ArrayLike,
+        *,
+        is_motion: bool = False,
+    ) -> Array:
         """Return the joint torque of the complete model, thesis (3.5): links, rotors, friction.
 
         Parameters
         ----------
         q, dq, ddq : (n,) or (M, n) array_like
-            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints. Rows are
-            successive samples of one motion, because friction may build up after a reversal. Rows
-            that are far apart have the friction of steady motion.
+            Positions [rad], velocities [rad/s] and accelerations [rad/s^2] of the joints.
+        is_motion : bool
+            Whether the rows are successive samples of one motion, in which friction may build up
+            after a reversal. By default each row has the friction of steady motion.
 
         Returns
         -------
@@ -174,7 +191,8 @@ class IdentifiedArm:
         ValueError
             If the shapes differ from each other or from this arm's.
         """
-        return IdentifiedModel(self.result.robot, self.estimate).torque(q, dq, ddq)
+        model = IdentifiedModel(self.result.robot, self.estimate)
+        return model.torque(q, dq, ddq, is_motion=is_motion)
 
     @property
     def errors(self) -> list[BagAssessment]:

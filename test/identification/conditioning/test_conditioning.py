@@ -10,6 +10,7 @@ from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.conditioning.uniform_motion import BLOCKS, KinematicsFilter
 from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.recording.recording import Recording
 
 FREE = ConditioningOptions()
 
@@ -144,3 +145,18 @@ def test_a_cutoff_below_the_motion_is_refused(recording) -> None:
 def test_a_cutoff_above_the_rate_is_refused(recording) -> None:
     with pytest.raises(IdentificationError, match='above 200 Hz.*choose a lower cutoff'):
         Conditioner([recording], ConditioningOptions(cutoff=240.0))
+
+
+def test_a_short_fast_motion_of_all_joints_stays_below_the_cutoff() -> None:
+    """It counts as a burst of the velocity, but positions show that it is part of the motion."""
+    t = np.arange(0.0, 30.0, 4e-3)
+    omega, inside = 2.0 * np.pi, (t > 13.2) & (t < 16.8)
+    fast = 0.12 * inside * np.sin(np.pi * (t - 13.2) / 3.6) ** 2
+    q = np.column_stack([np.sin(omega * 0.1 * t), 0.8 * np.cos(omega * 0.1 * t)])
+    q += fast[:, None] * np.sin(omega * np.outer(t, [2.0, 1.7])) + 0.02 * t[:, None]
+    dq, tau, valid = np.gradient(q, t, axis=0), np.zeros_like(q), np.zeros(2, dtype=bool)
+    recording = Recording('motion', ('a', 'b'), t, q, dq, tau, valid)
+    conditioner = Conditioner([recording], FREE)
+    assert conditioner.fundamental is None
+    assert conditioner.cutoff > 4.0
+    assert min(conditioner.cutoffs) > 4.0

@@ -81,3 +81,31 @@ def test_a_joint_that_moves_for_a_short_time_has_the_band_of_its_motion() -> Non
     q = np.column_stack([Q[:, 0], moves * np.sin(2 * np.pi * 2.0 * T)])
     dq = np.gradient(q, DT, axis=0)
     assert motion_band(q, dq, DT) == pytest.approx(2.2, abs=0.3)
+
+
+def test_a_resting_joint_does_not_hide_that_jolts_are_no_motion() -> None:
+    """Only its noise is in the velocity, so its blocks contain no bursts."""
+    random = np.random.default_rng(3)
+    ringing = np.outer(jolts([12.0, 16.1, 24.2]), [0.3, 0.3])
+    encoder = 1e-5 * random.standard_normal(len(T))
+    q = np.column_stack([Q + np.cumsum(ringing, axis=0) * DT, encoder])
+    dq = np.column_stack([DQ + ringing, 1e-3 * random.standard_normal(len(T))])
+    assert motion_band(q, dq, DT) == pytest.approx(0.8, abs=0.1)
+    assert motion_band(q, None, DT) == pytest.approx(0.8, abs=0.1)
+
+
+def test_noisy_velocities_do_not_hide_that_jolts_are_no_motion() -> None:
+    """White noise holds more than a thousandth of the power, in every block."""
+    ringing = np.outer(jolts([12.0, 16.1, 24.2]), [1.0, 1.0])
+    noise = 0.05 * np.random.default_rng(4).standard_normal(DQ.shape)
+    q, dq = Q + np.cumsum(ringing, axis=0) * DT, DQ + ringing
+    assert motion_band(q, dq + noise, DT) == pytest.approx(0.8, abs=0.1)
+
+
+def test_vibration_of_measured_velocities_does_not_hide_fast_motion() -> None:
+    """It is above the motion, and no noise that is also expected within the band of the motion."""
+    omega = 2 * np.pi * np.array([5.0, 4.7])
+    q = Q + 0.1 / omega * np.sin(np.outer(T, omega))
+    dq = DQ + 0.1 * np.cos(np.outer(T, omega))
+    vibration = 0.3 * np.cos(2 * np.pi * 40.0 * T)[:, None]
+    assert motion_band(q, dq + vibration, DT) == pytest.approx(5.0, abs=0.1)

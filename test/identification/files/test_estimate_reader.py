@@ -1,5 +1,6 @@
 """An estimate is the same after it was written and read."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -60,6 +61,32 @@ def test_gravity_is_that_of_the_estimate(
     file.write_text(text.replace('[0.1, 0.2, 9.7]', '[0.1, up]'))
     with pytest.raises(IdentificationError, match='gravity_in_base of .* is not three numbers'):
         read_gravity(file, robot)
+
+
+@pytest.mark.parametrize(
+    ('distance', 'width', 'words'),
+    [
+        ('.nan', 0.0, 'coulomb_distance of joint2 .* is nan rad: use a finite'),
+        ('-0.01', 0.0, 'coulomb_distance of joint2 .* is -0.01 rad: use a finite'),
+        ('.inf', 0.0, 'coulomb_distance of joint2 .* is inf rad: use a finite'),
+        ('0.01', 0.02, 'coulomb_distance of joint2 .* together with coulomb_width'),
+    ],
+)
+def test_impossible_distances_are_refused(
+    result: IdentificationResult,
+    robot: Robot,
+    tmp_path: Path,
+    distance: str,
+    width: float,
+    words: str,
+) -> None:
+    file = tmp_path / 'estimate.yaml'
+    text = estimate_yaml(result, result.recommended.estimate, NOTHING, NOTHING)
+    text = re.sub(r'coulomb_distance: .*', f'coulomb_distance: [0.0, {distance}, 0.0, 0.0]', text)
+    text = re.sub(r'coulomb_width: .*', f'coulomb_width: [0.0, {width}, 0.0, 0.0]', text)
+    file.write_text(text)
+    with pytest.raises(IdentificationError, match=words):
+        read_estimate(file, robot)
 
 
 @pytest.mark.parametrize(

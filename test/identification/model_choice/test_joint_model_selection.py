@@ -92,7 +92,7 @@ def test_friction_that_builds_up_is_noticed_and_predicted(
     # the same torque from the complete model
     samples = chosen.validation[0].samples
     torque = IdentifiedModel(robot, chosen.recommended.estimate).torque(
-        samples.q, samples.dq, samples.ddq
+        samples.q, samples.dq, samples.ddq, is_motion=True
     )
     assert np.allclose(torque, chosen.recommended.validation[0].prediction.raw)
 

@@ -10,6 +10,7 @@ from aerarm_ros.identification.joint_model import (
     THESIS_TERMS,
     JointTerm,
     TermKind,
+    friction_state,
 )
 from aerarm_ros.model.drive_train import viscous_coulomb
 
@@ -79,7 +80,8 @@ DISTANCE = 0.02
 
 def built_up(load: np.ndarray | None = None, kind: TermKind = TermKind.COULOMB) -> np.ndarray:
     travel = np.diff(PATH, prepend=PATH[0])
-    return JointTerm(kind, distance=DISTANCE).along(SPEED, SPEED, load, travel)
+    state = friction_state(SPEED, travel, DISTANCE)
+    return JointTerm(kind, distance=DISTANCE).basis(SPEED, SPEED, load, state)
 
 
 def test_friction_builds_up_after_a_reversal() -> None:
@@ -105,7 +107,23 @@ def test_friction_that_builds_up_returns_no_more_energy_than_it_stored() -> None
 
 def test_friction_that_has_built_up_stays_at_rest() -> None:
     dq = np.repeat([0.0, 0.5, 0.0], 100)
-    state = JointTerm(TermKind.COULOMB, distance=0.01).along(dq, dq, None, dq * 1e-3)
+    state = friction_state(dq, dq * 1e-3, 0.01)
     assert np.array_equal(state[:100], np.zeros(100))
     assert state[199] == pytest.approx(1.0 - np.exp(-5.0))
     assert np.allclose(state[200:], state[199])
+
+
+def test_a_sample_without_velocity_does_not_change_the_others() -> None:
+    travel = np.diff(PATH, prepend=PATH[0])
+    gaps = SPEED.copy()
+    gaps[[0, 3000]], travel[[0, 3000, 3001]] = np.nan, np.nan
+    state = friction_state(np.column_stack([gaps, SPEED]), np.column_stack([travel] * 2), DISTANCE)
+    assert np.flatnonzero(np.isnan(state[:, 0])).tolist() == [0, 3000]
+    assert not np.isnan(state[:, 1]).any()
+    assert np.nanmax(np.abs(state[:, 0] - built_up())) < 0.05
+
+
+@pytest.mark.parametrize('rows', [0, 1])
+def test_short_motions_have_a_state(rows: int) -> None:
+    state = friction_state(np.full((rows, 2), -0.1), np.zeros((rows, 2)), DISTANCE)
+    assert np.array_equal(state, np.full((rows, 2), -1.0))

@@ -1,9 +1,11 @@
 """Both sides of the torque balance pass the same filter."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
@@ -65,3 +67,34 @@ def test_load_needs_the_links(make_arm: Callable, robot: Robot) -> None:
     inertial = robot.inertial_parameters.ravel()
     assert np.allclose(bag.term(LOAD, 2.0 * inertial), 2.0 * bag.term(LOAD, inertial))
     assert np.allclose(bag.links_torque(2.0 * inertial), 2.0 * bag.links_torque(inertial))
+
+
+@pytest.mark.parametrize('kind', [TermKind.COULOMB, TermKind.LOAD])
+@pytest.mark.parametrize('distance', [0.0, 0.02])
+def test_a_rate_is_the_derivative_of_the_column(
+    make_arm: Callable, robot: Robot, kind: TermKind, distance: float
+) -> None:
+    bag, inertial = columns_of(make_arm(), robot), robot.inertial_parameters.ravel()
+    term = JointTerm(kind, distance=distance)
+    column = bag.term(term, inertial)
+    slope = CubicSpline(bag.samples.time, column).derivative()(bag.samples.time)[5:-5]
+    left = np.linalg.norm(bag.rate(term, inertial)[5:-5] - slope)
+    assert left < 0.1 * np.linalg.norm(slope)
+
+
+def test_noise_of_a_velocity_at_rest_does_not_change_friction(
+    make_arm: Callable, robot: Robot
+) -> None:
+    """Coulomb friction after 4 s at rest is that of the last motion."""
+    bag = columns_of(make_arm(), robot)
+    random = np.random.default_rng(0)
+    dq = bag.samples.dq_fine.copy()
+    rest = slice(len(dq) // 2, len(dq) // 2 + round(4.0 / bag.samples.fine_filter.dt))
+    dq[rest.start - 500 : rest.start] = 0.5
+    dq[rest] = 1e-3 * random.standard_normal((rest.stop - rest.start, robot.n))
+    noisy = SampleColumns(replace(bag.samples, dq_fine=dq), Regressor(robot))
+    column = noisy.term(JointTerm(TermKind.COULOMB, distance=0.003))
+    times = noisy.samples.time - noisy.samples.time[0]
+    begin = rest.start * bag.samples.fine_filter.dt
+    inside = (times > begin + 1.0) & (times < begin + 3.0)
+    assert np.allclose(column[inside], 1.0, atol=0.05)

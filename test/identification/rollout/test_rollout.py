@@ -6,7 +6,12 @@ import pytest
 
 from aerarm_ros.identification.files.identified_robot import identified_mjcf
 from aerarm_ros.identification.joint_model import ROTOR, JointModel, JointTerm, TermKind
-from aerarm_ros.identification.rollout import Rollout, RolloutWindows, rollout_error
+from aerarm_ros.identification.rollout import (
+    Rollout,
+    RolloutWindows,
+    rollout_error,
+    simulated_model,
+)
 
 
 def test_it_moves_as_another_engine_does(arm, robot, true_theta) -> None:
@@ -65,3 +70,19 @@ def test_derivatives_are_those_of_simulation(arm, robot, true_theta, samples_of,
         numeric = (moved[0] - moved[1]) / 2e-5
         left = np.linalg.norm(numeric - slopes[..., column])
         assert left < (0.15 if width == 0.0 else 0.03) * np.linalg.norm(numeric)
+
+
+def test_the_model_of_a_simulation_has_the_friction_that_was_simulated(
+    arm, robot, true_theta, samples_of
+) -> None:
+    elastic = JointTerm(TermKind.COULOMB, distance=0.03)
+    terms = (JointTerm(TermKind.VISCOUS), elastic, ROTOR)
+    model = JointModel.uniform(robot.joint_names, robot.link_names, terms)
+    found = simulated_model(model)
+    assert {(term.distance, term.width > 0.0) for _, term in found.joint_columns[4:8]} == {
+        (0.0, True)
+    }
+    samples = samples_of(arm.recording(1), seconds=6.0)
+    windows = RolloutWindows.of(robot, [samples])
+    both = [Rollout(each, windows).positions(true_theta) for each in (model, found)]
+    assert np.array_equal(*both)

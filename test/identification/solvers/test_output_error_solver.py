@@ -6,10 +6,19 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel
-from aerarm_ros.identification.rollout import RolloutWindows
+from aerarm_ros.identification.joint_model import (
+    ROTOR,
+    THESIS_TERMS,
+    JointModel,
+    JointTerm,
+    TermKind,
+)
+from aerarm_ros.identification.regression.model_fit import RegressionBank, fit_model
+from aerarm_ros.identification.rollout import RolloutWindows, rollout_samples
 from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
+from aerarm_ros.identification.solvers.solvers import solve_all
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 
@@ -33,3 +42,19 @@ def test_without_a_window_there_is_no_solution(robot: Robot) -> None:
     windows = RolloutWindows(robot, 0.01, nothing, nothing, nothing)
     with pytest.raises(IdentificationError, match='no half-second'):
         solve_output_error(model, windows, np.ones(48), np.ones(8))
+
+
+def test_its_estimate_has_the_friction_that_was_simulated(
+    arm, robot: Robot, result: IdentificationResult
+) -> None:
+    """Simulations have no friction that builds up, so the fitted coefficients belong to `tanh`."""
+    own = (JointTerm(TermKind.VISCOUS), JointTerm(TermKind.COULOMB, distance=0.01), ROTOR)
+    model = JointModel.uniform(robot.joint_names, robot.link_names, own)
+    bank = RegressionBank(result.identification, own)
+    fit = fit_model(result.identification, bank, model, result.cad)
+    samples = [rollout_samples(result.conditioner, arm.recording(1).part(0.0, 0.3, ''))]
+    windows = RolloutWindows.of(robot, samples)
+    estimates = solve_all(fit, result.cad, names=['output_error'], windows=windows)
+    dry = [each[1] for each in estimates['output_error'].model.terms]
+    assert dry == [JointTerm(TermKind.COULOMB, width=0.02)] * 4
+    assert estimates['sdp'].model == model

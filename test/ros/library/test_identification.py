@@ -2,6 +2,7 @@
 
 import inspect
 import json
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from identifier_process import measured, motion, write_bag
 import aerarm_ros
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identify import IdentificationOptions
-from aerarm_ros.ros.library.identification import IdentifiedArm
+from aerarm_ros.identification.joint_model import TermKind
+from aerarm_ros.ros.library.identification import IdentifiedArm, IdentifiedModel
 
 OPTIONS = IdentificationOptions(friction='coulomb')
 
@@ -69,6 +71,21 @@ def test_its_torque_is_that_of_the_assessment(arm: IdentifiedArm) -> None:
     with pytest.raises(ValueError, match=r'\(3,\): pass arrays of shape \(4,\) or \(M, 4\)'):
         arm.torque(samples.q[7], samples.dq[7], samples.ddq[7][:3])
     assert len(repr(arm.errors)) < 300
+
+
+def test_friction_builds_up_only_along_a_motion(arm: IdentifiedArm) -> None:
+    """Rows are independent by default: a friction curve at one posture has both signs."""
+    terms = tuple(
+        tuple(replace(t, distance=0.01) if t.kind is TermKind.COULOMB else t for t in own)
+        for own in arm.estimate.model.terms
+    )
+    elastic = replace(arm.estimate, model=replace(arm.estimate.model, terms=terms))
+    model = IdentifiedModel(arm.result.robot, elastic)
+    curve = np.zeros((5, 4)), np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(4), np.zeros((5, 4))
+    assert np.allclose(model.torque(*curve), arm.torque(*curve))
+    friction = arm.estimate.joint_values('fs')
+    along = model.torque(*curve, is_motion=True)
+    assert np.allclose(model.torque(*curve)[-1] - along[-1], 2.0 * friction)
 
 
 def test_its_dynamics_are_those_identified(arm: IdentifiedArm) -> None:
