@@ -4,8 +4,9 @@ The node receives joint_states at 1 kHz. The node publishes the estimated payloa
 `payload.inertial_parameters` on `payload`, and the present friction on `joint_friction`, both at
 50 Hz. The arm must start without further payload and move for one second before an estimate.
 
-Two modes need no running node. With --bag DIR the program estimates the payload in recordings (--bag DIR
---help lists the options). With --trend FILE it prints the change of friction in `friction_file`.
+Two modes read files and need no running node. With --bag DIR the program estimates the payload in
+recordings (--bag DIR --help lists the options). With --trend FILE it prints the change of friction
+in `friction_file`.
 """
 
 from __future__ import annotations
