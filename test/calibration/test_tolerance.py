@@ -70,3 +70,16 @@ def test_typical_deflections_are_the_same_for_heavily_and_lightly_loaded_joints(
     loaded = largest > 0.01
     assert loaded.sum() >= 3
     np.testing.assert_allclose((compliance * largest)[loaded], 0.02, rtol=0.1)
+
+
+def test_zero_errors_of_11_degrees_are_found_from_one_marker_in_20_postures() -> None:
+    arm = MeasuredArm(3)
+    arm.made.offsets[:] += 0.2 * np.random.default_rng(3).choice([-1.0, 1.0], ROBOT.n)
+    whole = arm.observe(arm.postures(40))
+    source = whole.sources[0]
+    assert isinstance(source, MarkerSource)
+    one = MarkerSource('mocap', ('tip',), source.position[:, :1])
+    observations = replace(whole, sources=(one,))
+    fit = geometry_fit(observations.rows(range(20)))
+    error = fit.residuals(observations.rows(range(20, 40)))[0]
+    assert np.sqrt(np.nanmean(error**2)) < 1e-3
