@@ -252,7 +252,7 @@ def _with_noise(fit: Fit) -> Fit:
         ('m', _LEAST_LENGTH, fit.length),
         ('rad', _LEAST_ANGLE, fit.angle),
     ):
-        if not noise[unit]:
+        if not any(map(len, noise[unit])):
             found.append(known)
             continue
         values = np.concatenate(noise[unit])

@@ -61,6 +61,14 @@ def test_a_small_tolerance_keeps_the_urdf() -> None:
     assert np.abs(kept.errors).max() < 1e-3
 
 
+@pytest.mark.parametrize('value', [0.0, -1e-3, float('inf'), float('nan')])
+def test_tolerances_are_positive_and_finite(value: float) -> None:
+    with pytest.raises(ValueError, match='must be positive and finite'):
+        Tolerance(value)
+    with pytest.raises(ValueError, match='must be positive and finite'):
+        Tolerance(angle=value)
+
+
 def test_typical_deflections_are_the_same_for_heavily_and_lightly_loaded_joints() -> None:
     geometry = ArmGeometry(ROBOT, LINK)
     low, high = ROBOT.posture_range
