@@ -168,7 +168,7 @@ def calibrate(
     observations : Observations
         Joint positions of the chain's robot, with sensor measurements.
     held_out : sequence of HeldOut
-        Postures for validation only; the sources have the same order as in `observations`.
+        Postures for validation only, with the sources of `observations`.
 
     Raises
     ------
@@ -238,7 +238,16 @@ def _without_copies(observations: Observations) -> tuple[Observations, list[str]
 def _like(one: HeldOut, observations: Observations) -> HeldOut:
     """Return held-out postures with the same markers in the same order as the observations."""
     sources = []
-    for source, other in zip(observations.sources, one.observations.sources, strict=True):
+    for source in observations.sources:
+        kind, name = type(source), source.name
+        others = [s for s in one.observations.sources if type(s) is kind and s.name == name]
+        if not others:
+            ignored = source.names if isinstance(source, MarkerSource) else (name,)
+            raise CalibrationError(
+                f'{one.name} has no measurements of {name}: add them, or pass '
+                f'--ignore {" ".join(ignored)}'
+            )
+        other = others[0]
         if isinstance(source, MarkerSource):
             assert isinstance(other, MarkerSource)
             missing = [name for name in source.names if name not in other.names]

@@ -58,12 +58,12 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def check_count(observations: Observations) -> None:
-    """Check that enough postures have measurements.
+    """Check that enough postures have measurements, and that each marker and source has one.
 
     Raises
     ------
     CalibrationError
-        If there are too few.
+        If there are too few, or none of a marker or source.
     """
     seen = np.any([source.seen for source in observations.sources], axis=0)
     if int(seen.sum()) < FEWEST:
@@ -71,6 +71,17 @@ def check_count(observations: Observations) -> None:
             f'only {int(seen.sum())} postures have measurements, but the base frame alone needs '
             f'{FEWEST}: record at least 15, better 40'
         )
+    for source in observations.sources:
+        measured = {source.name: source.seen}
+        if isinstance(source, MarkerSource):
+            measured = {
+                name: np.isfinite(source.position[:, k]) for k, name in enumerate(source.names)
+            }
+        for name, own in measured.items():
+            if not own.any():
+                raise CalibrationError(
+                    f'{name} has no measurement in any posture: pass --ignore {name}'
+                )
 
 
 def check_positions(observations: Observations, geometry: ArmGeometry) -> list[str]:
@@ -177,12 +188,12 @@ def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
     counts = [sum(wrong[k, row] for k, pair in enumerate(pairs) if m in pair)
               for m in range(len(source.names))]  # fmt: skip
     marker = int(np.argmax(counts))
-    off = max(abs(distance[k, row] - usual[k]) for k, pair in enumerate(pairs) if marker in pair)
-    who = (
-        f'marker {source.names[marker]}'
-        if len(source.names) > 2
-        else f'marker {source.names[0]} or {source.names[1]}'
+    off = np.nanmax(
+        [abs(distance[k, row] - usual[k]) for k, pair in enumerate(pairs) if marker in pair]
     )
+    # The distance of a single pair does not show which of its markers jumps.
+    suspects = [name for name, n in zip(source.names, counts, strict=True) if n == max(counts)]
+    who = f'marker {" or ".join(suspects)}'
     raise CalibrationError(
         f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm relative to the others; leave '
         f'its cells empty in these postures, or remove it with --ignore {source.names[marker]}'

@@ -19,8 +19,8 @@ _POSTURES = 80  # number of random postures that show which errors any posture c
 _FOLDS = 10
 # standard deviations above which an error improves predictions (Akaike 1974)
 _SIGNIFICANT = 2.0**0.5
-# an error with a larger standard deviation, in typical sizes, counts as unidentified
-_UNCERTAIN = 1.5
+# a joint offset counts as unidentified above this fraction of its prior standard deviation
+_UNCERTAIN = 0.8
 _STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
 _WORTH = 0.015  # fraction by which the prediction errors of a larger model must be smaller
@@ -122,8 +122,8 @@ def check_offsets(start: Fit, found: Identifiable) -> list[str]:
     Raises
     ------
     CalibrationError
-        If an offset is not identifiable, or half of the offsets keep their prior uncertainty; the
-        message names the offset and the joints to move.
+        If an offset is not identifiable, or half of the offsets keep more than 80 % of their prior
+        standard deviation; the message names the offset and the joints to move.
     """
     geometry = start.geometry
     offsets = geometry.columns('offset')

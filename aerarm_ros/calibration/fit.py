@@ -17,7 +17,7 @@ LENGTH, ANGLE = 1e-3, 5e-3  # [m], [rad] assumed measurement noise in the first 
 # [m], [rad] lower bounds of the estimated measurement noise
 _LEAST_LENGTH, _LEAST_ANGLE = 1e-7, 1e-7
 _OUTLIER = 3.0  # standard deviations above which a residual has reduced weight
-_ROUNDS = 4
+_ROUNDS = 10
 _SETTLED = 0.03  # relative change of the estimated noise at which the iteration ends
 _MAD = 1.4826
 _STEP = 0.01  # [m], [rad] scale of the sources' unknowns (base frame, markers)
@@ -133,9 +133,10 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
     """Fit given geometric errors, and the base frames and marker positions of all sources.
 
     The loss is ``soft_l1`` beyond three standard deviations. The estimate maximizes the posterior
-    probability; the prior of each geometric error is normal with the standard deviation
-    `ArmGeometry.typical`. Noise and correlation of the measurements are estimated from the
-    residuals, so the fit is repeated until both converge.
+    probability. The prior of each geometric error has the standard deviation
+    `ArmGeometry.typical`; it is about normal up to three standard deviations, with linear tails.
+    Noise and correlation of the measurements are estimated from the residuals, so the fit is
+    repeated until both converge.
 
     Parameters
     ----------
@@ -152,9 +153,10 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
         tuple(free),
         errors,
         start.states,
-        start.length,
-        start.angle,
-        start.repeats,
+        # The noise of a fit with fewer errors contains errors of the arm: with such noise the
+        # prior outweighs the measurements, and the iteration converges near the URDF.
+        min(start.length, LENGTH),
+        min(start.angle, ANGLE),
     )
     for _ in range(_ROUNDS):
         before = np.array([fit.length, fit.angle, fit.repeats])
@@ -250,7 +252,7 @@ def _with_noise(fit: Fit) -> Fit:
         ('m', _LEAST_LENGTH, fit.length),
         ('rad', _LEAST_ANGLE, fit.angle),
     ):
-        if not noise[unit]:
+        if not any(map(len, noise[unit])):
             found.append(known)
             continue
         values = np.concatenate(noise[unit])
@@ -274,10 +276,12 @@ def _repeats(fit: Fit) -> float:
         moments = scaled.T @ scaled / np.maximum(seen.T @ seen, 1.0)
         size, trace = len(moments), float(np.trace(moments))
         number = float(seen.any(axis=1).sum())
+        if not number:
+            continue
         squares = (np.sum(moments**2) - trace**2 / number) / (1.0 + 1.0 / number)
         factors.append(float(np.clip(size * squares / max(trace**2, 1e-300), 1.0, size)))
         counts.append(float(seen.sum()))
-    return float(np.average(factors, weights=counts))
+    return float(np.average(factors, weights=counts)) if counts else 1.0
 
 
 def _scale(values: Array) -> float:

@@ -43,6 +43,19 @@ class Tolerance:
     length: float = 2e-3
     angle: float = 0.01
 
+    def __post_init__(self) -> None:
+        """Validate both values.
+
+        Raises
+        ------
+        ValueError
+            If a value is not positive and finite.
+        """
+        if not (0.0 < self.length < np.inf and 0.0 < self.angle < np.inf):
+            raise ValueError(
+                f'tolerances {self.length:g} m and {self.angle:g} rad must be positive and finite'
+            )
+
 
 _LEAST_TORQUE = 1e-3  # [Nm], [N] smallest gravity torque of a joint that limits its compliance
 _POSTURES = 200  # number of random postures in which the largest gravity torque is searched

@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, Slerp
 
+from aerarm_ros.calibration.choice import check_unknowns
 from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ArmGeometry
 from aerarm_ros.calibration.observations import (
@@ -34,6 +35,9 @@ _BIAS = 0.3  # [m/s^2] prior standard deviation of the accelerometer's bias
 _TILT = 0.5  # [m/s^2] prior standard deviation of gravity across the z axis of the pose's frame
 _LEAST_TURN = 0.15  # [rad] rotation of the drone below which the IMU pose is not identifiable
 _ITERATIONS = 20
+_MISFIT = 0.005  # [m] largest noise of the markers after the fit
+# [m], [rad] largest standard deviations of the mount; an arm that hardly moves exceeds them
+_UNCERTAIN_POSITION, _UNCERTAIN_ROTATION = 0.01, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +121,7 @@ def calibrate_mount(
     Raises
     ------
     CalibrationError
-        If the arm or the drone does not move, or the recordings do not overlap.
+        If the arm hardly moves, the markers do not fit, or the recordings do not overlap.
     """
     if not markers:
         raise CalibrationError('the arm has no markers: attach at least one marker to the arm')
@@ -135,20 +139,35 @@ def calibrate_mount(
         return fitted(start, (), observations)
 
     fit = at(late)
+    check_unknowns(fit)
+    if fit.length <= _MISFIT:  # else the time offset or the markers are wrong
+        _check_deviations(fit)
     for step in _STEPS:
         shifts = late + step * np.arange(-2, 3)
         fits = [at(shift, fit) for shift in shifts]
         best = int(np.argmin([one.length for one in fits]))
         late, fit = float(shifts[best]), fits[best]
-    if fit.length > 0.02:
+    if fit.length > _MISFIT:
         raise CalibrationError(
             f'the markers are {1000.0 * fit.length:.0f} mm from their predicted positions: check '
             'that markers and drone poses use one frame, and calibrate the arm first'
         )
     rotation, translation = base_pose(fit.states[0])
-    deviations = fit.deviations
+    deviations = _check_deviations(fit)
     pose = FramePose(translation, rotation, deviations[:3], deviations[3:6])
     return MountResult(pose, fit, -late)
+
+
+def _check_deviations(fit: Fit) -> Array:
+    """Return the standard deviations of mount and markers, after a check of the mount's."""
+    deviations = fit.deviations
+    position, rotation = max(deviations[:3]), max(deviations[3:6])
+    if position > _UNCERTAIN_POSITION or rotation > _UNCERTAIN_ROTATION:
+        raise CalibrationError(
+            f'the recording leaves the mount uncertain by {1e3 * position:.0f} mm and '
+            f'{1e3 * rotation:.0f} mrad: move every joint by more than 0.5 rad'
+        )
+    return deviations
 
 
 def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuResult:

@@ -316,8 +316,9 @@ class PoseSource(Source):
 
     @property
     def seen(self) -> Mask:
-        """Mask (M,) of postures with a measured pose."""
-        return np.asarray(np.isfinite(self.position).all(axis=1))
+        """Mask (M,) of postures with a measured position and rotation."""
+        turned = np.isfinite(self.rotation).all(axis=(1, 2))
+        return np.asarray(np.isfinite(self.position).all(axis=1) & turned)
 
 
 @dataclass(frozen=True, eq=False)

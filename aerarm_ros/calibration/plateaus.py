@@ -189,6 +189,8 @@ def _means(
     place = np.full((count, 3), np.nan)
     turn = None if track.rotation is None else np.full((count, 3, 3), np.nan)
     seen = np.isfinite(track.position).all(axis=1)
+    if track.rotation is not None:
+        seen &= np.isfinite(track.rotation).all(axis=(1, 2))
     for k, (begin, end) in enumerate(zip(rests.start, rests.end, strict=True)):
         inside = (track.time >= begin + late) & (track.time <= end + late) & seen
         if not inside.any():

@@ -29,6 +29,7 @@ _FORMS = (
     re.compile(rf'^{_AXIS}(?P<name>)$', re.IGNORECASE),
 )
 _SAME = {'phix': 'roll', 'phiy': 'pitch', 'phiz': 'yaw'}
+_ANGLES = ('roll', 'pitch', 'yaw')
 _UNSEEN = ('', 'nan', 'none', 'null', 'na')  # cell contents that mean a missing measurement
 _CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
@@ -96,9 +97,9 @@ def read_postures(
 
     A column with joint positions has the joint's name (`elbow`) or a name that the identifier
     accepts (`q_elbow`, `elbow.position [deg]`). Markers have columns `x1, y1, z1` or `tip.x [mm],
-    tip.y, tip.z`. Poses have additional columns `qx, qy, qz, qw` or `roll, pitch, yaw` (also
-    `phix1 ...`). Contacts have a column such as `contact_table` with 0 or 1. Empty cells mean
-    missing measurements. An .npz file contains the arrays `q` (M, n) with `joint_names`,
+    tip.y [mm], tip.z [mm]`. Poses have additional columns `qx, qy, qz, qw` or `roll, pitch, yaw`
+    (also `phix1 ...`). Contacts have a column such as `contact_table` with 0 or 1. Empty cells
+    mean missing measurements. An .npz file contains the arrays `q` (M, n) with `joint_names`,
     `markers` (M, K, 3) with `marker_names`, and `time`.
 
     Parameters
@@ -293,6 +294,13 @@ class _Reader:
                 f'marker {thing} of {self._path} has no {missing[0]}, only {", ".join(names)}: '
                 'add the column, or remove the marker'
             )
+        for keys in ('xyz', _ANGLES):
+            if len({axes[key][2] for key in keys if key in axes}) > 1:
+                listed = ', '.join(axes[key][0] for key in keys if key in axes)
+                raise CalibrationError(
+                    f'columns {listed} of {self._path} have different units: state the same unit '
+                    'in each of them'
+                )
         position = np.column_stack([axes[axis][2] * axes[axis][1] for axis in 'xyz'])
         rotation = _rotation(axes)
         label = thing if not thing.isdigit() else f'marker{thing}'
@@ -305,7 +313,7 @@ class _Reader:
 
 def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
     """Return rotations (M, 3, 3) from quaternions or roll, pitch and yaw; None without either."""
-    for keys in (('qx', 'qy', 'qz', 'qw'), ('roll', 'pitch', 'yaw')):
+    for keys in (('qx', 'qy', 'qz', 'qw'), _ANGLES):
         if not all(key in axes for key in keys):
             continue
         values = np.column_stack([axes[key][2] * axes[key][1] for key in keys])

@@ -377,9 +377,9 @@ def _add_calibrate(command: argparse.ArgumentParser) -> None:
         'position of a camera in the base frame [m]; only configurations in which the marker '
         'faces the camera'
     ))  # fmt: skip
-    add('--marker-normal', nargs=3, type=finite_number, default=[0.0, 0.0, 1.0],
+    add('--marker-normal', nargs=3, type=finite_number,
         metavar=('X', 'Y', 'Z'), help=(
-        'normal of the marker in the frame of its link, for --camera (default: 0 0 1)'
+        'normal of the marker in the frame of its link; needs --camera (default: 0 0 1)'
     ))  # fmt: skip
     _add_arm_files(command)
     add('--excitation-config', default='', metavar='FILE', help=(

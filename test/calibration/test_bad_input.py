@@ -4,11 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from measured_arm import CONFIG, ROBOT, MeasuredArm, own_chain
+from measured_arm import CONFIG, LINK, ROBOT, MeasuredArm, own_chain
 
-from aerarm_ros.calibration.calibrate import calibrate
+from aerarm_ros.calibration.calibrate import HeldOut, calibrate
 from aerarm_ros.calibration.chain import chain_of
-from aerarm_ros.calibration.observations import CalibrationError, MarkerSource, Observations
+from aerarm_ros.calibration.choice import LEVELS, check_offsets, identifiable
+from aerarm_ros.calibration.fit import fitted, registered
+from aerarm_ros.calibration.geometry import ArmGeometry
+from aerarm_ros.calibration.observations import (
+    CalibrationError,
+    MarkerSource,
+    Observations,
+    PlaneSource,
+    PoseSource,
+)
 from aerarm_ros.simulation.made_geometry import displaced_urdf
 
 
@@ -77,6 +86,55 @@ def test_degrees_are_suspected(good: Observations) -> None:
     assert 'positions look like degrees; pass --degrees' in text
 
 
+def test_a_jumping_marker_is_named_if_another_is_hidden(good: Observations) -> None:
+    position = positions(good)[:, :3]
+    row = int(np.flatnonzero(np.isfinite(position[..., 0]).all(axis=1))[0])
+    position[row, 0] += 0.04
+    position[row, 2] = np.nan
+    text = refused(changed(good, position, ('a', 'b', 'c')))
+    assert f'posture {row + 1}: marker a or b jumps by' in text and 'nan' not in text
+
+
+def test_a_marker_that_was_never_seen_is_named(good: Observations) -> None:
+    position = positions(good)
+    position[:, 3] = np.nan
+    text = refused(changed(good, position))
+    assert text == 'marker4 has no measurement in any posture: pass --ignore marker4'
+
+
+def test_a_plane_without_contacts_is_named(good: Observations) -> None:
+    plane = PlaneSource('table', np.zeros(len(good)))
+    text = refused(replace(good, sources=(*good.sources, plane)))
+    assert text == 'table has no measurement in any posture: pass --ignore table'
+
+
+def test_a_fit_ignores_a_source_without_measurements_in_its_postures(good: Observations) -> None:
+    touches = np.zeros(len(good))
+    touches[:8] = 1.0
+    start = registered(
+        ArmGeometry(ROBOT, LINK), replace(good, sources=(PlaneSource('table', touches),))
+    )
+    fit = fitted(start, (), start.observations.rows(range(8, 30)))
+    assert fit.repeats == 1.0 and np.isfinite(fit.length)
+
+
+def test_a_pose_without_rotations_is_named(good: Observations) -> None:
+    rotation = np.full((len(good), 3, 3), np.nan)
+    pose = PoseSource('camera', rotation, positions(good)[:, 0])
+    text = refused(replace(good, sources=(*good.sources, pose)))
+    assert text == 'camera has no measurement in any posture: pass --ignore camera'
+
+
+def test_validation_without_a_source_names_it(good: Observations) -> None:
+    plane = PlaneSource('table', np.ones(len(good)))
+    both = replace(good, sources=(plane, *good.sources))
+    with pytest.raises(CalibrationError) as error:
+        calibrate(own_chain(), both, [HeldOut('other', good)])
+    assert str(error.value) == (
+        'other has no measurements of table: add them, or pass --ignore table'
+    )
+
+
 def test_too_few_postures_are_counted(good: Observations) -> None:
     assert refused(good.rows(range(5))).startswith('only 5 postures have measurements')
 
@@ -95,6 +153,28 @@ def test_similar_postures_name_what_stays_uncertain() -> None:
     q = 0.004 * arm.postures(30) + (0.2, 1.0, 0.3, 0.4)
     text = refused(arm.observe(q))
     assert 'cannot be estimated' in text and 'too similar' in text
+
+
+@pytest.mark.parametrize(('span', 'share'), [(0.06, 0.85), (0.1, 0.71)])
+def test_an_offset_above_80_percent_of_its_prior_deviation_is_named(
+    span: float, share: float
+) -> None:
+    arm = MeasuredArm(2)
+    observations = arm.observe(span * arm.postures(30) + (0.2, 1.0, 0.3, 0.4))
+    source = observations.sources[0]
+    assert isinstance(source, MarkerSource)
+    error = 1e-3 * np.random.default_rng(0).normal(size=(30, 1, 3))
+    observations = changed(observations, source.position + error)
+    start = registered(ArmGeometry(ROBOT, LINK), observations)
+    found = identifiable(start, LEVELS['offsets'])
+    fit = fitted(start, found.columns)
+    typical = start.geometry.typical[list(fit.free)]
+    assert max(fit.deviations[: len(fit.free)] / typical) == pytest.approx(share, abs=0.02)
+    if share < 0.8:
+        assert not check_offsets(start, found)
+        return
+    with pytest.raises(CalibrationError, match='joint3.offset cannot be estimated'):
+        check_offsets(start, found)
 
 
 def test_a_wrong_urdf_is_refused(good: Observations) -> None:

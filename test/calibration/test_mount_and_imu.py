@@ -39,6 +39,32 @@ def test_the_imu_is_found_within_1_mm_and_2_mrad(seed: int) -> None:
     assert (off < 4.0 * found.pose.position_std + 1e-4).all()
 
 
+@pytest.mark.parametrize(('moving_joints', 'noise'), [((), 0.0), ((), 1e-4), ((1,), 1e-4)])
+def test_an_arm_that_hardly_moves_shows_no_mount(
+    moving_joints: tuple[int, ...], noise: float
+) -> None:
+    moving = MovingDrone(1)
+    whole = moving.q
+    rest = whole(0.0)
+    moving.q = lambda t: np.array(  # type: ignore[method-assign]
+        [whole(t)[k] if k in moving_joints else rest[k] for k in range(ROBOT.n)]
+    )
+    time, q = moving.joints(late=0.0)
+    q = q + noise * moving.random.normal(size=q.shape)
+    with pytest.raises(CalibrationError, match='every joint( moves)? by more than 0.5 rad'):
+        calibrate_mount(ArmGeometry(ROBOT, LINK), time, q, moving.body(), moving.markers())
+
+
+def test_markers_10_mm_from_their_prediction_are_one_error() -> None:
+    moving = MovingDrone(1)
+    time, q = moving.joints(late=0.0)
+    markers = moving.markers()
+    for track in markers:
+        track.position[:] += 0.012 * moving.random.normal(size=track.position.shape)
+    with pytest.raises(CalibrationError, match='from their predicted positions'):
+        calibrate_mount(ArmGeometry(ROBOT, LINK), time, q, moving.body(), markers)
+
+
 def test_a_drone_that_does_not_turn_shows_no_imu() -> None:
     moving = MovingDrone(1, turn=0.0)
     with pytest.raises(CalibrationError, match='turn'):

@@ -1,5 +1,7 @@
 """Other sources than a motion capture: cameras, contacts, recordings in motion, postures."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from measured_arm import CONFIG, LINK, ROBOT, MeasuredArm, own_chain
@@ -177,3 +179,14 @@ def test_an_independent_camera_sees_the_marker_in_every_chosen_posture() -> None
     assert hidden > 5
     with pytest.raises(CalibrationError, match='give its direction'):
         faces_camera(geometry, np.ones(3), np.zeros(3))
+
+
+@pytest.mark.parametrize('is_visible', [None, lambda q: False])
+def test_too_few_visible_postures_name_camera_and_marker(
+    is_visible: Callable[[np.ndarray], bool] | None,
+) -> None:
+    geometry = ArmGeometry(ROBOT, LINK)
+    with pytest.raises(CalibrationError) as error:
+        choose_postures(geometry, 4, lambda q: is_visible is not None, is_visible)
+    advice = "the camera position and the marker's normal"
+    assert (advice in str(error.value)) == (is_visible is not None)

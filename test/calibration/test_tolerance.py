@@ -61,6 +61,14 @@ def test_a_small_tolerance_keeps_the_urdf() -> None:
     assert np.abs(kept.errors).max() < 1e-3
 
 
+@pytest.mark.parametrize('value', [0.0, -1e-3, float('inf'), float('nan')])
+def test_tolerances_are_positive_and_finite(value: float) -> None:
+    with pytest.raises(ValueError, match='must be positive and finite'):
+        Tolerance(value)
+    with pytest.raises(ValueError, match='must be positive and finite'):
+        Tolerance(angle=value)
+
+
 def test_typical_deflections_are_the_same_for_heavily_and_lightly_loaded_joints() -> None:
     geometry = ArmGeometry(ROBOT, LINK)
     low, high = ROBOT.posture_range
@@ -70,3 +78,16 @@ def test_typical_deflections_are_the_same_for_heavily_and_lightly_loaded_joints(
     loaded = largest > 0.01
     assert loaded.sum() >= 3
     np.testing.assert_allclose((compliance * largest)[loaded], 0.02, rtol=0.1)
+
+
+def test_zero_errors_of_11_degrees_are_found_from_one_marker_in_20_postures() -> None:
+    arm = MeasuredArm(3)
+    arm.made.offsets[:] += 0.2 * np.random.default_rng(3).choice([-1.0, 1.0], ROBOT.n)
+    whole = arm.observe(arm.postures(40))
+    source = whole.sources[0]
+    assert isinstance(source, MarkerSource)
+    one = MarkerSource('mocap', ('tip',), source.position[:, :1])
+    observations = replace(whole, sources=(one,))
+    fit = geometry_fit(observations.rows(range(20)))
+    error = fit.residuals(observations.rows(range(20, 40)))[0]
+    assert np.sqrt(np.nanmean(error**2)) < 1e-3

@@ -54,6 +54,7 @@ class CalibrateArm:
         self._node, self._options = node, options
         self._request = SetPointRequest(node)
         self._state: JointState | None = None
+        self._joints: tuple[str, ...] = ()
         topic = topics.JOINT_STATES
         node.create_subscription(topic.type, topic.name, self._on_state, topic.qos)
 
@@ -67,6 +68,8 @@ class CalibrateArm:
             reached. The bag keeps the recording up to that point.
         """
         options = self._options
+        if options.marker_normal and not options.camera:
+            raise ArmClientError('--marker-normal needs --camera: add the position of the camera')
         if not spin_until(self._node, lambda: self._state is not None, options.timeout):
             raise ArmClientError('no joint_states received: check that a bridge runs')
         sensors = self._find_sensors()
@@ -97,6 +100,7 @@ class CalibrateArm:
             gravity_in_base=config.gravity_in_base,
             joint_names=config.joint_names,
         )
+        self._joints = robot.joint_names
         surroundings = load_excitation_config(options.excitation_config or None)
         checker = ClearanceChecker(
             robot,
@@ -114,7 +118,7 @@ class CalibrateArm:
 
         is_visible = None
         if options.camera:
-            normal = np.array(options.marker_normal)
+            normal = np.array(options.marker_normal or (0.0, 0.0, 1.0))
             is_visible = faces_camera(geometry, np.array(options.camera), normal)
         choice = choose_postures(
             geometry, options.postures, is_allowed, is_visible, self._position(), options.seed
@@ -199,8 +203,16 @@ class CalibrateArm:
         return bool(np.abs(self._state.velocity).max(initial=0.0) < _STILL)
 
     def _position(self) -> Array:
+        """Return the positions of the URDF's joints, in the order of the URDF."""
         assert self._state is not None
-        return np.array(self._state.position)
+        positions = dict(zip(self._state.name, self._state.position, strict=False))
+        missing = [name for name in self._joints if name not in positions]
+        if missing:
+            raise ArmClientError(
+                f'joint_states have no position of joint {missing[0]}: check that --urdf belongs '
+                'to the arm of the bridge'
+            )
+        return np.array([positions[name] for name in self._joints])
 
     def _stamp(self) -> float:
         assert self._state is not None

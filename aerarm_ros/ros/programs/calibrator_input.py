@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from aerarm_msgs_py.bags.bag_reader import read_contents
-from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, PoseSeries, read_poses
+from aerarm_msgs_py.bags.pose_series import IMU, ODOMETRY, TF, PoseSeries, read_poses
 from aerarm_msgs_py.storage.read_limits import BagWarning
 from aerarm_ros.calibration.chain import Chain, chain_of
 from aerarm_ros.calibration.observations import (
@@ -92,7 +92,7 @@ def read_input(path: Path, urdf: str, options: argparse.Namespace) -> Calibrator
     """
     if path.suffix.lower() in TABLES and path.is_file():
         return _read_table(path, urdf, options)
-    return _read_bag(path, options)
+    return _read_bag(path, urdf, options)
 
 
 def find_chain(
@@ -137,7 +137,21 @@ def to_observations(
         )
     rests = resting_arm(recording.time, q)
     given.mapping.append(f'{len(rests.q)} postures at rest')
-    return rest_observations(rests, tracks, offsets, options.eye_in_hand, options.base_known)
+    poses = [track.name for track in tracks if track.rotation is not None]
+    in_hand = _eye_in_hand(poses, given.path, options)
+    return rest_observations(rests, tracks, offsets, in_hand, options.base_known)
+
+
+def _eye_in_hand(poses: Sequence[str], path: Path, options: argparse.Namespace) -> list[str]:
+    """Return the poses named by `--eye-in-hand`, without the leading slash of a topic."""
+    names = [name.lstrip('/') for name in options.eye_in_hand]
+    unknown = next((name for name in names if name not in poses), None)
+    if unknown is not None:
+        raise CalibrationError(
+            f'--eye-in-hand {unknown} is not a pose of {path}: choose from '
+            f'{", ".join(poses) or "none"}'
+        )
+    return names
 
 
 def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
@@ -156,7 +170,7 @@ def _read_table(path: Path, urdf: str, options: argparse.Namespace) -> Calibrato
     return CalibratorInput(path, tuple(table.joints), table=table, mapping=mapping)
 
 
-def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
+def _read_bag(path: Path, urdf: str, options: argparse.Namespace) -> CalibratorInput:
     messages: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter('always')
@@ -173,6 +187,12 @@ def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
     order = order[complete]
     recording = JointRecording(names, states.stamp[order], states.position[order])
     used = {name: one for name, one in series.items() if _is_sensor(name, one, options)}
+    # robot_state_publisher computes these frames from the joint positions.
+    links = [] if options.frames else sorted(
+        name for name in UrdfDocument(urdf).links & used.keys() if used[name].kind == TF
+    )  # fmt: skip
+    for name in links:
+        del used[name]
     tracks = [_track(name, one, states.stamp[0], states.log_time[0]) for name, one in used.items()]
     if not tracks:
         listed = ', '.join(f'{name} ({one.kind})' for name, one in series.items()) or 'none'
@@ -181,6 +201,11 @@ def _read_bag(path: Path, options: argparse.Namespace) -> CalibratorInput:
             f'with positions are {listed}'
         )
     mapping = [f'joint states: {options.topic}']
+    if links:
+        mapping.append(
+            f'frames of the links of the URDF, not used: {", ".join(links)}; pass --frames to use '
+            'one'
+        )
     mapping += [f'{"marker" if t.rotation is None else "pose"}: {t.name}' for t in tracks]
     return CalibratorInput(path, names, None, recording, tracks, mapping, messages)
 
@@ -302,20 +327,16 @@ def _of_table(
         sources.append(
             MarkerSource('mocap', tuple(markers), position, base_known=options.base_known)
         )
+    poses = [name for name, one in table.measured.items() if one.rotation is not None]
+    cameras = _eye_in_hand(poses, path, options)
     for name, one in table.measured.items():
         if one.rotation is not None:
-            in_hand = name in options.eye_in_hand
+            in_hand = name in cameras
             known = options.base_known and not in_hand
             sources.append(PoseSource(name, one.rotation, one.position, in_hand, base_known=known))
     sources += [PlaneSource(name, touches) for name, touches in table.contacts.items()]
     if not sources:
         raise CalibrationError(f'no measurements of {path} are left: check --ignore')
-    unknown = [name for name in options.eye_in_hand if name not in table.measured]
-    if unknown:
-        raise CalibrationError(
-            f'--eye-in-hand {unknown[0]} is not a pose of {path}: choose from '
-            f'{", ".join(table.measured) or "none"}'
-        )
     labels = tuple(f'{path.name}, row {k + 1}' for k in range(len(q)))
     return Observations(q, tuple(sources), labels)
 

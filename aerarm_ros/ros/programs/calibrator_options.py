@@ -72,7 +72,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--degrees',
         {'action': 'store_true'},
-        'joint positions without a unit are in degrees',
+        'joint positions and roll, pitch, yaw of poses are in degrees if the column states no unit',
     ),
     (
         '--ignore',
@@ -108,7 +108,7 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
     (
         '--frames',
         {'nargs': '+', 'default': [], 'metavar': 'NAME'},
-        'child frames of TFMessages to use (default: all)',
+        'child frames of TFMessages to use (default: all except links of the URDF)',
     ),
     (
         '--mount',

@@ -62,7 +62,7 @@ class CalibratorRun:
             raise CalibrationError(f'--holdout {options.holdout:g} must lie in 0 .. 1')
         self._options = options
         length, angle = options.tolerance
-        if not (length > 0.0 and angle > 0.0):
+        if not (0.0 < length < np.inf and 0.0 < angle < np.inf):
             raise CalibrationError(
                 f'--tolerance {length:g} {angle:g} must be two positive numbers: [mm], [mrad]'
             )
