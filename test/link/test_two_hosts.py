@@ -129,7 +129,10 @@ def test_a_fetch_goes_on_after_a_restart_of_the_drones_link(rig: Rig) -> None:
 
 def test_no_radio_slows_the_loop_down(rig: Rig) -> None:
     # A slow or busy machine loses cycles without a radio as well.
-    limit = min(rig.loop(2.0).lost for _ in range(3)) + 0.005
+    before = min(rig.loop(2.0).lost for _ in range(3))
+    if before > 0.05:
+        pytest.skip(f'without a radio {before:.0%} of the cycles are lost: run this test alone')
+    limit = before + 0.005
     rig.listen_on_ground()
     for rate in ('2mbit', '8kbit'):
         rig.hosts.set_rate(rate)
