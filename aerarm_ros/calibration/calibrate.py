@@ -183,8 +183,9 @@ def calibrate(
     messages += check_positions(observations, geometry)
     for one in held_out:
         check_positions(one.observations, geometry)
+        check_units(one.observations, geometry)
     check_units(observations, geometry)
-    check_rigid(observations)
+    check_rigid(observations, *(one.observations for one in held_out))
     start = registered(geometry, observations)
     check_unknowns(start)
     offsets = identifiable(start, LEVELS['offsets'])

@@ -142,8 +142,8 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
             )
 
 
-def check_rigid(observations: Observations) -> None:
-    """Check that markers keep their distances.
+def check_rigid(observations: Observations, *held_out: Observations) -> None:
+    """Check that markers keep their distances, also in held-out postures with the same sources.
 
     Raises
     ------
@@ -151,14 +151,18 @@ def check_rigid(observations: Observations) -> None:
         If markers are exchanged in some postures, or a marker jumps; the message names markers and
         posture.
     """
-    for source in observations.sources:
-        if isinstance(source, MarkerSource) and len(source.names) > 1:
-            _check_distances(source, observations.labels)
+    every = (observations, *held_out)
+    labels = [label for one in every for label in one.labels]
+    for sources in zip(*(one.sources for one in every), strict=True):
+        markers = [source for source in sources if isinstance(source, MarkerSource)]
+        if markers and len(markers[0].names) > 1:
+            positions = np.concatenate([source.position for source in markers])
+            _check_distances(markers[0].names, positions, labels)
 
 
-def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
-    pairs = list(combinations(range(len(source.names)), 2))
-    distance = np.array([_distances(source.position, pair) for pair in pairs])
+def _check_distances(names: Sequence[str], positions: Array, labels: Sequence[str]) -> None:
+    pairs = list(combinations(range(len(names)), 2))
+    distance = np.array([_distances(positions, pair) for pair in pairs])
     together = np.isfinite(distance).any(axis=1)  # some markers are never visible at the same time
     pairs, distance = (
         [p for p, is_seen in zip(pairs, together, strict=True) if is_seen],
@@ -176,27 +180,27 @@ def _check_distances(source: MarkerSource, labels: Sequence[str]) -> None:
     row = int(rows[0])
     others = f' (and in {len(rows) - 1} more)' if len(rows) > 1 else ''
     for one, other in pairs:
-        swapped = source.position[row].copy()
+        swapped = positions[row].copy()
         swapped[[one, other]] = swapped[[other, one]]
         after = np.array([_distances(swapped[None], pair)[0] for pair in pairs])
         if not np.any(np.abs(after - usual) > limit):
             raise CalibrationError(
-                f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} '
-                'are swapped; exchange their columns, or label them again in the motion capture '
-                'software'
+                f'{labels[row]}{others}: markers {names[one]} and {names[other]} '
+                'are swapped; exchange them in these rows, or label them again in the motion '
+                'capture software'
             )
     counts = [sum(wrong[k, row] for k, pair in enumerate(pairs) if m in pair)
-              for m in range(len(source.names))]  # fmt: skip
+              for m in range(len(names))]  # fmt: skip
     marker = int(np.argmax(counts))
     off = np.nanmax(
         [abs(distance[k, row] - usual[k]) for k, pair in enumerate(pairs) if marker in pair]
     )
     # The distance of a single pair does not show which of its markers jumps.
-    suspects = [name for name, n in zip(source.names, counts, strict=True) if n == max(counts)]
+    suspects = [name for name, n in zip(names, counts, strict=True) if n == max(counts)]
     who = f'marker {" or ".join(suspects)}'
     raise CalibrationError(
         f'{labels[row]}{others}: {who} jumps by {1e3 * off:.0f} mm relative to the others; leave '
-        f'its cells empty in these postures, or remove it with --ignore {source.names[marker]}'
+        f'its cells empty in these postures, or remove it with --ignore {names[marker]}'
     )
 
 
@@ -244,8 +248,8 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
         if float(np.nansum((predicted - swapped) ** 2)) < _EXPLAINED**2 * before:
             raise CalibrationError(
                 f'{labels[row]}{others}: markers {source.names[one]} and {source.names[other]} '
-                'are swapped; exchange their columns, or label them again in the motion capture '
-                'software'
+                'are swapped; exchange them in these rows, or label them again in the motion '
+                'capture software'
             )
     marker = int(np.nanargmax(off[row]))
     raise CalibrationError(

@@ -54,6 +54,17 @@ def test_swapped_markers_are_named_with_the_posture(good: Observations) -> None:
     assert 'posture 5: markers marker1 and marker3 are swapped' in text
 
 
+def test_validation_postures_are_checked_too(good: Observations) -> None:
+    swapped = positions(good)
+    swapped[4, [0, 2]] = swapped[4, [2, 0]]
+    for position, fault in (
+        (swapped, 'markers marker1 and marker3 are swapped'),
+        (1e3 * positions(good), 'they look like millimetres'),
+    ):
+        with pytest.raises(CalibrationError, match=fault):
+            calibrate(own_chain(), good, [HeldOut('other day', changed(good, position))])
+
+
 def test_two_markers_alone_are_found_swapped_by_the_motion_of_the_arm(good: Observations) -> None:
     position = positions(good)[:, :2]
     position[4] = position[4, ::-1]
