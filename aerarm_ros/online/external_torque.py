@@ -70,7 +70,7 @@ class EncoderWatch:
             )
 
 
-class Window(NamedTuple):
+class MeanState(NamedTuple):
     """Mean state of consecutive cycles.
 
     Attributes
@@ -107,7 +107,7 @@ class StateWindow:
         self._lasted = 0.0
         self._former: Array | None = None
 
-    def update(self, state: ArmState, dt: float) -> Window | None:
+    def update(self, state: ArmState, dt: float) -> MeanState | None:
         """Add the state after a cycle of `dt` [s]; return the window that it completes, or None."""
         self._states.append(state)
         self._lasted += dt
@@ -122,7 +122,7 @@ class StateWindow:
         self._states.clear()
         self._lasted = 0.0
         torque = tau - later + (later if former is None else former)
-        return Window(ArmState(q, dq, torque), lasted, count)
+        return MeanState(ArmState(q, dq, torque), lasted, count)
 
 
 class Unexplained(NamedTuple):
@@ -191,7 +191,7 @@ class ExternalTorque:
         self._residual = self._lagging = self._change = self._torque = np.zeros(self.n)
         self._held = np.zeros((self.n, 4))
 
-    def update(self, window: Window, base: BaseMotion | None = None) -> Unexplained:
+    def update(self, window: MeanState, base: BaseMotion | None = None) -> Unexplained:
         """Process a window of states; return the unexplained torque at its end."""
         state, dt, count = window
         q, dq, tau = state

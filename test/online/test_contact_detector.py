@@ -12,7 +12,7 @@ from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
 from aerarm_ros.online.contact_place import ContactLocator
-from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, Window
+from aerarm_ros.online.external_torque import ExternalTorque, MeanState, ResidualBound
 
 TOUCH = Touch(1.6, 2.3, (0.0, 0.0, -5.0))
 
@@ -66,7 +66,7 @@ def test_dry_friction_hides_torque_only_at_creeping_speed(run: CarryingRun) -> N
     q = np.array([0.3, 0.8, -0.5, 0.4])
     creeping, slow = (
         ExternalTorque(known_arm(run), GAIN)
-        .update(Window(ArmState(q, np.full(4, speed), np.zeros(4)), 5e-3))
+        .update(MeanState(ArmState(q, np.full(4, speed), np.zeros(4)), 5e-3))
         .features
         for speed in (0.001, 0.02)
     )

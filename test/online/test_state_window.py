@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.online.external_torque import StateWindow, Window
+from aerarm_ros.online.external_torque import MeanState, StateWindow
 
 CYCLE = 1e-3
 MASS = 0.3
 
 
-def windows(states: list[ArmState], dt: float) -> list[Window]:
+def windows(states: list[ArmState], dt: float) -> list[MeanState]:
     window = StateWindow()
     return [mean for state in states if (mean := window.update(state, dt)) is not None]
 
