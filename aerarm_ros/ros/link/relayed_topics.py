@@ -21,7 +21,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import Topic
-from aerarm_ros.link.connection import BULK, PROMPT, Connection, Message
+from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, Connection, Message
 from aerarm_ros.link.windows import pack_window, unpack_window, window_of
 
 WINDOWED = (
@@ -147,6 +147,8 @@ class DroneTopics:
             if now >= self._due[channel]:
                 self._due[channel] = max(self._due[channel] + period, now - period)
                 self._send_value(channel)
+        if self._connection.is_up(now):
+            self._send_dropped()
 
     def greet(self) -> None:
         """Send latched messages and layouts to a ground computer whose link has just started."""
@@ -214,6 +216,12 @@ class DroneTopics:
         message = self._connection.send(channel, payload, BULK if is_bulk else PROMPT)
         if DOWN[channel].qos.durability == _LATCHED:
             self._latched[channel] = payload, message
+
+    def _send_dropped(self) -> None:
+        """Send latched messages that a full backlog dropped during a cut."""
+        for channel, (payload, message) in list(self._latched.items()):
+            if message.is_expired and len(payload) <= MESSAGE_MAX:
+                self._send_event(channel, payload)
 
     def _send_value(self, channel: int) -> None:
         if channel < len(WINDOWED):

@@ -10,9 +10,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.ros.link.relayed_topics import (
+    DOWN,
     LAYOUTS,
     SILENT,
     DroneTopics,
@@ -231,4 +233,35 @@ def test_after_a_cut_the_ground_receives_only_the_newest_diagnostics_of_each_nam
     pair.loss = 0.0
     pair.until(lambda: relay.step() and ('a', 'new') in came)
     assert sorted(came) == [('a', 'new'), ('b', 'old 29')]
+    relay.close()
+
+
+def test_a_latched_message_that_a_full_backlog_dropped_arrives_after_the_cut(pair: Pair) -> None:
+    relay = Relay(pair)
+    topic = topics.ROBOT_DESCRIPTION
+    publisher = pair.drone.node.create_publisher(topic.type, topic.name, topic.offered)
+    came: list[str] = []
+    pair.ground.node.create_subscription(
+        topic.type, topic.name, lambda message: came.append(message.data), topic.qos
+    )
+    pair.until(lambda: relay.step() and publisher.get_subscription_count())
+    publisher.publish(String(data='old'))
+    pair.until(lambda: relay.step() and came)
+    peers = pair.drone.connection.peers
+    pair.loss = 1.0
+    pair.now += 2.0
+    publisher.publish(String(data='new'))
+    for _ in range(20):
+        relay.step()
+    for number in range(3000):  # more than the backlog
+        status = DiagnosticStatus(name=str(number))
+        relay.drone._send_diagnostics(
+            DOWN.index(topics.DIAGNOSTICS),
+            serialize_message(DiagnosticArray(status=[status])),
+            is_up=False,
+        )
+    assert pair.drone.connection.dropped > 0
+    pair.loss = 0.0
+    pair.until(lambda: relay.step() and 'new' in came)
+    assert pair.drone.connection.peers == peers  # the link did not restart
     relay.close()
