@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -325,6 +326,18 @@ PARTS = (
 )
 
 
+def missing_programs(parts: Sequence[str]) -> str:
+    """Return which Debian packages the parts need and this machine lacks, '' if none."""
+    absent = [
+        name
+        for part, name in (('page', 'chromium'), ('clocks', 'faketime'))
+        if part in parts and shutil.which(name) is None
+    ]
+    if not absent:
+        return ''
+    return f'{", ".join(absent)} is not installed: apt-get install {" ".join(absent)}'
+
+
 def main() -> int:
     """Measure and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -337,7 +350,7 @@ def main() -> int:
     add('--only', nargs='+', choices=PARTS, default=PARTS, help='parts to measure (default: all)')
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what was started
-    problem = missing_rights()
+    problem = missing_rights() or missing_programs(options.only)
     if problem:
         print(f'two_hosts: {problem}', file=sys.stderr)
         return 1
