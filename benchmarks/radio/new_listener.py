@@ -16,12 +16,13 @@ import rclpy
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.ros.process.node_process import stay_on_this_host, use_packaged_profile
+from aerarm_ros.ros.process.process_end import ExitLimit
 
 _PATIENCE = 20.0  # [s]
 
 
-def listen() -> float:
-    """Return how long a new participant waits for states and mode [s]."""
+def listen(result: int) -> None:
+    """Write to a file descriptor how long a new participant waits for states and mode [s]."""
     begin = time.monotonic()
     rclpy.init()
     node = rclpy.create_node('new_listener')
@@ -30,11 +31,11 @@ def listen() -> float:
     while len(came) < 2 and time.monotonic() - begin < _PATIENCE:
         reader.wait(0.02)
         came |= {index for index in (0, 1) if reader.take(index) is not None}
-    took = time.monotonic() - begin
-    reader.destroy()
-    node.destroy_node()
-    rclpy.shutdown()
-    return took
+    os.write(result, json.dumps(time.monotonic() - begin).encode())
+    with ExitLimit(0):  # Fast DDS may hang while it deletes a new participant
+        reader.destroy()
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def main() -> None:
@@ -45,7 +46,7 @@ def main() -> None:
     for _ in range(int(sys.argv[1])):
         reading, writing = os.pipe()
         if os.fork() == 0:
-            os.write(writing, json.dumps(listen()).encode())
+            listen(writing)
             os._exit(0)
         os.close(writing)
         with os.fdopen(reading) as stream:
