@@ -40,13 +40,18 @@ _TASKS = frozenset(
     )
 )
 
+# Options with which a node's command reads files instead, and the module of that program, which
+# needs neither ROS nor the libraries of the node.
+_OFFLINE = {
+    'contact_estimator': (('--bag', '--free'), 'aerarm_ros.ros.programs.contact_replay'),
+    'payload_estimator': (('--bag', '--trend'), 'aerarm_ros.ros.programs.payload_replay'),
+}
 _HELP = ('-h', '--help')
 _COMPLETING = '_ARGCOMPLETE'  # set by a shell that asks for completions
 # Most nodes import these libraries, but --help does not need them. Importing these libraries takes
 # most of the start-up time.
 _HEAVY = ('mujoco', 'pinocchio')
-# Modules of ROS 2. `calibrator`, `identifier`, `excitation_designer` and `experiment` run without
-# them.
+# Modules of ROS 2. Commands that only read files run without them.
 _ROS = re.compile(r'rclpy|rpyutils|ament_|ros|rcl_|[a-z]+_(msgs|srvs|interfaces)$')
 
 
@@ -91,7 +96,8 @@ def _run(name: str) -> int:
         print_error(
             name,
             f'ROS 2 Jazzy is not found ({error.name} is missing): source '
-            "/opt/ros/jazzy/setup.bash, or install its wheels with pip install '.[ros]'",
+            "/opt/ros/jazzy/setup.bash, or install its wheels with pip install '.[ros]'"
+            + _without_ros(name),
         )
     except SystemExit as end:
         if end.code is None or isinstance(end.code, int):  # exit status of argparse
@@ -104,10 +110,23 @@ def _run(name: str) -> int:
     return status
 
 
+def _module(name: str) -> ModuleType:
+    """Import the module with the `main` of a command line."""
+    options, offline = _OFFLINE.get(name, ((), ''))
+    is_offline = any(argument.split('=')[0] in options for argument in sys.argv[1:])
+    return importlib.import_module(offline if is_offline else command_modules()[name])
+
+
+def _without_ros(name: str) -> str:
+    """Return which options of a command work without ROS, as the end of an error."""
+    options, _ = _OFFLINE.get(name, ((), ''))
+    return f'; only {" and ".join(options)} work without ROS' if options else ''
+
+
 def _serve(name: str) -> int:
     early = _Early()
     with StopSignals(early, is_last=True):
-        main = importlib.import_module(command_modules()[name]).main
+        main = _module(name).main
         early.is_over = True
         try:
             status: int = main()
@@ -122,7 +141,7 @@ def _do(name: str) -> int:
         # Extension modules turn a KeyboardInterrupt into an ImportError, so exit directly. Nothing
         # needs cleaning up yet.
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
-    main = importlib.import_module(command_modules()[name]).main
+    main = _module(name).main
     signal.signal(signal.SIGINT, before)
     status: int = main()
     return status

@@ -16,7 +16,13 @@
   encoder are damped until `clear_fault`.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:  # Clients of the bridge load no bridge.
+    from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 
 MODES = (
     'disconnected',
@@ -54,3 +60,22 @@ class Answer(NamedTuple):
 
     accepted: bool
     message: str
+
+
+Action = Callable[['BridgeCycle'], Answer]
+"""Request that the bridge runs between two cycles."""
+ACTIONS: dict[str, Action] = {
+    'enable': lambda cycle: cycle.enable(),
+    'hold': lambda cycle: cycle.hold(),
+    'disable': lambda cycle: cycle.disable(),
+    'clear_fault': lambda cycle: cycle.clear_fault(),
+    'home': lambda cycle: cycle.home(),
+    'e_stop': lambda cycle: cycle.e_stop('service e_stop'),
+}
+# Actions that run even after their client's time-out.
+STOPS = {'disable', 'e_stop'}
+# If the client's namespace has no arm, this action goes to every arm: damping one arm too many is
+# safe, missing one is not.
+REACHES_ALL = {'e_stop'}
+BRIDGES = ('hardware_bridge', 'fake_hardware')
+"""Node names of the bridge."""

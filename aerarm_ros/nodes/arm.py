@@ -9,32 +9,19 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import NoReturn
 
-import rclpy
-from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
-
-from aerarm_ros.hardware.bridge_modes import MODES, OFF
+from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.motion.signals import REACTIONS
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
-from aerarm_ros.ros.executors import this_domain
-from aerarm_ros.ros.process.node_main import run_node
-from aerarm_ros.ros.process.process_end import (
-    USER_ERROR,
-    print_answer,
-    print_error,
-    print_notice,
-)
+from aerarm_ros.ros.process.offline import without_ros_arguments
+from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
 from aerarm_ros.ros.process.ros_arguments import complete
-from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClient, ArmClientError
 
 NAME = 'arm'
-MakeRequest = Callable[[Node, argparse.Namespace], Callable[[], None]]
 _FAKE = 'fake_hardware'
 _MEANING = {
     'enable': (
@@ -74,7 +61,6 @@ _PROGRAMS = {
     ),
 }
 _FETCH = 'fetch a bag that the drone recorded for the ground; resume after a cut'
-_HERE = 64  # status of a search that found no drone behind ground_link
 _HOME = (
     'home the arm first if an encoder zero is unknown; the arm must be in its home configuration'
 )
@@ -86,150 +72,6 @@ _COMMISSION = 'guide through the first power-on, joint by joint: THE ARM MOVES a
 _TIMEOUT = 20.0  # [s]
 # Twice the longest time in which a new node discovers a bridge.
 _STOP_TIMEOUT = 8.0  # [s]
-
-
-class Arm:
-    """Command-line client that sends one request.
-
-    Attributes
-    ----------
-    status
-        Exit status after `run`; 0 if the request succeeded.
-    """
-
-    def __init__(self, options: argparse.Namespace) -> None:
-        self.status = 1
-        self._options = options
-        self._node = rclpy.create_node(NAME)
-        self._request = options.make_request(self._node, options)
-
-    def run(self) -> None:
-        """Send the request and print the result."""
-        try:
-            self._request()
-            self.status = 0
-        except _HereError:
-            self.status = _HERE
-        except ArmClientError as error:
-            print(f'{NAME}: {error}', file=sys.stderr)
-
-    def close(self) -> None:
-        """Destroy the node."""
-        self._node.destroy_node()
-
-
-def _say_wait(what: str) -> None:
-    print_notice(NAME, f'waiting for {what}')
-
-
-def _action(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    """Return a function that calls the bridge's service.
-
-    The service client is created now, because discovery takes time.
-    """
-    bridges = options.bridge or ([_FAKE] if options.command == 'put_back' else [])
-    actions = [options.command, *(['home'] if getattr(options, 'home', False) else [])]
-    everywhere = getattr(options, 'all', False)
-    client = ArmClient(node, bridges, actions, _say_wait, everywhere)
-
-    def ask() -> None:
-        if options.wait_before:
-            # An arm that is already in the final mode need not reach the first one.
-            modes = [options.wait_before, *(options.wait or ())]
-            client.wait_for_mode(modes, options.timeout)
-        action = options.command
-        if getattr(options, 'home', False):
-            client.wait_for_mode([*OFF, *(options.wait or ())], options.timeout)
-            action = 'home' if client.mode == 'unhomed' else action
-        if options.command in STOPS:
-            for answer in client.stop(options.command, options.timeout):
-                print_answer(answer)  # The stop continues even if the answer is lost.
-        else:
-            print(client.call(action, options.timeout), flush=True)
-        if options.wait:
-            client.wait_for_mode(options.wait, options.timeout)
-            print(f'arm_mode {client.mode}', flush=True)
-
-    return ask
-
-
-def _go(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.motion_request import SetPointRequest
-
-    request = SetPointRequest(node)
-
-    def ask() -> None:
-        request.go(options.angle, options.tolerance, options.timeout, _say_wait, options.on_contact)
-        print('the arm has reached its goal', flush=True)
-
-    return ask
-
-
-def _tool(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.motion_request import ToolRequest
-
-    request = ToolRequest(node)
-
-    def ask() -> None:
-        place = options.x, options.y, options.z
-        request.go(place, options.tolerance, options.timeout, _say_wait, options.frame)
-        print('the tool has reached its goal', flush=True)
-
-    return ask
-
-
-def _set(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.parameter_request import ParameterRequest
-
-    def ask() -> None:
-        request = ParameterRequest(node, options.node, options.timeout)
-        value = request.set(options.name, options.value)
-        print(f'{options.node}: {options.name} = {value}', flush=True)
-
-    return ask
-
-
-def _fault(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    options.node, options.name, options.value = options.bridge, 'fault', options.fault
-    return _set(node, options)
-
-
-def _record(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.requests.recording_request import RecordingRequest
-
-    folder = Path(options.what).resolve()
-    request = RecordingRequest(node, folder.name, folder, lambda text: print_notice(NAME, text))
-
-    def ask() -> None:
-        if not request.is_on_ground():
-            if options.command == 'record':
-                raise _HereError
-            raise ArmClientError(
-                f'no ground_link of the ground runs in {this_domain()}: start ground_side.launch.py'
-            )
-        if options.command == 'record':
-            request.record()
-        else:
-            request.fetch()
-
-    return ask
-
-
-class _HereError(Exception):
-    """The recorder runs on this host."""
-
-
-def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    # Late import, because this command's model of the arm takes a second to load.
-    from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
-
-    return CommissioningRun(node, options).run
-
-
-def _calibrate(node: Node, options: argparse.Namespace) -> Callable[[], None]:
-    from aerarm_ros.ros.programs.calibrate_arm import CalibrateArm
-
-    return CalibrateArm(node, options).run
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -245,9 +87,8 @@ def make_parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
-    def add(name: str, meaning: str, make_request: MakeRequest) -> argparse.ArgumentParser:
+    def add(name: str, meaning: str) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=meaning, description=meaning)
-        command.set_defaults(make_request=make_request)
         # A stop request must report a missing bridge sooner.
         timeout = _STOP_TIMEOUT if name == 'e_stop' else _TIMEOUT
         command.add_argument(
@@ -259,7 +100,7 @@ def make_parser() -> argparse.ArgumentParser:
         return command
 
     for name in (*ACTIONS, 'put_back'):
-        command = add(name, _MEANING[name], _action)
+        command = add(name, _MEANING[name])
         _add_waits(command, _WHO.get(name, ' or '.join(BRIDGES)))
         if name == 'e_stop':
             command.add_argument(
@@ -267,7 +108,7 @@ def make_parser() -> argparse.ArgumentParser:
             )
         if name == 'enable':
             command.add_argument('--home', action='store_true', help=_HOME)
-    command = add('go', 'let the active controller move the arm to a joint configuration', _go)
+    command = add('go', 'let the active controller move the arm to a joint configuration')
     command.add_argument(
         'angle', type=finite_number, nargs='+', help='joint positions, one per joint [rad]'
     )
@@ -280,7 +121,7 @@ def make_parser() -> argparse.ArgumentParser:
         default='',
         help='reaction to contact during this motion (default: as set at the controller)',
     )
-    command = add('tool', 'let the active Cartesian controller move the tool to a position', _tool)
+    command = add('tool', 'let the active Cartesian controller move the tool to a position')
     for axis in 'xyz':
         command.add_argument(axis, type=finite_number, help='tool position in the frame [m]')
     command.add_argument(
@@ -301,23 +142,22 @@ def make_parser() -> argparse.ArgumentParser:
         )
         command.add_argument('what', metavar=what)
         if name == 'record':
-            command.set_defaults(make_request=_record)
             command.add_argument(
                 '--here', action='store_true', help='record on this host in any case'
             )
-    command = add('set', 'set a live parameter of a node', _set)
+    command = add('set', 'set a live parameter of a node')
     command.add_argument('node', help='node name, for example computed_torque')
     command.add_argument('name', help='parameter name')
     command.add_argument('value', help='new value, for example 0.5, true or "[900.0]"')
-    command = add('fault', f'inject a fault into {_FAKE}', _fault)
+    command = add('fault', f'inject a fault into {_FAKE}')
     command.add_argument('fault', metavar=FORM, help=f'NAME is one of {", ".join(FAULTS)}')
     command.add_argument(
         '--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated arm'
     )
-    command = add('fetch', _FETCH, _record)
+    command = add('fetch', _FETCH)
     command.add_argument('what', metavar='NAME', help='of the bag')
-    _add_commission(add('commission', _COMMISSION, _commission))
-    _add_calibrate(add('calibrate', _CALIBRATE, _calibrate))
+    _add_commission(add('commission', _COMMISSION))
+    _add_calibrate(add('calibrate', _CALIBRATE))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
         'completion', help='print shell code that completes all executables in bash or zsh'
@@ -498,7 +338,7 @@ def main(args: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if args is None else args)
     parser = make_parser()
     complete(parser)
-    given = remove_ros_args(['', *arguments])[1:]
+    given = without_ros_arguments(arguments)
     if not given:
         parser.print_help()
         parser.exit()
@@ -508,13 +348,16 @@ def main(args: Sequence[str] | None = None) -> int:
         return 0
     if options.command == 'init':
         return _init(options)
+    # Imported here: help, completion and `init` need no ROS.
+    from aerarm_ros.ros.requests.arm_requests import HERE, run_request
+
     if options.command == 'record' and not options.here:
-        status = run_node(NAME, lambda: Arm(options), args)
-        if status != _HERE:
+        status = run_request(options, args)
+        if status != HERE:
             return status
     if options.command in _PROGRAMS:
         _become(options, arguments)
-    return run_node(NAME, lambda: Arm(options), args)
+    return run_request(options, args)
 
 
 if __name__ == '__main__':

@@ -32,7 +32,7 @@ from aerarm_ros.ros.controllers.reaction_topics import (
 )
 from aerarm_ros.ros.controllers.state_node import StateNode, state_node_parameters
 from aerarm_ros.ros.graph import SilencePatience
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.state_stream import base_header
 

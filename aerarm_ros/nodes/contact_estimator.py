@@ -40,8 +40,6 @@ from aerarm_ros.ros.states.state_stream import base_header
 
 NAME = 'contact_estimator'
 
-_OFFLINE = {'--bag', '--free'}
-
 PARAMETERS = state_node_parameters(
     *FILE_PARAMETERS, *CONTACT_ESTIMATOR_PARAMETERS, *ENERGY_PARAMETERS
 )
@@ -162,16 +160,7 @@ def _vector(values: npt.NDArray[np.float64]) -> Vector3:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node, or search recordings for contact.
-
-    Return 0 or 1, 2 if the user must check an input, or 130 if a search of recordings was stopped.
-    """
-    given = list(sys.argv[1:] if args is None else args)
-    if _OFFLINE & {argument.split('=')[0] for argument in given}:
-        # Imported here: the node does not need the libraries that read bags.
-        from aerarm_ros.ros.programs.contact_replay import contact_replay
-
-        return contact_replay(NAME, given)
+    """Run the node."""
     return run_node(NAME, ContactEstimatorNode, args, PARAMETERS, __doc__)
 
 

@@ -19,7 +19,8 @@ from aerarm_ros.excitation.trajectory import FourierTrajectory
 from aerarm_ros.motion.signals import Array, JointReference
 from aerarm_ros.ros.controllers.state_node import PlanTopic
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     REAL_TIME_PARAMETERS,

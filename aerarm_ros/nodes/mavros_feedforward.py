@@ -16,7 +16,7 @@ from sensor_msgs.msg import Imu
 
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'mavros_feedforward'

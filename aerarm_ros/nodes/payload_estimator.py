@@ -43,7 +43,6 @@ NAME = 'payload_estimator'
 # [s] after the motors hold the arm; in which a person who carried the arm releases it
 _LET_GO = 1.0
 _WRITTEN = 5.0  # [s] between two writes of the friction file
-_REPLAY, _TREND = '--bag', '--trend'
 
 PARAMETERS = state_node_parameters(
     *ESTIMATOR_PARAMETERS, *FRICTION_LOG_PARAMETERS, *ENERGY_PARAMETERS
@@ -172,21 +171,7 @@ class PayloadEstimatorNode(StateNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node, evaluate bags, or print a trend of friction.
-
-    Return 0 or 1, 2 if the user must check an input, or 130 if the evaluation of bags was stopped.
-    """
-    given = list(sys.argv[1:] if args is None else args)
-    options = {argument.split('=')[0] for argument in given}
-    if _TREND in options:
-        from aerarm_ros.ros.programs.payload_replay import show_trend
-
-        return show_trend(NAME, given)
-    if _REPLAY in options:
-        # Imported here: the node does not need the libraries that read bags.
-        from aerarm_ros.ros.programs.payload_replay import replay
-
-        return replay(NAME, given)
+    """Run the node."""
     return run_node(NAME, PayloadEstimatorNode, args, PARAMETERS, __doc__)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from aerarm_ros.autopilot.px4 import ned
 from aerarm_ros.control.base.base_motion import attitude_ned_frd_to_enu_flu
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'px4_feedforward'

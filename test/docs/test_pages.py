@@ -12,8 +12,7 @@ import pytest
 
 from aerarm_msgs_py.topics import TOPICS
 from aerarm_ros.executables import command_modules
-from aerarm_ros.hardware.bridge_modes import MODES
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.hardware.bridge_modes import ACTIONS, MODES
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / 'docs'

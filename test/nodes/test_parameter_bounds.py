@@ -4,16 +4,10 @@ import importlib
 from importlib.metadata import entry_points
 
 import pytest
-from rclpy.parameter import Parameter as RosParameter
 
 from aerarm_ros.executables import command_modules
 
-NUMERIC = {
-    RosParameter.Type.INTEGER,
-    RosParameter.Type.DOUBLE,
-    RosParameter.Type.INTEGER_ARRAY,
-    RosParameter.Type.DOUBLE_ARRAY,
-}
+NUMERIC = {'integer', 'double', 'integer_array', 'double_array'}
 # They have options instead of parameters.
 PROGRAMS = {'arm', 'calibrator', 'demo', 'excitation_designer', 'experiment', 'identifier'}
 # NODE.PARAMETER of those for which any number is right, and why.
@@ -31,6 +25,6 @@ def nodes() -> list[str]:
 def test_every_number_has_both_bounds(name: str) -> None:
     table = importlib.import_module(command_modules()[name]).PARAMETERS
     for parameter in table:
-        if parameter.type in NUMERIC and not parameter.choices:
+        if parameter.kind in NUMERIC and not parameter.choices:
             bounded = parameter.minimum is not None and parameter.maximum is not None
             assert bounded or f'{name}.{parameter.name}' in UNBOUNDED, parameter.name

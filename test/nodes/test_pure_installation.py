@@ -75,8 +75,17 @@ def test_a_csv_an_npz_and_a_bag_are_identified(commands: Path, tmp_path: Path) -
         errors.append(error['filtered'])
     assert max(errors) < 2.0  # [%]
     assert errors == pytest.approx(errors[:1] * 3, rel=0.01)
-    for command in ('excitation_designer', 'calibrator'):
+    for command in ('excitation_designer', 'calibrator', 'arm'):
         done = run(commands / command, '--help')
         assert (done.returncode, done.stderr) == (0, ''), command
+    model = tmp_path / 'result_bag' / 'estimate.yaml'
+    done = run(commands / 'payload_estimator', '--bag', tmp_path / 'bag', '--model', model)
+    assert done.returncode == 0, done.stderr
+    given = ('--free', tmp_path / 'bag', '--model', model, '--out', tmp_path / 'thresholds')
+    done = run(commands / 'contact_estimator', *given)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / 'thresholds' / 'residuals.yaml').is_file()
+    done = run(commands / 'arm', 'init', ROOT / 'urdf/aerarm.urdf', '--out', tmp_path)
+    assert done.returncode == 0, done.stderr
     done = run(commands / 'arm', 'enable')
     assert (done.returncode, done.stderr.count('\n')) == (USER_ERROR, 1)

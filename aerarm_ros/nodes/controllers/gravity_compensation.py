@@ -31,7 +31,7 @@ from aerarm_ros.ros.controllers.trajectory_input import (
     go_to_set_point,
     serve_trajectories,
 )
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'gravity_compensation'

@@ -19,7 +19,7 @@ from aerarm_ros.ros.controllers.tool_topics import (
     ToolTopics,
     make_target_follower,
 )
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'kinematic_control'

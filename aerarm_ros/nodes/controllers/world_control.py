@@ -29,7 +29,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
 from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.world_topics import WorldTopics
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.flight_stream import to_odometry_sample
 from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames

@@ -14,7 +14,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, ProfileError, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, REAL_TIME_PARAMETERS
 
 _DEFAULTS = BridgeSettings()

@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.bridge_modes import Answer
+from aerarm_ros.hardware.bridge_modes import STOPS, Action, Answer
 
 if TYPE_CHECKING:  # Clients of the services load no bridge.
     from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-
-Action = Callable[['BridgeCycle'], Answer]
 
 _ANSWER_TIMEOUT = 1.0  # [s]
 _NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
@@ -105,21 +103,6 @@ class CycleRequests:
         answer: Future[Answer] = Future()
         self._waiting.append((action, answer))
         return answer
-
-
-ACTIONS: dict[str, Action] = {
-    'enable': lambda cycle: cycle.enable(),
-    'hold': lambda cycle: cycle.hold(),
-    'disable': lambda cycle: cycle.disable(),
-    'clear_fault': lambda cycle: cycle.clear_fault(),
-    'home': lambda cycle: cycle.home(),
-    'e_stop': lambda cycle: cycle.e_stop('service e_stop'),
-}
-# Actions that run even after their client's time-out.
-STOPS = {'disable', 'e_stop'}
-# If the client's namespace has no arm, this action goes to every arm: damping one arm too many is
-# safe, missing one is not.
-REACHES_ALL = {'e_stop'}
 
 
 class BridgeServices:

@@ -24,9 +24,8 @@ from aerarm_ros.description.resources import resource
 from aerarm_ros.hardware.boards.commissioning_probe import OFF, ProbeReport, ProbeRequest
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import OFF as OFF_MODES
-from aerarm_ros.hardware.bridge_modes import Answer
-from aerarm_ros.ros.bridge.bridge_services import Action
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.hardware.bridge_modes import Action, Answer
+from aerarm_ros.ros.parameters.parameter import Parameter
 
 AUTO = 'auto'
 # The mode is that of the last cycle, so a client that has ended no longer drives the motors.

@@ -23,7 +23,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroFile
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.bridge_modes import Answer
+from aerarm_ros.hardware.bridge_modes import ACTIONS, Action, Answer
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.command_intake import CommandPublishers, OfferedCommand
 from aerarm_ros.hardware.transports.spidev_transport import SpidevTransport, self_test
@@ -45,7 +45,7 @@ from aerarm_ros.ros.bridge.bridge_parameters import (
     frame_profile,
     state_file,
 )
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, Action, BridgeServices, CycleRequests
+from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import PublisherWatch, RivalWatch

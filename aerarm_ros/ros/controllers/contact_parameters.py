@@ -9,7 +9,7 @@ from typing import Any
 from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.online.contact_detector import ContactSettings
 from aerarm_ros.online.external_torque import ResidualBound
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 
 GAIN_PARAMETER = Parameter(
     'observer_gain',

@@ -39,7 +39,7 @@ from aerarm_ros.model.dynamics import checked_payload
 from aerarm_ros.model.inertia import checked_body, parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import REACTIONS, Array, Reaction
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     DRONE_FILE,

@@ -12,7 +12,7 @@ from typing import Any
 
 from aerarm_ros.online.friction_trend import FrictionRecord, read_trend, write_trend
 from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimate
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 
 ESTIMATOR_PARAMETERS = (
     Parameter('payload_mass', 0.5, 'standard deviation of the payload mass', 'kg', 1e-3,

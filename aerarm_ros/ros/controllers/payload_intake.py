@@ -14,7 +14,7 @@ from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.payload_hand_over import PayloadHandOver
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm, body_of_message
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
 # [s] between updates of the model's payload.
 _STEP = 0.005

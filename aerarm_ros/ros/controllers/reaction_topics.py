@@ -40,7 +40,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     inertia_message,
     load_share,
 )
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.states.flight_stream import RotorCommands, checked_odometry
 from aerarm_ros.ros.states.state_stream import base_header, decoded_odometry
 

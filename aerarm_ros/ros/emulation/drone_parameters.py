@@ -8,7 +8,7 @@ import numpy as np
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import Topic
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.simulation.flying_plant import FlyingPlant, FreeBasePlant
 from aerarm_ros.simulation.sensors import (
     BandLimitedNoise,

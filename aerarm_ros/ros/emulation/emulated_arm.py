@@ -16,7 +16,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.resources import write_whole
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.bridge_modes import OFF, Answer
+from aerarm_ros.hardware.bridge_modes import OFF, Action, Answer
 from aerarm_ros.hardware.emulation.emulated_transport import EmulatedTransport, parse_turn
 from aerarm_ros.hardware.emulation.emulation import (
     make_emulated_transport,
@@ -28,7 +28,6 @@ from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.bridge.bridge_parameters import BRIDGE_PARAMETERS
-from aerarm_ros.ros.bridge.bridge_services import Action
 from aerarm_ros.ros.bridge.commissioning_topics import COMMISSIONING_PARAMETER
 from aerarm_ros.ros.bridge.hardware_bridge import Command, World
 from aerarm_ros.ros.emulation import drone_parameters

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from aerarm_msgs_py.topics import RELIABLE
 from aerarm_ros.ros.emulation.flying_drone import fill_quaternion, fill_vector, to_time
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.simulation.arm_plant import ArmPlant
 from aerarm_ros.simulation.flying_plant import FreeBasePlant
 from aerarm_ros.simulation.mocap import (

@@ -17,7 +17,7 @@ from aerarm_ros.ros.bridge.bridge_services import CycleRequests
 from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams, Command
 from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
 from aerarm_ros.ros.graph import RivalWatch
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 
 # Below this fraction of real time, the summary calls the host too slow for a real arm.
 _AS_GOOD_AS_REAL = 0.99

@@ -10,7 +10,7 @@ import numpy as np
 from aerarm_ros.description.arm_config import ENCODERS, ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
-from aerarm_ros.ros.parameters.parameter_table import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL
 

@@ -21,7 +21,7 @@ from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
 from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
 from aerarm_ros.flight.flight_control import FlightControl, FlightGains
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
 OWN, PX4, PX4_SITL, BETAFLIGHT = 'own', 'px4', 'px4_sitl', 'betaflight'
 FlightLaw = FlightControl | Px4Flight | Px4FirmwareFlight | BetaflightFlight

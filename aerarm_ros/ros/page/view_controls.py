@@ -17,9 +17,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.executables import controllers
+from aerarm_ros.hardware.bridge_modes import ACTIONS, STOPS
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.page.page_programs import ChildProgram, PagePrograms
 from aerarm_ros.ros.page.view_panel import ViewPanel, indented

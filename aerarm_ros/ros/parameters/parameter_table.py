@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,178 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-ParameterValue = (
-    bool | int | float | str | Sequence[bool] | Sequence[int] | Sequence[float] | Sequence[str]
-)
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A node's parameter with all its documentation.
-
-    Attributes
-    ----------
-    name
-        Name, lower case with underscores.
-    default
-        Default value, which determines the type. For an empty list, also set `element`.
-    description
-        Meaning, in one sentence.
-    unit
-        SI unit, '' for none.
-    minimum, maximum
-        Smallest and largest allowed value; for a list, of every element.
-    choices
-        The allowed values of a string or integer.
-    live
-        Whether the value may change while the node runs.
-    element
-        Type of the elements of a list whose default is empty.
-    group
-        Heading in the help text; '' for the node's own parameters, which come first.
-    """
-
-    name: str
-    default: ParameterValue
-    description: str
-    unit: str = ''
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str | int, ...] = ()
-    live: bool = False
-    element: type = str
-    group: str = ''
-
-    @property
-    def type(self) -> RosParameter.Type:
-        """Parameter type in ROS."""
-        if isinstance(self.default, (list, tuple)) and not self.default:
-            return RosParameter.Type.from_parameter_value([self.element()])
-        return RosParameter.Type.from_parameter_value(self.default)
-
-    @property
-    def is_list(self) -> bool:
-        """Whether the value is a list."""
-        return bool(self.type.name.endswith('_ARRAY'))
-
-    def descriptor(self) -> ParameterDescriptor:
-        """Return the descriptor for `ros2 param describe`."""
-        unit = f' [{self.unit}]' if self.unit else ''
-        descriptor = ParameterDescriptor(
-            name=self.name,
-            type=self.type.value,
-            description=f'{self.description}{unit}',
-            additional_constraints=self._constraints(),
-            read_only=not self.live,
-        )
-        if self.minimum is None and self.maximum is None:
-            return descriptor
-        # ROS has two-sided ranges only, so an open side becomes the largest number.
-        if self.type is RosParameter.Type.DOUBLE:
-            low = -math.inf if self.minimum is None else float(self.minimum)
-            high = math.inf if self.maximum is None else float(self.maximum)
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        elif self.type is RosParameter.Type.INTEGER:
-            low = -(2**63) if self.minimum is None else int(self.minimum)
-            high = 2**63 - 1 if self.maximum is None else int(self.maximum)
-            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
-        return descriptor
-
-    def heading(self) -> str:
-        """Return name, type, unit, default, bounds and whether the value is live, in one line."""
-        kind = self.type.name.lower().replace('_array', ' list')
-        default = self._default_text()
-        details = (
-            f'{kind} [{self.unit}]' if self.unit else kind,
-            f'default {default}' if default else '',
-            self._bounds(),
-            'live' if self.live else '',
-        )
-        return f'{self.name} ({", ".join(filter(None, details))})'
-
-    def adapt(self, value: Any) -> Any:
-        """Convert whole numbers to floating-point numbers for a floating-point parameter."""
-        if self.type is RosParameter.Type.DOUBLE and _is_whole(value):
-            return float(value)
-        if self.type is RosParameter.Type.DOUBLE_ARRAY and isinstance(value, list):
-            return [float(x) if _is_whole(x) else x for x in value]
-        return value
-
-    def problem(self, value: Any) -> str | None:
-        """Return why a value is invalid and which values are valid, or None."""
-        elements = value if isinstance(value, (list, tuple)) else (value,)
-        if self.has_type(value) and all(self._is_allowed(element) for element in elements):
-            return None
-        return f'parameter {self.name} must be {self._wanted()}, not {value!r}'
-
-    def has_type(self, value: Any) -> bool:
-        """Return whether a value has the parameter's type."""
-        if isinstance(value, (list, tuple)) and not value:
-            return self.is_list
-        try:
-            return bool(RosParameter.Type.from_parameter_value(value) is self.type)
-        except TypeError:
-            return False
-
-    def _is_allowed(self, value: Any) -> bool:
-        if self.choices and value not in self.choices:
-            return False
-        if isinstance(value, str):
-            return True
-        low = -math.inf if self.minimum is None else self.minimum
-        high = math.inf if self.maximum is None else self.maximum
-        return bool(math.isfinite(value) and low <= value <= high)
-
-    def _wanted(self) -> str:
-        kind = _KINDS[self.type]
-        unit = f' in {self.unit}' if self.unit else ''
-        bounds = self._bounds()
-        return f'{kind}{unit}' + (f', {bounds}' if bounds else '')
-
-    def _bounds(self) -> str:
-        if self.choices:
-            return 'one of ' + ', '.join(map(str, self.choices))
-        if self.minimum is not None and self.maximum is not None:
-            return f'from {self.minimum} to {self.maximum}'
-        if self.minimum is not None:
-            return f'at least {self.minimum}'
-        return '' if self.maximum is None else f'at most {self.maximum}'
-
-    def _default_text(self) -> str:
-        """Return the default in the form for `NAME:=`; '' if it is empty."""
-        if isinstance(self.default, (list, tuple)):
-            return f'[{", ".join(map(str, self.default))}]' if self.default else ''
-        return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
-
-    def _constraints(self) -> str:
-        when = (
-            ''
-            if self.live
-            else ('this parameter is read-only: set it when the node starts, -p NAME:=VALUE')
-        )
-        return '; '.join(filter(None, (self._bounds(), when)))
-
-
-_KINDS = {
-    RosParameter.Type.BOOL: 'true or false',
-    RosParameter.Type.INTEGER: 'a whole number',
-    RosParameter.Type.DOUBLE: 'a finite number',
-    RosParameter.Type.STRING: 'a string',
-    RosParameter.Type.BOOL_ARRAY: 'a list of true or false',
-    RosParameter.Type.INTEGER_ARRAY: 'a list of whole numbers',
-    RosParameter.Type.DOUBLE_ARRAY: 'a list of finite numbers',
-    RosParameter.Type.STRING_ARRAY: 'a list of strings',
-}
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
-    """Return parameters under a heading of the help, unless they already have another heading."""
-    return tuple(item if item.group else replace(item, group=group) for item in parameters)
-
+from aerarm_ros.ros.parameters.parameter import Parameter
 
 _SIM_TIME = 'use_sim_time'
 _IGNORED = (
@@ -293,8 +121,8 @@ class ParameterTable:
         problem = parameter.problem(value)
         if problem:
             raise ParameterError(problem)
-        node.set_parameters([RosParameter(parameter.name, parameter.type, value)])
-        node.set_descriptor(parameter.name, parameter.descriptor())
+        node.set_parameters([RosParameter(parameter.name, _ros_type(parameter), value)])
+        node.set_descriptor(parameter.name, _descriptor(parameter))
         return value
 
     def _adapt(self, changes: Sequence[RosParameter]) -> list[RosParameter]:
@@ -307,13 +135,41 @@ class ParameterTable:
         value = parameter.adapt(_plain(change.value))
         if not parameter.has_type(value):
             return change  # rclpy reports the expected type
-        return RosParameter(change.name, parameter.type, value)
+        return RosParameter(change.name, _ros_type(parameter), value)
 
     def _problem(self, change: RosParameter) -> str | None:
         if change.name == _SIM_TIME and change.value is True:
             return _IGNORED
         parameter = self._parameters.get(change.name)
         return parameter.problem(_plain(change.value)) if parameter else None
+
+
+def _descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """Return the descriptor for `ros2 param describe`."""
+    unit = f' [{parameter.unit}]' if parameter.unit else ''
+    descriptor = ParameterDescriptor(
+        name=parameter.name,
+        type=_ros_type(parameter).value,
+        description=f'{parameter.description}{unit}',
+        additional_constraints=parameter.constraints(),
+        read_only=not parameter.live,
+    )
+    if parameter.minimum is None and parameter.maximum is None:
+        return descriptor
+    # ROS has two-sided ranges only, so an open side becomes the largest number.
+    if parameter.kind == 'double':
+        low = -math.inf if parameter.minimum is None else float(parameter.minimum)
+        high = math.inf if parameter.maximum is None else float(parameter.maximum)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif parameter.kind == 'integer':
+        low = -(2**63) if parameter.minimum is None else int(parameter.minimum)
+        high = 2**63 - 1 if parameter.maximum is None else int(parameter.maximum)
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
+    return descriptor
+
+
+def _ros_type(parameter: Parameter) -> RosParameter.Type:
+    return RosParameter.Type[parameter.kind.upper()]
 
 
 def _use_system_clock(node: Node) -> None:

@@ -19,7 +19,7 @@ from aerarm_ros.realtime.scheduling import (
     set_affinity,
     set_fifo,
 )
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
 if TYPE_CHECKING:  # loaded only by nodes with a drone or planned motion
     from aerarm_ros.description.drone_config import DroneConfig

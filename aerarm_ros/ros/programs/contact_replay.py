@@ -55,6 +55,11 @@ _COLOUR = {
 }
 
 
+def main() -> int:
+    """Search recordings for contact, by the command line of this process."""
+    return contact_replay('contact_estimator', sys.argv[1:])
+
+
 def contact_replay(name: str, arguments: Sequence[str]) -> int:
     """Run the search; return 0, 2 if the user must check an input, or 130 after a stop."""
     stops: list[bool] = []

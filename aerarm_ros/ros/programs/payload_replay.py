@@ -36,6 +36,13 @@ from aerarm_ros.ros.programs.identifier_run import (
 )
 
 
+def main() -> int:
+    """Estimate a payload or print the friction trend, by the command line of this process."""
+    name, given = 'payload_estimator', sys.argv[1:]
+    is_trend = any(argument.split('=')[0] == '--trend' for argument in given)
+    return (show_trend if is_trend else replay)(name, given)
+
+
 def show_trend(name: str, arguments: Sequence[str]) -> int:
     """Print the friction trend; return 0, or 2 if the user must check an input."""
     parser = OneLineParser(prog=name, description='Print how friction has changed.')

@@ -13,9 +13,10 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, STOPS, says_not_active
+from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, STOPS
+from aerarm_ros.ros.bridge.bridge_services import says_not_active
 from aerarm_ros.ros.executors import spin_until, this_domain
-from aerarm_ros.ros.parameters.parameter_table import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.requests.bridge_service import (
     BridgeFinder,
     BridgeService,
@@ -26,7 +27,6 @@ from aerarm_ros.ros.requests.bridge_service import (
     same_name_problem,
 )
 
-BRIDGES = ('hardware_bridge', 'fake_hardware')
 _DISCOVERY_TIME = 0.5  # [s]
 _SEEN_AFTER_DEATH = 6.0  # [s] for which nodes see a killed node, with the packaged profile
 _QUIET = 1.0  # [s] of waiting without a message to the user

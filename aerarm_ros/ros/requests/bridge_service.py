@@ -14,8 +14,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.bridge_modes import Answer
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS, REACHES_ALL
+from aerarm_ros.hardware.bridge_modes import ACTIONS, REACHES_ALL, Answer
 from aerarm_ros.ros.executors import this_domain
 
 ASK_AGAIN = 0.5  # [s]

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
+from aerarm_ros.hardware.bridge_modes import BRIDGES
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.link.recordings import (
     COMPLETE,
@@ -27,7 +28,7 @@ from aerarm_ros.ros.link.recordings import (
     WATCH,
 )
 from aerarm_ros.ros.process.process_end import StopSignals
-from aerarm_ros.ros.requests.arm_client import BRIDGES, ArmClientError
+from aerarm_ros.ros.requests.arm_client import ArmClientError
 
 _DISCOVERY_TIME = 4.0  # [s] at most for a bridge or a ground_link of this host to be found
 _ASK_AGAIN = 0.5  # [s]

@@ -7,13 +7,8 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.bridge_modes import Answer
-from aerarm_ros.ros.bridge.bridge_services import (
-    Action,
-    BridgeServices,
-    CycleRequests,
-    says_not_active,
-)
+from aerarm_ros.hardware.bridge_modes import Action, Answer
+from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests, says_not_active
 
 
 def late(action: Action, is_stop: bool) -> Answer:

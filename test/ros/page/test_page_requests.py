@@ -5,7 +5,7 @@ import time
 from answering_bridges import LIMIT, AnsweringBridges, until_offered
 from rclpy.node import Node
 
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.hardware.bridge_modes import ACTIONS
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.page.view_controls import PageRequests
 

@@ -17,7 +17,8 @@ parser.parse_args()
 raise SystemExit('it ran')
 """
 NODE = """
-from aerarm_ros.ros.parameters.parameter_table import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.command_line import CommandLine
 table = ParameterTable(Parameter('port', 8080, ''), Parameter('host', '', ''))
 CommandLine('tool', table, None).complete()

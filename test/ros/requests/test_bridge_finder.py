@@ -4,7 +4,7 @@ from answering_bridges import AnsweringBridges, until_offered
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.hardware.bridge_modes import ACTIONS
 from aerarm_ros.ros.requests.bridge_service import BridgeFinder, bridges_among
 
 

@@ -8,7 +8,7 @@ from answering_bridges import LIMIT, AnsweringBridges, until_offered
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.ros.bridge.bridge_services import ACTIONS
+from aerarm_ros.hardware.bridge_modes import ACTIONS
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.requests.bridge_service import BridgeFinder, StopRequest, StopService
 

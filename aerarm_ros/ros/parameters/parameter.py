@@ -1,0 +1,163 @@
+"""One parameter of a node: name, type, default, bounds and description, without ROS."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+ParameterValue = (
+    bool | int | float | str | Sequence[bool] | Sequence[int] | Sequence[float] | Sequence[str]
+)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A node's parameter with all its documentation.
+
+    Attributes
+    ----------
+    name
+        Name, lower case with underscores.
+    default
+        Default value, which determines the type. For an empty list, also set `element`.
+    description
+        Meaning, in one sentence.
+    unit
+        SI unit, '' for none.
+    minimum, maximum
+        Smallest and largest allowed value; for a list, of every element.
+    choices
+        The allowed values of a string or integer.
+    live
+        Whether the value may change while the node runs.
+    element
+        Type of the elements of a list whose default is empty.
+    group
+        Heading in the help text; '' for the node's own parameters, which come first.
+    """
+
+    name: str
+    default: ParameterValue
+    description: str
+    unit: str = ''
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str | int, ...] = ()
+    live: bool = False
+    element: type = str
+    group: str = ''
+
+    @property
+    def kind(self) -> str:
+        """Name of the type in ROS, for example 'double' or 'string_array'."""
+        if isinstance(self.default, (list, tuple)) and not self.default:
+            return _kind([self.element()])
+        return _kind(self.default)
+
+    @property
+    def is_list(self) -> bool:
+        """Whether the value is a list."""
+        return self.kind.endswith('_array')
+
+    def heading(self) -> str:
+        """Return name, type, unit, default, bounds and whether the value is live, in one line."""
+        kind = self.kind.replace('_array', ' list')
+        default = self._default_text()
+        details = (
+            f'{kind} [{self.unit}]' if self.unit else kind,
+            f'default {default}' if default else '',
+            self._bounds(),
+            'live' if self.live else '',
+        )
+        return f'{self.name} ({", ".join(filter(None, details))})'
+
+    def adapt(self, value: Any) -> Any:
+        """Convert whole numbers to floating-point numbers for a floating-point parameter."""
+        if self.kind == 'double' and _is_whole(value):
+            return float(value)
+        if self.kind == 'double_array' and isinstance(value, list):
+            return [float(x) if _is_whole(x) else x for x in value]
+        return value
+
+    def problem(self, value: Any) -> str | None:
+        """Return why a value is invalid and which values are valid, or None."""
+        elements = value if isinstance(value, (list, tuple)) else (value,)
+        if self.has_type(value) and all(self._is_allowed(element) for element in elements):
+            return None
+        return f'parameter {self.name} must be {self._wanted()}, not {value!r}'
+
+    def has_type(self, value: Any) -> bool:
+        """Return whether a value has the parameter's type."""
+        if isinstance(value, (list, tuple)) and not value:
+            return self.is_list
+        return _kind(value) == self.kind
+
+    def _is_allowed(self, value: Any) -> bool:
+        if self.choices and value not in self.choices:
+            return False
+        if isinstance(value, str):
+            return True
+        low = -math.inf if self.minimum is None else self.minimum
+        high = math.inf if self.maximum is None else self.maximum
+        return bool(math.isfinite(value) and low <= value <= high)
+
+    def _wanted(self) -> str:
+        kind = _KINDS[self.kind]
+        unit = f' in {self.unit}' if self.unit else ''
+        bounds = self._bounds()
+        return f'{kind}{unit}' + (f', {bounds}' if bounds else '')
+
+    def _bounds(self) -> str:
+        if self.choices:
+            return 'one of ' + ', '.join(map(str, self.choices))
+        if self.minimum is not None and self.maximum is not None:
+            return f'from {self.minimum} to {self.maximum}'
+        if self.minimum is not None:
+            return f'at least {self.minimum}'
+        return '' if self.maximum is None else f'at most {self.maximum}'
+
+    def _default_text(self) -> str:
+        """Return the default in the form for `NAME:=`; '' if it is empty."""
+        if isinstance(self.default, (list, tuple)):
+            return f'[{", ".join(map(str, self.default))}]' if self.default else ''
+        return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
+
+    def constraints(self) -> str:
+        """Return the bounds, and whether the value is read-only, for `ros2 param describe`."""
+        when = (
+            ''
+            if self.live
+            else ('this parameter is read-only: set it when the node starts, -p NAME:=VALUE')
+        )
+        return '; '.join(filter(None, (self._bounds(), when)))
+
+
+# In this order, because a bool is an int in Python.
+_TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
+_KINDS = {
+    'bool': 'true or false',
+    'integer': 'a whole number',
+    'double': 'a finite number',
+    'string': 'a string',
+    'bool_array': 'a list of true or false',
+    'integer_array': 'a list of whole numbers',
+    'double_array': 'a list of finite numbers',
+    'string_array': 'a list of strings',
+}
+
+
+def _kind(value: Any) -> str:
+    """Return the name of a value's type in ROS, '' for other types and mixed lists."""
+    if isinstance(value, (list, tuple)):
+        kinds = {_kind(element) for element in value}
+        return f'{kinds.pop()}_array' if len(kinds) == 1 else ''
+    return next((name for kind, name in _TYPES.items() if isinstance(value, kind)), '')
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def grouped(group: str, *parameters: Parameter) -> tuple[Parameter, ...]:
+    """Return parameters under a heading of the help, unless they already have another heading."""
+    return tuple(item if item.group else replace(item, group=group) for item in parameters)
