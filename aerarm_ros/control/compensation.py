@@ -192,6 +192,7 @@ class MomentumObserver:
         self._gain = non_negative('observer gain', gain, dynamics.n)
         self._friction = friction
         self._integral: Array | None = None
+        self._last_momentum = np.zeros(dynamics.n)
         self._last_dq: Array | None = None
         self._summed = np.zeros(dynamics.n)
         self._residual = np.zeros(dynamics.n)
@@ -207,6 +208,16 @@ class MomentumObserver:
         self._summed = np.zeros_like(self._summed)
         self._residual = np.zeros_like(self._residual)
 
+    def rebase(self, q: Array, dq: Array, base: BaseMotion | None = None) -> None:
+        """Continue from a state with an unchanged r, after lost states or a change of the dynamics.
+
+        The momentum of a payload that is declared in motion exists at once and is no torque.
+        """
+        if self._integral is not None:
+            momentum, _ = self._momentum(q, dq, base)
+            self._integral = self._integral + momentum - self._last_momentum
+            self._last_momentum = momentum
+
     def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Array:
         """Process the state after a cycle of `dt` [s] and return r, (n,) [Nm].
 
@@ -214,6 +225,7 @@ class MomentumObserver:
         """
         q, dq, tau = state
         p, inertia_rate = self._momentum(q, dq, base)
+        self._last_momentum = p
         if self._integral is None:
             self._integral = p
             return self._residual

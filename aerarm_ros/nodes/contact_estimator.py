@@ -66,10 +66,12 @@ class ContactEstimatorNode(StateNode):
             )
         self.base = self.arm.measured_base(values)
         known, dynamics = self._known_arm()
-        self.arm.load(dynamics, values)
         bound = read_residuals(Path(values.residuals_file), names)
         external = ExternalTorque(known, bound.gain, dynamics)
-        self._detector = ContactDetector(external, bound, contact_settings(values))
+        self._detector = ContactDetector(
+            external, bound, contact_settings(values), self.arm.limits.effort_max
+        )
+        self.arm.load(self._detector, values)
         self._locator = ContactLocator(known.robot)
         self._period_ns = round(1e9 / values.rate)
         self._sent_ns = -self._period_ns

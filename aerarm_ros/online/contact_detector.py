@@ -6,6 +6,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.checks import positive
@@ -145,6 +146,12 @@ _STEADY_TIME = 1.0  # [s] of a constant torque that friction can hold
 _SINCE_START = 0.3  # [s]; a torque present from the start is not a push
 _ONE_OVER = np.log(2.0)  # gives a confidence of one half at the threshold
 _GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor fits a payload
+_CALM = 0.25  # s of such a torque for which 1 s of motion without it makes up
+_LONGEST = 12.0  # [s] largest account of such a torque, so that a long contact is forgiven
+_HELD = 0.8  # of the largest change, above which a push at rest is still present
+_SATURATED = 0.98  # of the largest torque, above which a measured one counts as limited
+_DECLARED = 0.3  # [s] between a declaration of a payload and its pick-up
+_UNKNOWN = 1.0  # [s] without states, in which the load may have changed
 
 
 class ContactDetector:
@@ -157,7 +164,8 @@ class ContactDetector:
 
     The torque of a payload, unlike that of a contact, follows gravity and inertia in all postures.
     The detector reports a payload once ten inertial parameters of the last link explain the torque
-    in 2 s of motion (`LoadTest`), and then subtracts it until the payload is put down.
+    in 2 s of motion (`LoadTest`), and then subtracts it until the payload is put down. A torque
+    that lasts 10 s, or returns so often that it fills a fifth of the motion, is a model error.
 
     Attributes
     ----------
@@ -170,8 +178,11 @@ class ContactDetector:
         external: ExternalTorque,
         bound: ResidualBound,
         settings: ContactSettings | None = None,
+        effort_max: npt.ArrayLike = np.inf,
     ) -> None:
         self._external = external
+        self._largest = _SATURATED * np.broadcast_to(np.asarray(effort_max, float), external.n)
+        self._saturated = ''
         self._bound = bound
         given = settings or ContactSettings()
         share = max(given.rest_share, bound.rest_share)
@@ -184,6 +195,9 @@ class ContactDetector:
         self._watches = (EncoderWatch(names), EffortWatch(names))
         self._first: float | None = None
         self._last: float | None = None
+        self._free = 0.0  # [s] without an event
+        self._lasting = 0.0  # [s] of motion with torque that neither contact nor payload explain
+        self._declared = np.inf  # [s] since a payload was declared
         self._rest = _Rest(external.n, self._settings)
         self._begin()
 
@@ -197,6 +211,8 @@ class ContactDetector:
     def problem(self) -> str:
         """Reason why contact cannot be detected; empty otherwise."""
         event = self.event
+        if event is None and self._lasting > _GIVE_UP:
+            event = self.events[-1]
         if event is not None and event.cause is Cause.MODEL:
             return (
                 f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
@@ -204,43 +220,76 @@ class ContactDetector:
                 'by a contact nor by a payload: check that the model belongs to this arm, or '
                 'declare the payload'
             )
-        return self._watches[0].problem or self._watches[1].problem
+        return self._saturated or self._watches[0].problem or self._watches[1].problem
 
     @property
     def payload_mass(self) -> float | None:
         """Mass of the detected undeclared payload [kg], or None."""
         return self._load.mass if self._load.is_loaded else None
 
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Set a declared payload, see `Dynamics.carry`; raises ValueError if no body has it.
+
+        The declaration may come before or after the pick-up, so no event begins within 0.3 s of it.
+        """
+        self._external.carry(payload)
+        self._load.declare()
+        self._declared = 0.0
+
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
         """Process the state at `now` [s]; return the report of the last window of states.
 
-        Returns None for an invalid state, and after a gap until a window is complete.
+        Returns None for an invalid state, and after a gap until a window is complete. A re-sent
+        state is ignored. If states were lost in at most 0.1 s, detection continues with the next.
 
         `state.tau` is the drives' torque in the cycle that ends now.
         """
         if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
             return None
         last, self._last = self._last, now
-        if last is None or not 0.0 < now - last < LONGEST_GAP:
-            self._start_again(now)
-            return None
-        window = self._window.update(state, now - last)
-        if window is None:
+        if last == now:
             return self._report
-        state, dt, _ = window
+        if last is None or not 0.0 < now - last < LONGEST_GAP:
+            self._start_again(now, 0.0 if last is None else abs(now - last))
+            return None
+        dt = now - last
         for watch in self._watches:
             watch.update(state, dt)
         if any(watch.problem for watch in self._watches):
             self._start_again(now)
             return None
+        if self._window.has_lost(dt) or self._is_saturated(state):
+            # The torque of this time is unknown.
+            self._window.reset()
+            self._external.rebase(state.q, state.dq, base)
+            self._load.rebase(state.q, state.dq, base)
+            return self._report
+        window = self._window.update(state, dt)
+        if window is None:
+            return self._report
+        state, dt, _ = window
         row = self._external.update(window, base)
         self._load.update(state, dt, row, self._bound.threshold(row), base)
         self._report = self._judge(state, now, dt, row)
         return self._report
 
-    def _start_again(self, now: float) -> None:
+    def _is_saturated(self, state: ArmState) -> bool:
+        """Return whether a joint's torque is at its limit, so that its true demand is unknown."""
+        self._saturated = ''
+        saturated = np.flatnonzero(np.abs(state.tau) >= self._largest)
+        if len(saturated):
+            name = self._external.dynamics.robot.joint_names[saturated[0]]
+            self._saturated = (
+                f'effort of {name} is at its limit of '
+                f'{self._largest[saturated[0]] / _SATURATED:.3g} Nm, at which contact is not '
+                'detected: slow the motion or check the load'
+            )
+        return bool(self._saturated)
+
+    def _start_again(self, now: float, gap: float = 0.0) -> None:
+        self._free = 0.0 if gap > _UNKNOWN else self._free
         self._external.reset()
         self._window.reset()
         self._report = None
@@ -252,7 +301,7 @@ class ContactDetector:
             self.event.end = now
 
     def _begin(self) -> None:
-        self._above = self._below = self._lasting = self._steady = 0.0
+        self._above = self._below = self._steady = 0.0
         self._began: float | None = None
         self._peak = np.zeros(self._external.n)
 
@@ -261,7 +310,11 @@ class ContactDetector:
         torque = row.residual - self._load.torque
         threshold = self._bound.threshold(row) + self._load.doubt
         row = row._replace(dry=row.dry + self._load.doubt)  # a load adds friction
-        if now - self._first < 5.0 / self._external.gain:
+        self._declared += dt
+        is_new = self._declared < _DECLARED and self.event is None
+        if is_new:
+            self._rest.reset(0.0)
+        if is_new or now - self._first < 5.0 / self._external.gain:
             return ContactReport(torque, np.full_like(torque, np.inf), False, 0.0, None)
         is_event = self.event is not None
         change = self._rest.update(state, torque, dt, row, self._bound.noise, is_event)
@@ -281,11 +334,14 @@ class ContactDetector:
 
     def _seek(self, felt: '_Felt') -> None:
         """Start an event once a threshold is exceeded for long enough."""
+        if np.abs(felt.state.dq).max() > self._settings.rest_speed:
+            self._lasting = max(0.0, self._lasting - _CALM * felt.dt)
         exceeds = felt.ratio.max() > 1.0
         rests = not exceeds and bool(np.linalg.norm(felt.change_ratio) > 1.0)
         self._above = self._above + felt.dt if exceeds or rests else 0.0
         if self._above == 0.0:
             self._began = None
+            self._free += felt.dt
             return
         if self._began is None:
             self._began = felt.now
@@ -298,14 +354,13 @@ class ContactDetector:
         event = ContactEvent(
             felt.now, joint, value.copy(), limit.copy(), q, float(np.linalg.norm(size))
         )
-        assert self._first is not None
-        if self._began - self._first < _SINCE_START:
+        if self._free < _SINCE_START:
             event.cause = Cause.MODEL
         self.events.append(event)
         self._load.suspect(felt.torque / felt.threshold, felt.threshold)
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
-        self._below = self._lasting = self._steady = 0.0
+        self._below = self._steady = 0.0
         self._peak = np.abs(value)
 
     def _follow(self, event: ContactEvent, felt: '_Felt') -> None:
@@ -321,7 +376,8 @@ class ContactDetector:
             event.ratio = float(share.max())
         self._peak = np.maximum(self._peak, np.abs(value))
         moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
-        self._lasting += felt.dt if moves else 0.0
+        if moves:
+            self._lasting = min(self._lasting + felt.dt, _LONGEST)
         if self._load.released:
             event.cause = Cause.RELEASED
             self._end(event, felt.now)
@@ -336,17 +392,27 @@ class ContactDetector:
         within = bool(felt.ratio.max() < _QUIET)
         released = within and (not is_rest or self._is_released(value))
         self._below = self._below + felt.dt if released else 0.0
-        self._steady = self._steady + felt.dt if within and self._rest.is_steady else 0.0
+        is_over = within and self._rest.is_steady and not self._is_held(value)
+        self._steady = self._steady + felt.dt if is_over else 0.0
         if self._below > _QUIET_TIME or self._steady > _STEADY_TIME:
             self._end(event, felt.now)
 
+    def _pushed(self) -> Array:
+        """Return the joints on which the push at rest mainly acts."""
+        share = self._peak / self._rest.limit
+        return np.asarray(share > 0.5 * share.max())
+
     def _is_released(self, change: Array) -> bool:
         """Return whether the external torque of a push at rest has mostly disappeared."""
-        limit = self._rest.limit
-        share = self._peak / limit
-        pushed = share > 0.5 * share.max()
-        falls = np.abs(change) < np.maximum(limit, _RELEASED * self._peak)
-        return bool(falls[pushed].all())
+        falls = np.abs(change) < np.maximum(self._rest.limit, _RELEASED * self._peak)
+        return bool(falls[self._pushed()].all())
+
+    def _is_held(self, change: Array) -> bool:
+        """Return whether a push at rest is still present, as of a person who is clamped.
+
+        After the end of a push, friction holds a part of its torque, but hardly all of it.
+        """
+        return bool((np.abs(change) > _HELD * self._peak)[self._pushed()].any())
 
     def _weigh(self) -> None:
         """Update the mass of the last payload event."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linprog
 
 from aerarm_ros.control.base.base_motion import BaseMotion
@@ -33,6 +34,7 @@ _CREEPING = 0.012  # [rad/s] below which dry friction may have another direction
 _SLOW = 0.05  # [rad/s] below which the model of dry friction may be inaccurate
 
 _FROZEN = 0.2  # [s] in which the position of a moving joint changes
+_LOST = 2.5  # cycles without a state, in which states were lost
 
 
 class EncoderWatch:
@@ -99,6 +101,7 @@ class StateWindow:
 
     def __init__(self) -> None:
         self._states: list[ArmState] = []
+        self._cycle = 0.0  # [s], smoothed
         self.reset()
 
     def reset(self) -> None:
@@ -106,6 +109,13 @@ class StateWindow:
         self._states.clear()
         self._lasted = 0.0
         self._former: Array | None = None
+
+    def has_lost(self, dt: float) -> bool:
+        """Return whether states are missing in a time of `dt` [s] without states."""
+        self._cycle = self._cycle or dt
+        is_late = dt > max(WINDOW, _LOST * self._cycle)
+        self._cycle += 0.05 * (min(dt, 2.0 * self._cycle) - self._cycle)
+        return is_late
 
     def update(self, state: ArmState, dt: float) -> MeanState | None:
         """Add the state after a cycle of `dt` [s]; return the window that it completes, or None."""
@@ -191,10 +201,27 @@ class ExternalTorque:
         self._residual = self._lagging = self._change = self._torque = np.zeros(self.n)
         self._held = np.zeros((self.n, 4))
 
+    def carry(self, payload: npt.ArrayLike) -> None:
+        """Set a declared payload, see `Dynamics.carry`; raises ValueError if no body has it."""
+        self.dynamics.carry(payload)
+        if self._momentum is not None:
+            self.rebase(*self._last)
+
+    def rebase(self, q: Array, dq: Array, base: BaseMotion | None) -> None:
+        """Continue from a state with an unchanged result, after lost states or a new payload."""
+        if self._momentum is None:
+            return
+        self._observer.rebase(q, dq, base)
+        self._last = q, dq, base
+        gained = self.dynamics.fixed.inertia_matrix(q) @ dq - self._momentum
+        self._momentum = self._momentum + gained
+        self._lagging = self._lagging + gained
+
     def update(self, window: MeanState, base: BaseMotion | None = None) -> Unexplained:
         """Process a window of states; return the unexplained torque at its end."""
         state, dt, count = window
         q, dq, tau = state
+        self._last = q, dq, base
         share = dt * self.stage / (1.0 + dt * self.stage)
         observed = self._observer.update(state, dt, base)
         self._residual = self._residual + share * (observed - self._residual)

@@ -44,9 +44,10 @@ class LoadTest:
         Largest error of `torque` [Nm]: three standard deviations, and a share for the friction and
         the torque constants under load.
     found, released : bool
-        Whether the last `update` detected a payload, or its end.
+        Whether the last `update` detected a payload or its change, or its end.
     mass, mass_std : float
-        Mass of the detected payload and its standard deviation [kg].
+        Mass of the detected payload and its standard deviation [kg]; negative if the model contains
+        a body that the arm no longer carries.
     """
 
     def __init__(self, external: ExternalTorque, mass: float, size: float) -> None:
@@ -59,6 +60,8 @@ class LoadTest:
         self.found = self.released = False
         self.mass = self.mass_std = float('nan')
         self._body: Array | None = None
+        self._is_new = False  # the payload has changed and is not known yet
+        self._momentum = np.zeros((self._n, 10))
         self._covariance = np.zeros((10, 10))
         self._window: deque[tuple[bool, bool, Array]] = deque(maxlen=round(_WINDOW / _PERIOD))
         self.pause()
@@ -74,6 +77,19 @@ class LoadTest:
         self._integral: Array | None = None
         self._due = self._quiet = 0.0
 
+    def declare(self) -> None:
+        """Forget a detected payload, because a declared one replaces it."""
+        self._body, self._is_new = None, False
+        self.torque = self.doubt = np.zeros(self._n)
+        self._forget()
+
+    def rebase(self, q: Array, dq: Array, base: BaseMotion | None) -> None:
+        """Continue from a state with unchanged columns, after lost states."""
+        if self._integral is not None:
+            momentum, _ = self._evaluate(q, dq, base)
+            self._integral = self._integral + momentum - self._momentum
+            self._momentum = momentum
+
     def update(
         self,
         state: ArmState,
@@ -86,10 +102,8 @@ class LoadTest:
         self.found = self.released = False
         if not self._is_needed(row.residual, threshold, dt):
             return
-        motion = self._still if base is None else base
-        momentum, force = self._regressor.evaluate(
-            state.q, state.dq, motion.specific_force, motion.angular_velocity
-        )
+        momentum, force = self._evaluate(state.q, state.dq, base)
+        self._momentum = momentum
         if self._integral is None:
             self._integral, self._columns = momentum, np.zeros((self._n, 10))
         integral = self._integral + dt * -force
@@ -123,6 +137,10 @@ class LoadTest:
         predicted = -self._columns @ (self._scale * self._filter.belief.mean) / threshold
         if np.linalg.norm(ratio - predicted) > 0.5 * np.linalg.norm(ratio):
             self._forget()
+
+    def _evaluate(self, q: Array, dq: Array, base: BaseMotion | None) -> tuple[Array, Array]:
+        motion = self._still if base is None else base
+        return self._regressor.evaluate(q, dq, motion.specific_force, motion.angular_velocity)
 
     def _forget(self) -> None:
         self._filter.forget(slice(None))
@@ -167,18 +185,22 @@ class LoadTest:
             self._body = self._scale * belief.mean
             self.mass, self.mass_std = mass, std
             # The bare arm explains a motion in which the payload would be noticed.
-            contradicted = np.mean(explained) < 0.5 or mass < _SIGNIFICANT * std
+            contradicted = np.mean(explained) < 0.5 or abs(mass) < _SIGNIFICANT * std
             if np.mean(exceeded) < 1.0 - _EXPLAINED and contradicted:
-                self._body, self.released = None, True
-                self.torque = self.doubt = np.zeros(self._n)
+                self.declare()
+                self.released = True
+            elif np.mean(explained) < 0.5:
+                self._is_new = True  # more or less payload: learn it from now on
                 self._forget()
+            elif self._is_new and np.mean(explained) > _EXPLAINED:
+                self._is_new, self.found = False, True
             return
         varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
         if (
             np.mean(exceeded) > _EXCEEDED
             and np.mean(explained) > _EXPLAINED
             and varied
-            and mass > _SIGNIFICANT * std
+            and abs(mass) > _SIGNIFICANT * std
         ):
             self._body, self.found = self._scale * belief.mean, True
             self.mass, self.mass_std = mass, std

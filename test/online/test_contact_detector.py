@@ -96,6 +96,10 @@ def test_at_rest_a_push_counts_that_friction_could_hold(
     assert event.cause is Cause.CONTACT
     assert 2.0 < event.begin < 2.1
     assert 3.0 < event.end < 3.4
+    # A person is clamped: the force stays.
+    push[time > 3.0] = push[2900]
+    (event,) = play(detector(run, quiet), replace(rests, tau=tau - push)).events
+    assert np.isnan(event.end)
 
 
 def test_what_is_there_from_the_start_is_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
@@ -114,6 +118,88 @@ def test_an_encoder_that_hangs_is_no_contact(run: CarryingRun, bound: ResidualBo
     found = play(detector(run, bound), replace(motion, q=q))
     assert 'check the encoder' in found.problem
     assert found.event is None
+
+
+def test_a_declared_payload_is_neither_contact_nor_found(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    found = play(detector(loaded, bound), recording(loaded, 0.7, loaded.pick_up))
+    found.carry(loaded.payload)
+    play(found, recording(loaded, loaded.pick_up, 7.5))
+    assert found.events == []
+    assert found.payload_mass is None
+
+
+def test_a_payload_is_declared_after_it_was_found(
+    loaded: CarryingRun, bound: ResidualBound
+) -> None:
+    found = play(detector(loaded, bound), recording(loaded, 0.7, 6.5))
+    found.carry(loaded.payload)
+    play(found, recording(loaded, 6.5, 7.5))
+    assert [event.cause for event in found.events] == [Cause.PAYLOAD]
+    assert found.payload_mass is None
+
+
+def test_a_saturated_torque_is_named_and_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    largest = 0.5 * np.abs(motion.tau).max(axis=0)
+    found = ContactDetector(ExternalTorque(known_arm(run), GAIN), bound, SMALL, largest)
+    clipped = replace(motion, tau=np.clip(motion.tau, -largest, largest))
+    saturated = np.flatnonzero((np.abs(clipped.tau) == largest).any(axis=1))
+    play(found, thinned(clipped, np.arange(saturated[-1] + 1)))
+    assert 'is at its limit' in found.problem
+    assert found.events == []
+
+
+def test_a_contact_lasts_while_the_torque_saturates(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
+    limit = np.full(4, 1e3)
+    found = ContactDetector(ExternalTorque(known_arm(run), GAIN), bound, SMALL, limit)
+    tau = motion.tau.copy()
+    tau[(motion.time > 1.8) & (motion.time < 2.0)] = limit
+    play(found, replace(motion, tau=tau))
+    (event,) = found.events
+    assert event.begin == pytest.approx(TOUCH.begin, abs=0.1)
+    assert event.end > 2.0
+
+
+@pytest.mark.parametrize('lost', [8, 20, 60])
+def test_lost_states_find_nothing_and_end_no_contact(
+    run: CarryingRun, bound: ResidualBound, lost: int
+) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    kept = np.ones(len(motion.time), bool)
+    for begin in range(300, len(kept), 200):
+        kept[begin : begin + lost] = False
+    assert play(detector(run, bound), thinned(motion, kept)).events == []
+    (event,) = play(detector(run, bound), thinned(TOUCH.added(run, motion), kept)).events
+    assert event.cause is Cause.CONTACT
+    assert event.end - event.begin > 0.8 * (TOUCH.end - TOUCH.begin)
+
+
+def thinned(motion: Recording, kept: np.ndarray) -> Recording:
+    """Return a recording without some states."""
+    assert motion.dq is not None
+    rows = {name: getattr(motion, name)[kept] for name in ('time', 'q', 'dq', 'tau')}
+    return replace(motion, **rows)
+
+
+def test_a_re_sent_state_changes_nothing(run: CarryingRun, bound: ResidualBound) -> None:
+    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
+    twice = thinned(motion, np.repeat(np.arange(len(motion.time)), 2))
+    once, again = (play(detector(run, bound), each).events for each in (motion, twice))
+    assert [(e.begin, e.end, e.cause) for e in once] == [(e.begin, e.end, e.cause) for e in again]
+
+
+def test_after_a_short_gap_a_push_is_contact_and_after_a_long_one_it_may_be_a_load(
+    run: CarryingRun, bound: ResidualBound
+) -> None:
+    motion = TOUCH.added(run, recording(run, 0.7, run.pick_up))
+    kept = (motion.time < TOUCH.begin - 0.1) | (motion.time > TOUCH.begin + 0.1)
+    for pause, cause in ((0.0, Cause.CONTACT), (5.0, Cause.MODEL)):
+        later = motion.time + np.where(motion.time > TOUCH.begin, pause, 0.0)
+        events = play(detector(run, bound), thinned(replace(motion, time=later), kept)).events
+        assert [event.cause for event in events] == [cause]
 
 
 def test_lost_states_and_gaps_find_nothing(run: CarryingRun, bound: ResidualBound) -> None:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from std_msgs.msg import Bool
 from touched_run import Touch, recording
 
 from aerarm_msgs_py import topics
+from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.nodes.contact_estimator import ContactEstimatorNode
 from aerarm_ros.online.external_torque import ResidualBound
@@ -73,6 +75,61 @@ def test_a_touch_is_published(
         rclpy.spin_once(listener, timeout_sec=0.05)
         assert time.monotonic() < deadline
     listener.destroy_node()
+
+
+@pytest.fixture
+def known(
+    make: Make, run: CarryingRun, bound: ResidualBound, tmp_path: Path
+) -> ContactEstimatorNode:
+    """Return the node with the thresholds of the recorded arm."""
+    file = tmp_path / 'residuals.yaml'
+    values = bound.to_dict(run.robot().joint_names)
+    file.write_text(yaml.safe_dump({RESIDUALS_SECTION: values}))
+    share = run.truth.load_friction.tolist()
+    parameters = {'residuals_file': file, 'confirmation': 0.01, 'load_friction': share}
+    return make(**parameters, payload_mass=0.5, payload_size=0.15)
+
+
+def feed(node: ContactEstimatorNode, motion: Recording) -> None:
+    """Give the node a recording state by state."""
+    assert motion.dq is not None
+    for now, q, dq, tau in zip(motion.time, motion.q, motion.dq, motion.tau, strict=True):
+        node.stamp_ns = round(1e9 * (EPOCH + now))
+        node.answer(node.stamp_ns, ArmState(q, dq, tau))
+
+
+def test_a_model_of_another_arm_is_named(known: ContactEstimatorNode, free: CarryingRun) -> None:
+    motion = recording(free, 0.7, 9.0)
+    for again in range(3):
+        time = motion.time + 8.31 * again
+        feed(known, replace(motion, time=time, tau=0.6 * motion.tau))
+    assert 'check that the model belongs to this arm' in known.warning()
+    assert known.describe()['contact'] == 'no'
+
+
+def test_an_undeclared_payload_is_named(known: ContactEstimatorNode, loaded: CarryingRun) -> None:
+    feed(known, recording(loaded, 0.7, 7.5))
+    described = known.describe()
+    assert described['undeclared payload [kg]'] == pytest.approx(0.2, rel=0.25)
+    assert described['contact'] == 'no'
+
+
+def test_an_encoder_that_hangs_is_named(known: ContactEstimatorNode, run: CarryingRun) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    q = motion.q.copy()
+    q[500:] = q[500]
+    feed(known, replace(motion, q=q))
+    assert 'check the encoder' in known.warning()
+    assert known.describe()['contacts'] == 0
+
+
+def test_a_saturated_drive_is_named(known: ContactEstimatorNode, run: CarryingRun) -> None:
+    motion = recording(run, 0.7, run.pick_up)
+    tau = motion.tau.copy()
+    tau[-100:] = known.arm.limits.effort_max
+    feed(known, replace(motion, tau=tau))
+    assert 'is at its limit' in known.warning()
+    assert known.describe()['contacts'] == 0
 
 
 def test_without_thresholds_it_says_how_to_learn_them(make: Make) -> None:
