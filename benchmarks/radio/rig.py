@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-from radio.two_hosts import DRONE, TwoHosts, stop
+from radio.two_hosts import DRONE, Host, TwoHosts, stop
 
 HERE = Path(__file__).parent
 PORT, RELAY_PORT = 7447, 7500
@@ -97,14 +97,16 @@ class Rig:
     folder
         For logs, key and bags.
     clock
-        Of the ground, as libfaketime reads it: '+30s', or '+30s x1.001' for one that drifts.
+        Of the ground, as libfaketime reads it: '+30s', or '+30s x1.001' for one that drifts. For a
+        ground that is behind, '-30s', the drone's clock is ahead.
     link
         Parameters of the drone's end of ground_link.
     """
 
     def __init__(self, folder: Path, clock: str = '', **link: object) -> None:
         self.folder = folder
-        self._clock = shifted_clock(clock) if clock else {}
+        self._shifted_host = 'drone' if clock.startswith('-') else 'ground'
+        self._clock = shifted_clock(clock.replace('-', '+')) if clock else {}
         self._common = {'key_file': folder / 'key', 'realtime_priority': 40}
         self._given = {'bags': folder / 'bags', **link}
         self._controller: subprocess.Popen[str] | None = None
@@ -175,9 +177,8 @@ class Rig:
         # As prompt as what it measures: other work on this machine must not count.
         start = ('chrt', '-f', '20', sys.executable, '-m', 'aerarm_ros.executables', 'arm')
         place = self.hosts.ground if host == 'ground' else self.hosts.drone
-        environment = DOMAIN | (self._clock if host == 'ground' else {})
         return self.hosts.start(
-            place, *start, *words, environment=environment, log=log, cwd=self.folder
+            place, *start, *words, environment=self._environment(place), log=log, cwd=self.folder
         )
 
     def start_controller(self, name: str = 'computed_torque') -> None:
@@ -250,14 +251,22 @@ class Rig:
         there = {'role': 'ground', 'drone': DRONE, 'port': RELAY_PORT}
         self._ground_link = self._node(self.hosts.ground, 'ground_link', **self._common, **there)
 
-    def _node(self, host: object, name: str, **parameters: object) -> subprocess.Popen[str]:
+    def _node(self, host: Host, name: str, **parameters: object) -> subprocess.Popen[str]:
         given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
-        environment = DOMAIN | (self._clock if host is self.hosts.ground else {})
         return self.hosts.node(
-            host, name, '--ros-args', *given, environment=environment, folder=self.folder
+            host,
+            name,
+            '--ros-args',
+            *given,
+            environment=self._environment(host),
+            folder=self.folder,
         )
 
-    def _speak(self, host: object, name: str, *words: str) -> Speaker:
+    def _environment(self, host: Host) -> dict[str, str]:
+        # Not for the watchers, whose times are compared with this process's.
+        return DOMAIN | (self._clock if host.name == self._shifted_host else {})
+
+    def _speak(self, host: Host, name: str, *words: str) -> Speaker:
         log = self.folder / f'{host.name}_{name}.log'
         # As prompt as what it measures: other work on this machine must not count.
         command = ('chrt', '-f', '30', sys.executable, str(HERE / f'{name}.py'), *words)
@@ -281,19 +290,16 @@ def is_fault(row: dict[str, object]) -> bool:
 
 
 def shifted_clock(offset: str) -> dict[str, str]:
-    """Return the environment of a process whose system clock is shifted, by libfaketime.
+    """Return the environment of a process whose clocks are shifted, by libfaketime.
 
-    A time namespace of Linux shifts no system clock.
+    A time namespace of Linux shifts no system clock. With libfaketime 0.9.10 only clocks ahead are
+    usable: with a clock behind, every second service call between two plain rclpy nodes takes
+    seconds. It must shift the monotonic clock too, because otherwise sleeps fail.
     """
     library = next(Path('/usr/lib').glob('*/faketime/libfaketimeMT.so.1'), None)
     if library is None:
         raise OSError('libfaketime is not installed: apt-get install faketime')
-    return {
-        'LD_PRELOAD': str(library),
-        'FAKETIME': offset,
-        'FAKETIME_DONT_FAKE_MONOTONIC': '1',
-        'DONT_FAKE_MONOTONIC': '1',
-    }
+    return {'LD_PRELOAD': str(library), 'FAKETIME': offset}
 
 
 def wait_for_text(log: Path, text: str) -> None:
