@@ -86,10 +86,12 @@ def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
     rig.relay.tell('cut 1')
     time.sleep(3.0)
     position, velocity = rig.state()
-    assert np.all(np.abs(velocity) < 0.02), velocity
+    while np.any(np.abs(velocity) > 0.02):  # a busy machine brakes later
+        assert time.monotonic() < deadline, velocity
+        position, velocity = rig.state()
+    rig.relay.tell('cut 0')
     assert begin[0] - position[0] < 0.8, position  # it did not go on to the goal
     assert rig.drone.rows()[-1].get('mode') is None  # it is held, not damped
-    rig.relay.tell('cut 0')
 
 
 def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig) -> None:
