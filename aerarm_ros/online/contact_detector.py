@@ -147,7 +147,7 @@ _SINCE_START = 0.3  # [s]; a torque present from the start is not a push
 _ONE_OVER = np.log(2.0)  # gives a confidence of one half at the threshold
 _GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor fits a payload
 _CALM = 0.25  # s of such a torque for which 1 s of motion without it makes up
-_LONGEST = 12.0  # [s] largest account of such a torque, so that a long contact is forgiven
+_LONGEST = 12.0  # [s] largest account of such a torque, so that `problem` soon ends after it
 _HELD = 0.8  # of the largest change, above which a push at rest is still present
 _SATURATED = 0.98  # of the largest torque, above which a measured one counts as limited
 _DECLARED = 0.3  # [s] between a declaration of a payload and its pick-up
@@ -165,7 +165,8 @@ class ContactDetector:
     The torque of a payload, unlike that of a contact, follows gravity and inertia in all postures.
     The detector reports a payload once ten inertial parameters of the last link explain the torque
     in 2 s of motion (`LoadTest`), and then subtracts it until the payload is put down. A torque
-    that lasts 10 s, or returns so often that it fills a fifth of the motion, is a model error.
+    that lasts 10 s of motion is a model error. `problem` also names a torque that returns so often
+    that it fills a fifth of the motion; it remains a contact, because a person may be the cause.
 
     Attributes
     ----------
@@ -196,7 +197,7 @@ class ContactDetector:
         self._first: float | None = None
         self._last: float | None = None
         self._free = 0.0  # [s] without an event
-        self._lasting = 0.0  # [s] of motion with torque that neither contact nor payload explain
+        self._unexplained = 0.0  # [s] of motion with events, less a share of the motion without
         self._declared = np.inf  # [s] since a payload was declared
         self._rest = _Rest(external.n, self._settings)
         self._begin()
@@ -211,9 +212,11 @@ class ContactDetector:
     def problem(self) -> str:
         """Reason why contact cannot be detected; empty otherwise."""
         event = self.event
-        if event is None and self._lasting > _GIVE_UP:
+        if self._unexplained > _GIVE_UP:
             event = self.events[-1]
-        if event is not None and event.cause is Cause.MODEL:
+        elif event is not None and event.cause is not Cause.MODEL:
+            event = None
+        if event is not None:
             return (
                 f'the model leaves {np.abs(event.torque).max():.3g} Nm of '
                 f'{self._external.dynamics.robot.joint_names[event.joint]} unexplained, neither '
@@ -301,8 +304,7 @@ class ContactDetector:
             self.event.end = now
 
     def _begin(self) -> None:
-        self._above = self._below = self._steady = 0.0
-        self._began: float | None = None
+        self._above = self._below = self._lasting = self._steady = 0.0
         self._peak = np.zeros(self._external.n)
 
     def _judge(self, state: ArmState, now: float, dt: float, row: Unexplained) -> ContactReport:
@@ -335,16 +337,13 @@ class ContactDetector:
     def _seek(self, felt: '_Felt') -> None:
         """Start an event once a threshold is exceeded for long enough."""
         if np.abs(felt.state.dq).max() > self._settings.rest_speed:
-            self._lasting = max(0.0, self._lasting - _CALM * felt.dt)
+            self._unexplained = max(0.0, self._unexplained - _CALM * felt.dt)
         exceeds = felt.ratio.max() > 1.0
         rests = not exceeds and bool(np.linalg.norm(felt.change_ratio) > 1.0)
         self._above = self._above + felt.dt if exceeds or rests else 0.0
         if self._above == 0.0:
-            self._began = None
             self._free += felt.dt
             return
-        if self._began is None:
-            self._began = felt.now
         if self._above < self._settings.confirmation + 0.5 * felt.dt:
             return
         size, value, limit = felt.ratio, felt.torque, felt.threshold
@@ -360,7 +359,7 @@ class ContactDetector:
         self._load.suspect(felt.torque / felt.threshold, felt.threshold)
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
-        self._below = self._steady = 0.0
+        self._below = self._lasting = self._steady = 0.0
         self._peak = np.abs(value)
 
     def _follow(self, event: ContactEvent, felt: '_Felt') -> None:
@@ -377,7 +376,8 @@ class ContactDetector:
         self._peak = np.maximum(self._peak, np.abs(value))
         moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
         if moves:
-            self._lasting = min(self._lasting + felt.dt, _LONGEST)
+            self._lasting += felt.dt
+            self._unexplained = min(self._unexplained + felt.dt, _LONGEST)
         if self._load.released:
             event.cause = Cause.RELEASED
             self._end(event, felt.now)
@@ -408,7 +408,7 @@ class ContactDetector:
         return bool(falls[self._pushed()].all())
 
     def _is_held(self, change: Array) -> bool:
-        """Return whether a push at rest is still present, as of a person who is clamped.
+        """Return whether a push at rest continues, for example on a clamped person.
 
         After the end of a push, friction holds a part of its torque, but hardly all of it.
         """

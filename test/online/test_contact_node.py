@@ -42,15 +42,21 @@ def make(ros_domain: dict[str, str]) -> Iterator[Make]:
     rclpy.shutdown()
 
 
-def test_a_touch_is_published(
+@pytest.fixture
+def known(
     make: Make, run: CarryingRun, bound: ResidualBound, tmp_path: Path
-) -> None:
+) -> ContactEstimatorNode:
+    """Return the node with the thresholds of the recorded arm."""
     file = tmp_path / 'residuals.yaml'
     values = bound.to_dict(run.robot().joint_names)
     file.write_text(yaml.safe_dump({RESIDUALS_SECTION: values}))
-    node = make(
-        residuals_file=file, confirmation=0.01, load_friction=run.truth.load_friction.tolist()
-    )
+    share = run.truth.load_friction.tolist()
+    parameters = {'residuals_file': file, 'confirmation': 0.01, 'load_friction': share}
+    return make(**parameters, payload_mass=0.5, payload_size=0.15)
+
+
+def test_a_touch_is_published(known: ContactEstimatorNode, run: CarryingRun) -> None:
+    node = known
     received: list[Bool] = []
     listener = rclpy.create_node('listener')
     topic = topics.CONTACT
@@ -75,19 +81,6 @@ def test_a_touch_is_published(
         rclpy.spin_once(listener, timeout_sec=0.05)
         assert time.monotonic() < deadline
     listener.destroy_node()
-
-
-@pytest.fixture
-def known(
-    make: Make, run: CarryingRun, bound: ResidualBound, tmp_path: Path
-) -> ContactEstimatorNode:
-    """Return the node with the thresholds of the recorded arm."""
-    file = tmp_path / 'residuals.yaml'
-    values = bound.to_dict(run.robot().joint_names)
-    file.write_text(yaml.safe_dump({RESIDUALS_SECTION: values}))
-    share = run.truth.load_friction.tolist()
-    parameters = {'residuals_file': file, 'confirmation': 0.01, 'load_friction': share}
-    return make(**parameters, payload_mass=0.5, payload_size=0.15)
 
 
 def feed(node: ContactEstimatorNode, motion: Recording) -> None:
