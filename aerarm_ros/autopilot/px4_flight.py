@@ -36,7 +36,7 @@ _COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version':
 _TEXTS = 50  # number of stored messages from PX4
 
 
-class Stage(Enum):
+class FlightStage(Enum):
     """Progress of PX4's start and take-off."""
 
     BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same px4_instance'
@@ -84,7 +84,7 @@ class Px4Firmware:
         self._controls: Controls | None = None
         self._place: Array | None = None
         self._mode = 0
-        self.stage = Stage.BOOT
+        self.stage = FlightStage.BOOT
         self.texts: list[str] = []
         self.origin = np.zeros(3)
 
@@ -93,7 +93,7 @@ class Px4Firmware:
         """Reason why PX4 does not fly; empty if it flies."""
         if self._simulator.is_lost:
             return 'PX4 has ended or closed the connection: restart PX4 and this node'
-        if self.stage is Stage.FLY:
+        if self.stage is FlightStage.FLY:
             return self._loss()
         texts = [text for text in self.texts[-3:] if 'Arming denied' in text or 'Preflight' in text]
         return '; '.join([self.stage.value, *texts])
@@ -124,17 +124,17 @@ class Px4Firmware:
         """
         shares = self._step(state, STEP_US, is_placed=True, is_held=True)
         place = ned(state.position)
-        if self.stage is Stage.BOOT and self._controls is not None:
-            self.stage = Stage.SETTLE
-        elif self.stage is Stage.SETTLE:
+        if self.stage is FlightStage.BOOT and self._controls is not None:
+            self.stage = FlightStage.SETTLE
+        elif self.stage is FlightStage.SETTLE:
             self._settle(place)
-        elif self.stage is Stage.ARM:
+        elif self.stage is FlightStage.ARM:
             self._ask()
-        elif self.stage is Stage.SPOOL and self._controls is not None:
+        elif self.stage is FlightStage.SPOOL and self._controls is not None:
             if not self._controls.is_armed:
-                self.stage = Stage.ARM
+                self.stage = FlightStage.ARM
             elif float(self._controls.shares.sum()) > lift:
-                self.stage = Stage.FLY
+                self.stage = FlightStage.FLY
         return shares
 
     def _step(
@@ -179,12 +179,12 @@ class Px4Firmware:
         if self._time_us - self._placed_us > 1e6 * _SETTLED:
             if self._is_gps:  # otherwise PX4's frame is that of the odometry
                 self.origin = np.mean(self._offsets[len(self._offsets) // 2 :], axis=0)
-            self.stage = Stage.ARM
+            self.stage = FlightStage.ARM
 
     def _ask(self) -> None:
         """Request offboard mode and then arming, repeatedly."""
         if self._mode & _ARMED and self.is_led:
-            self.stage = Stage.SPOOL
+            self.stage = FlightStage.SPOOL
             return
         if self._time_us - self._asked_us < 1e6 * _ASK_EVERY:
             return
@@ -272,7 +272,7 @@ class Px4FirmwareFlight:
     @property
     def is_settling(self) -> bool:
         """Whether the firmware is starting, so that `settle` must be called."""
-        return self._held is not None and self._firmware.stage is not Stage.FLY
+        return self._held is not None and self._firmware.stage is not FlightStage.FLY
 
     def reset(self) -> None:
         """Reset the integral of the position loop."""
@@ -282,7 +282,7 @@ class Px4FirmwareFlight:
         """Advance PX4's time while the drone is held at its last position."""
         if self._held is None:
             return
-        if self._firmware.stage in (Stage.ARM, Stage.SPOOL):
+        if self._firmware.stage in (FlightStage.ARM, FlightStage.SPOOL):
             self._lead(self._held, FlightTarget.here(self._held), 0.0, self._at_rest)
         self._note(self._firmware.hold(self._held, self._lift))
 
@@ -290,7 +290,7 @@ class Px4FirmwareFlight:
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
         """Advance PX4 by `dt` [s]; return the rotors' commanded thrusts (n,) [N]."""
-        if self._firmware.stage is not Stage.FLY:
+        if self._firmware.stage is not FlightStage.FLY:
             self._held = state
             self.settle()
             return self._thrusts()

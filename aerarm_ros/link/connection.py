@@ -63,7 +63,7 @@ class Received(NamedTuple):
 
 
 @dataclass(eq=False)
-class Message:
+class SentMessage:
     """A message in transit.
 
     Attributes
@@ -99,7 +99,7 @@ class Message:
 
 @dataclass(eq=False)
 class _Part:
-    message: Message
+    message: SentMessage
     index: int
     count: int
     flags: int
@@ -171,7 +171,7 @@ class Connection:
         self._rate = rate
         self._tokens, self._filled = 0.0, -inf
         self._values: dict[int, bytes] = {}
-        self._messages: dict[Message, None] = {}
+        self._messages: dict[SentMessage, None] = {}
         self._waiting = [deque[_Part]() for _ in range(3)]  # not sent yet, by priority
         self._moving: list[_Part] = []  # sent and not acknowledged
         self._their_times = (0, 0)
@@ -190,9 +190,9 @@ class Connection:
 
     def send(
         self, channel: int, payload: bytes, priority: int = PROMPT, expires: float = inf
-    ) -> Message:
+    ) -> SentMessage:
         """Queue a message and return it; one of more than `MESSAGE_MAX` bytes is dropped."""
-        message = Message(channel, payload, priority, expires)
+        message = SentMessage(channel, payload, priority, expires)
         if len(payload) > MESSAGE_MAX:
             message.is_expired = True
             self.dropped += 1
@@ -223,7 +223,7 @@ class Connection:
                 return True
         return False
 
-    def withdraw(self, message: Message) -> None:
+    def withdraw(self, message: SentMessage) -> None:
         """Drop a message of which no part was sent; another one is sent nevertheless."""
         if message in self._messages and message._sequence < 0:
             waiting = self._waiting[message.priority]
@@ -504,7 +504,7 @@ class Connection:
             message._sequence = -1
             self._cut(message)
 
-    def _cut(self, message: Message) -> None:
+    def _cut(self, message: SentMessage) -> None:
         """Split a message into parts."""
         size = len(message.payload)
         packed = zlib.compress(message.payload, 6 if size < 2**16 else 1) if size > 200 else b''

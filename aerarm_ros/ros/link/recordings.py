@@ -23,7 +23,7 @@ from std_msgs.msg import String
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.bags.bag_writer import is_being_written
 from aerarm_msgs_py.live_topics import RawReader
-from aerarm_ros.link.connection import PROMPT, Connection, Message
+from aerarm_ros.link.connection import PROMPT, Connection, SentMessage
 from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name, questions
 from aerarm_ros.ros.process.node_process import NodeProcess
 
@@ -337,7 +337,7 @@ class GroundRecordings:
         topic = topics.RECORD_REPORT
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._folders: dict[str, Path] = {}  # of requested bags, by request
-        self._messages: dict[str, Message] = {}
+        self._messages: dict[str, SentMessage] = {}
         self._fetch: Fetch | None = None
         self._fetched, self._number, self._folder = '', -1, Path()
         self._ids: deque[str] = deque(maxlen=_IDS_MAX)

@@ -20,7 +20,7 @@ from rclpy.service import Service
 from std_srvs.srv import SetBool, Trigger
 
 from aerarm_msgs_py.live_topics import HiddenFromExecutors
-from aerarm_ros.link.connection import PROMPT, URGENT, Connection, Message
+from aerarm_ros.link.connection import PROMPT, URGENT, Connection, SentMessage
 from aerarm_ros.ros.link.relayed_topics import CALLS, OFFERED, RESULTS, STOP_RESULTS, STOPS
 
 SERVICE_TYPES: Mapping[str, Any] = MappingProxyType(
@@ -177,7 +177,7 @@ class _Call:
     service: Any
     header: Any
     begin: float
-    message: Message
+    message: SentMessage
     is_answered: bool = False
     confirmed: float = inf  # [s]
 
@@ -209,7 +209,7 @@ class GroundServices:
         self._services: dict[str, Service] = {}
         self._offered: dict[str, str] = {}
         self._calls: dict[int, _Call] = {}
-        self._shared_stops: dict[str, Message] = {}  # since the newest other call
+        self._shared_stops: dict[str, SentMessage] = {}  # since the newest other call
         # A late answer to a former process of this host must not answer a call of this one.
         self._number = secrets.randbits(32)
 

@@ -21,7 +21,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_msgs_py.topics import Topic
-from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, Connection, Message
+from aerarm_ros.link.connection import BULK, MESSAGE_MAX, PROMPT, Connection, SentMessage
 from aerarm_ros.link.windows import pack_window, unpack_window, window_of
 
 WINDOWED = (
@@ -130,8 +130,8 @@ class DroneTopics:
         self._periods = [1.0 / rates[topic.name] for topic in (*WINDOWED, *VALUES)]
         self._due = [0.0] * len(self._periods)
         self._newest: list[bytes | None] = [None] * len(VALUES)
-        self._latched: dict[int, tuple[bytes, Message]] = {}
-        self._kept: dict[tuple[str, ...], Message] = {}  # diagnostics of a cut, by names
+        self._latched: dict[int, tuple[bytes, SentMessage]] = {}
+        self._kept: dict[tuple[str, ...], SentMessage] = {}  # diagnostics of a cut, by names
         self._publishers = [_publisher(node, topic) for topic in COMMANDS]
 
     def update(self, now: float) -> None:
@@ -330,7 +330,7 @@ class GroundTopics:
         self._reader = RawReader(node, *(topic.queued(_DEPTH) for topic in COMMANDS))
         self._publishers: dict[str, Publisher] = {}
         self._layouts: dict[int, tuple[JointStateCdr, list[str]]] = {}  # by checksum
-        self._under_way: list[tuple[str, Message]] = []
+        self._under_way: list[tuple[str, SentMessage]] = []
 
     def update(self, now: float) -> bool:
         """Send received commands; return whether there were any."""
