@@ -11,7 +11,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -110,11 +110,11 @@ def _run(name: str) -> int:
     return status
 
 
-def _module(name: str) -> ModuleType:
-    """Import the module with the `main` of a command line."""
+def program(name: str, arguments: Sequence[str]) -> str:
+    """Return the module with the `main` of a command line."""
     options, offline = _OFFLINE.get(name, ((), ''))
-    is_offline = any(argument.split('=')[0] in options for argument in sys.argv[1:])
-    return importlib.import_module(offline if is_offline else command_modules()[name])
+    is_offline = any(argument.split('=')[0] in options for argument in arguments)
+    return offline if is_offline else command_modules()[name]
 
 
 def _without_ros(name: str) -> str:
@@ -126,7 +126,7 @@ def _without_ros(name: str) -> str:
 def _serve(name: str) -> int:
     early = _Early()
     with StopSignals(early, is_last=True):
-        main = _module(name).main
+        main = importlib.import_module(program(name, sys.argv[1:])).main
         early.is_over = True
         try:
             status: int = main()
@@ -141,7 +141,7 @@ def _do(name: str) -> int:
         # Extension modules turn a KeyboardInterrupt into an ImportError, so exit directly. Nothing
         # needs cleaning up yet.
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
-    main = _module(name).main
+    main = importlib.import_module(program(name, sys.argv[1:])).main
     signal.signal(signal.SIGINT, before)
     status: int = main()
     return status

@@ -21,7 +21,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from aerarm_ros.executables import command_modules
+from aerarm_ros.executables import command_modules, program
 from aerarm_ros.ros.process.die_with_parent import die_with_parent
 from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environment
 
@@ -51,11 +51,12 @@ def run(
     server = _server()
     assert server.stdin is not None
     assert server.stdout is not None
+    given = [*map(str, arguments), *parameter_arguments(parameters or {})]
     with tempfile.TemporaryDirectory() as folder:
         said = [Path(folder, stream) for stream in ('stdout', 'stderr')]
         request = {
-            'module': command_modules()[name],
-            'arguments': [*map(str, arguments), *parameter_arguments(parameters or {})],
+            'module': program(name, given),
+            'arguments': given,
             'cwd': str(cwd or Path.cwd()),
             'environment': ros_environment(),
             'said': [str(file) for file in said],
@@ -64,7 +65,7 @@ def run(
         server.stdin.flush()
         status = int(server.stdout.readline())
         texts = [file.read_text() for file in said]
-    return subprocess.CompletedProcess([name, *request['arguments']], status, *texts)
+    return subprocess.CompletedProcess([name, *given], status, *texts)
 
 
 def _server() -> subprocess.Popen[str]:
@@ -114,6 +115,8 @@ def _become(
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = [module, *arguments]
+    if not module.startswith(f'{_NODES}.'):
+        sys.exit(importlib.import_module(module).main())
     runpy.run_module(module, run_name='__main__', alter_sys=True)
 
 
