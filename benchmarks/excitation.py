@@ -295,9 +295,9 @@ def design_other_arms() -> None:
         condition = min(quality.condition_number for quality in random) / best.condition_number
         print(
             f'{name}: {len(designs)} starts in {seconds:.1f} s; best of {BEST_OF} random '
-            f'trajectories: deviations {gain:.2f} times larger (goal: at least '
-            f'{SMALLEST_GAIN:g}: {judged(gain >= SMALLEST_GAIN)}), condition number (5.2) '
-            f'{condition:.2f} times larger',
+            f'trajectories: condition number (5.2) {condition:.2f} times larger (goal: at least '
+            f'{SMALLEST_GAIN:g}: {judged(condition >= SMALLEST_GAIN)}), standard deviations of the '
+            f'parameters {gain:.2f} times larger',
             flush=True,
         )
 

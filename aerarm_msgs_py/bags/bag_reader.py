@@ -141,7 +141,7 @@ class JointStateBuilder:
         self._count = 0
         self._times = np.empty((0, 2), np.int64)  # stamp and receipt time [ns]
         self._sequence = np.empty(0, np.int64)
-        self._values = np.empty((0, 3, 0))
+        self._fields = [np.empty((0, 0)) for _ in range(3)]  # position, velocity, effort
 
     def __len__(self) -> int:
         return self._count
@@ -178,21 +178,22 @@ class JointStateBuilder:
         self._times[first:last, 0] = stamp_ns
         self._times[first:last, 1] = log_time[: last - first]
         self._sequence[first:last] = sequence[: last - first]
-        self._values[first:last] = values
+        for k, numbers in enumerate(self._fields):
+            numbers[first:last] = values[:, k]
         self._count = last
 
     def series(self) -> JointStateSeries:
         """Return the collected series in order of reception; no further messages can be added."""
-        for array in (self._times, self._sequence, self._values):
+        for array in (self._times, self._sequence, *self._fields):
             array.resize((self._count, *array.shape[1:]), refcheck=False)
         self._sort()
         return JointStateSeries(
             names=tuple(self._decoder.names),
             stamp=self._times[:, 0] / 1e9,
             log_time=self._times[:, 1] / 1e9,
-            position=self._values[:, 0],
-            velocity=self._values[:, 1],
-            effort=self._values[:, 2],
+            position=self._fields[0],
+            velocity=self._fields[1],
+            effort=self._fields[2],
             sequence=self._sequence,
         )
 
@@ -202,7 +203,7 @@ class JointStateBuilder:
         if (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind='stable')
             self._times, self._sequence = self._times[order], self._sequence[order]
-            self._values = self._values[order]
+            self._fields = [numbers[order] for numbers in self._fields]
 
     def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
         """Return every k-th message of a block, with reception and sequence number."""
@@ -217,19 +218,18 @@ class JointStateBuilder:
         if self._count < limit:
             return
         before, self._count = self._count, (self._count + 1) // 2
-        for array in (self._times, self._sequence, self._values):
+        for array in (self._times, self._sequence, *self._fields):
             array[: self._count] = array[:before:2].copy()
         self._stride *= 2
 
     def _reserve(self, count: int, joints: int) -> None:
-        known = self._values.shape[2]
+        known = self._fields[0].shape[1]
         if joints > known:  # rare: a joint that earlier messages lack
-            wider: NDArray[np.float64] = np.full((len(self._values), 3, joints), np.nan)
-            wider[:, :, :known] = self._values
-            self._values = wider
-        if count > len(self._values):
-            capacity = max(count, _FIRST, int(_GROWTH * len(self._values)))
-            for array in (self._times, self._sequence, self._values):
+            missing = np.full((len(self._fields[0]), joints - known), np.nan)
+            self._fields = [np.hstack([numbers, missing]) for numbers in self._fields]
+        if count > len(self._sequence):
+            capacity = max(count, _FIRST, int(_GROWTH * len(self._sequence)))
+            for array in (self._times, self._sequence, *self._fields):
                 array.resize((capacity, *array.shape[1:]), refcheck=False)
 
 

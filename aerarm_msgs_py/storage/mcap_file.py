@@ -37,7 +37,6 @@ Keys = NDArray[np.uint64]
 
 # Odd, so that multiplication is invertible; the values are arbitrary.
 _MIX_TIME, _MIX_SEQUENCE = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
-_WORD = 8
 
 
 class RepeatedMessages:
@@ -82,18 +81,7 @@ class RepeatedMessages:
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
     """Return a hash of each message; two messages share a hash with a chance of 1 in 2^64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
-    sizes = payloads.sizes
-    order = np.argsort(sizes, kind='stable')
-    ends = np.flatnonzero(np.diff(sizes[order], append=-1)) + 1
-    for index in np.split(order, ends[:-1]):
-        rows = payloads.rows(index)
-        words = np.zeros((len(rows), -(-rows.shape[1] // _WORD) * _WORD), np.uint8)
-        words[:, : rows.shape[1]] = rows
-        numbers = words.view(np.uint64)
-        weights = np.random.default_rng(numbers.shape[1]).integers(
-            0, 2**64, numbers.shape[1], np.uint64
-        )
-        keys[index] ^= ((numbers ^ (numbers >> np.uint64(29))) * (weights | np.uint64(1))).sum(1)
+    keys ^= np.fromiter(map(hash, payloads), np.int64, len(payloads)).view(np.uint64)
     return keys
 
 
@@ -292,8 +280,10 @@ class McapFile:
         self, run: RecordRun, budget: ReadBudget, topics: Collection[str] | None
     ) -> Iterator[MessageBlock]:
         records = run.records
-        starts = run.indexes.message_starts(records)
-        if starts is None:
+        indexed = run.indexes.message_starts(records)
+        if indexed is not None:
+            starts, headers = indexed
+        else:
             starts, definitions, unread = walk(records, budget)
             for opcode, content in definitions:
                 self._topics.register(opcode, content)
@@ -304,7 +294,7 @@ class McapFile:
                     f'messages, but the chunk has {len(starts)} at other places; the reader uses '
                     'those'
                 )
-        headers = elements_at(records, MESSAGE_HEADER, starts)
+            headers = elements_at(records, MESSAGE_HEADER, starts)
         for index, own in self._topics.groups(headers['channel']):
             if index < 0:
                 self._report.tell(

@@ -90,13 +90,13 @@ class ChunkIndexes:
             self.channels.add(channel)
             self._offsets.append(entries['offset'])
 
-    def message_starts(self, records: bytes) -> NDArray[np.int64] | None:
-        """Return the offsets of the messages in the chunk, in order.
+    def message_starts(self, records: bytes) -> tuple[NDArray[np.int64], NDArray[np.void]] | None:
+        """Return the offsets of the messages in the chunk, in order, and their headers.
 
         Returns
         -------
-        (K,) offsets, or None if the index does not cover every byte of the chunk: the index is
-        damaged, or the chunk contains other records too.
+        (K,) offsets and (K,) headers, or None if the index does not cover every byte of the chunk:
+        the index is damaged, or the chunk contains other records too.
         """
         last = len(records) - MESSAGE_HEADER.itemsize
         if not (self.complete and self._offsets) or last < 0:
@@ -109,7 +109,7 @@ class ChunkIndexes:
         follows = np.append(starts[1:], len(records))
         lengths = (follows - starts - RECORD.size).astype(np.uint64)
         whole = (headers['opcode'] == Opcode.MESSAGE) & (headers['length'] == lengths)
-        return starts if whole.all() and _have_headers(headers) else None
+        return (starts, headers) if whole.all() and _have_headers(headers) else None
 
     def agree_with(self, starts: NDArray[np.int64]) -> bool:
         """Return whether the indexes list the messages at `starts`, or nothing at all."""

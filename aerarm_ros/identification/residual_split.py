@@ -14,11 +14,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
-from scipy.stats import norm
 
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
 from aerarm_ros.identification.conditioning.spectral_filter import SETTLING_PERIODS, SpectralFilter
@@ -166,7 +166,7 @@ def white_noise(values: Array) -> Array:
     level = np.median(power[len(power) // 2 :], axis=0) / math.log(2.0)
     by_spectrum = np.sqrt(level / (window**2).sum())
     second = np.abs(np.diff(values, 2, axis=0))
-    by_difference = np.median(second, axis=0) / (norm.ppf(0.75) * math.sqrt(6.0))
+    by_difference = np.median(second, axis=0) / (NormalDist().inv_cdf(0.75) * math.sqrt(6.0))
     # With a coarse encoder most differences are zero.
     by_difference[by_difference == 0.0] = np.inf
     return np.asarray(np.minimum(by_spectrum, by_difference))

@@ -21,6 +21,7 @@ from aerarm_ros.identification.conditioning.periodicity import (
     find_periodic_part,
 )
 from aerarm_ros.identification.conditioning.spectral_filter import (
+    MEMORY_PERIODS,
     SETTLING_PERIODS,
     SpectralFilter,
     low_pass_gain,
@@ -265,6 +266,10 @@ _RATE_PER_CUTOFF = 5.0
 _FINE_RATE_PER_CUTOFF = 100.0
 # [Hz] smallest sampling rate, because a lower cut-off does not make the motion slower
 _FINE_RATE_MIN = 400.0
+# Longer motions, for which these rates would need more samples, are sampled more coarsely, because
+# the errors of more steps average out. The lowest rate is this multiple of the cut-off.
+_FINE_SAMPLES = 400_000
+_FINE_RATE_LEAST = 40.0
 # [Hz] sampling rate that suffices to find band and harmonics of any arm motion
 _SEARCH_RATE = 250.0
 _EDGE = 0.5  # cut-off periods excluded at both ends of an aperiodic motion
@@ -411,9 +416,10 @@ class Conditioner:
             If the motion in the recording is too short.
         """
         fine = max(_FINE_RATE_PER_CUTOFF * self.cutoff, _FINE_RATE_MIN)
+        enough = max(_FINE_SAMPLES / recording.duration, _FINE_RATE_LEAST * self.cutoff)
         shortest = min(SHORTEST, _FEWEST_PERIODS / self.cutoff) if predicted else SHORTEST
         coarse = _RATE_PER_CUTOFF * self.cutoff
-        return self._at_rates(recording, kinematics, (fine, coarse), shortest)
+        return self._at_rates(recording, kinematics, (min(fine, enough), coarse), shortest)
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
         """Filter one bag, with samples at times that do not depend on filter and cut-off.
@@ -486,9 +492,10 @@ class Conditioner:
         q, dq, ddq = kinematics.apply(motion)
         gain = low_pass_gain(self.cutoff)
         settling = None if motion.period else SETTLING_PERIODS / self.cutoff
-        fine = SpectralFilter(motion.count, motion.dt, gain, step, settling)
+        memory = MEMORY_PERIODS / self.cutoff
+        fine = SpectralFilter(motion.count, motion.dt, gain, step, settling, memory)
         time = motion.time[motion.window][::step]
-        coarse = SpectralFilter(len(time), motion.dt * step, gain, 1, settling)
+        coarse = SpectralFilter(len(time), motion.dt * step, gain, 1, settling, memory)
         tau = motion.tau[motion.window]
         kept = self._kept(motion, len(time), motion.dt * step)
         still = _standing_still(dq[::step], motion.dt * step)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from aerarm_ros.identification.conditioning.periodicity import PeriodicPart
 from aerarm_ros.identification.conditioning.spectral_filter import (
+    MEMORY_PERIODS,
     SETTLING_PERIODS,
     SpectralFilter,
     harmonic_gain,
@@ -271,7 +272,9 @@ def _resampled(
     late = np.zeros(recording.tau.shape[1]) if effort_delay is None else effort_delay
     cutoff = _ANTI_ALIASING / (dt * factor)
     settling = SETTLING_PERIODS / cutoff
-    smooth = SpectralFilter(len(time), dt, low_pass_gain(cutoff), factor, settling)
+    smooth = SpectralFilter(
+        len(time), dt, low_pass_gain(cutoff), factor, settling, MEMORY_PERIODS / cutoff
+    )
 
     def at(values: Array, delay: Array | None = None) -> Array:
         behind = np.zeros(values.shape[1]) if delay is None else delay
@@ -352,21 +355,31 @@ class KinematicsFilter:
             3.5.1.
         """
         if self.harmonics is not None and motion.period is not None:
-            fundamental = 1.0 / (motion.period * motion.dt)
-            gain = harmonic_gain(fundamental, self.harmonics)
-            smooth = SpectralFilter(motion.count, motion.dt, gain)
-            part, inside = motion.window, slice(None)
-        else:
-            # The whole recording is filtered, so that the samples at the window's ends have
-            # recorded neighbours.
-            gain = low_pass_gain(self.cutoff)
-            settling = SETTLING_PERIODS / self.cutoff
-            smooth = SpectralFilter(len(motion.time), motion.dt, gain, settling=settling)
-            part, inside = slice(None), motion.window
-        q = motion.q[part]
-        if self.from_position or motion.dq is None:
-            parts = smooth(q), smooth(q, derivative=1), smooth(q, derivative=2)
-        else:
-            dq = motion.dq[part]
-            parts = smooth(q), smooth(dq), smooth(dq, derivative=1)
-        return parts[0][inside], parts[1][inside], parts[2][inside]
+            # Every harmonic of the period has the same phase in all periods, so the filter of the
+            # mean period is that of the whole motion.
+            shape = (motion.periods, motion.period, motion.q.shape[1])
+            gain = harmonic_gain(1.0 / (motion.period * motion.dt), self.harmonics)
+            smooth = SpectralFilter(motion.period, motion.dt, gain)
+            parts = self._filtered(
+                smooth,
+                motion.q[motion.window].reshape(shape).mean(axis=0),
+                None if motion.dq is None else motion.dq[motion.window].reshape(shape).mean(axis=0),
+            )
+            q, dq, ddq = (np.tile(own, (motion.periods, 1)) for own in parts)
+            return q, dq, ddq
+        # The whole recording is filtered, so that the samples at the window's ends have recorded
+        # neighbours.
+        smooth = SpectralFilter(
+            *(len(motion.time), motion.dt, low_pass_gain(self.cutoff)),
+            settling=SETTLING_PERIODS / self.cutoff,
+            memory=MEMORY_PERIODS / self.cutoff,
+        )
+        q, dq, ddq = (own[motion.window] for own in self._filtered(smooth, motion.q, motion.dq))
+        return q, dq, ddq
+
+    def _filtered(
+        self, smooth: SpectralFilter, q: Array, dq: Array | None
+    ) -> tuple[Array, Array, Array]:
+        if self.from_position or dq is None:
+            return smooth(q), smooth(q, derivative=1), smooth(q, derivative=2)
+        return smooth(q), smooth(dq), smooth(dq, derivative=1)

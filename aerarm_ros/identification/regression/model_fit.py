@@ -77,23 +77,20 @@ class RegressionBank:
         self.terms = tuple(dict.fromkeys(terms))
         self.n = bags[0].samples.n
         columns = [[bag.term(term, inertial) for term in self.terms] for bag in bags]
+        for bag in bags:
+            bag.forget_loads()
         self._factors: list[list[Array]] = []
         self._rows = np.zeros((self.n, FOLDS), dtype=np.intp)
         for joint in range(self.n):
-            blocks = [
-                bag.weights[joint]
-                * np.column_stack(
-                    [bag.rigid[:, joint]]
-                    + [column[:, joint] for column in own]
-                    + [bag.samples.tau[:, joint]]
-                )
-                for bag, own in zip(bags, columns, strict=True)
-            ]
-            if row_weights is not None:
-                blocks = [
-                    weights[:, joint, None] * block
-                    for weights, block in zip(row_weights, blocks, strict=True)
-                ]
+            blocks = []
+            for place, (bag, own) in enumerate(zip(bags, columns, strict=True)):
+                of_joint = [column[:, joint] for column in own]
+                block = np.column_stack([bag.rigid[:, joint], *of_joint, bag.samples.tau[:, joint]])
+                # In place, because the rows of half an hour take tens of megabytes.
+                block *= bag.weights[joint]
+                if row_weights is not None:
+                    block *= row_weights[place][:, joint, None]
+                blocks.append(block)
             self._factors.append([])
             for fold in range(FOLDS):
                 rows = np.vstack(

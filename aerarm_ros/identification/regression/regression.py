@@ -187,8 +187,12 @@ class SampleColumns:
 
     def free_memory(self) -> None:
         """Drop intermediate signals of the fine samples, which are computed again if needed."""
-        self._loads = np.zeros(0), np.zeros((0, self.samples.n))
+        self.forget_loads()
         self._states.clear()
+
+    def forget_loads(self) -> None:
+        """Drop the loads at the fine samples, which are those of one set of parameters."""
+        self._loads = np.zeros(0), np.zeros((0, self.samples.n))
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,9 @@ def test_index_and_walk_agree() -> None:
     records, starts = chunk()
     found = indexes(starts)
     assert found.channels == {1, 2, 3}
-    assert found.message_starts(records).tolist() == starts
+    offsets, headers = found.message_starts(records)
+    assert offsets.tolist() == starts
+    assert len(headers) == len(starts)
     walked, definitions, unread = walk(records, BUDGET)
     assert walked.tolist() == starts
     assert (definitions, unread) == ([], 0)

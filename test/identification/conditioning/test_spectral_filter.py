@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from aerarm_ros.identification.conditioning.spectral_filter import (
+    MEMORY_PERIODS,
     SpectralFilter,
     harmonic_gain,
     low_pass_gain,
@@ -93,3 +94,19 @@ def test_columns_are_filtered_independently_of_their_number() -> None:
 def test_uneven_decimation_of_a_periodic_signal_is_refused() -> None:
     with pytest.raises(ValueError, match='decimated'):
         SpectralFilter(1000, DT, low_pass_gain(5.0), 7)
+
+
+@pytest.mark.parametrize('derivative', [0, 1])
+@pytest.mark.parametrize(('settling', 'decimation'), [(None, 1), (None, 20), (1.2, 20)])
+def test_a_long_signal_is_filtered_in_parts_as_a_whole(
+    settling: float | None, decimation: int, derivative: int
+) -> None:
+    count, cutoff = 200_000, 5.0
+    signal = np.cumsum(noise(count, 2), axis=0)
+    signal -= signal[0] + np.outer(np.arange(count), signal[-1] - signal[0]) / count
+    how = (count, DT, low_pass_gain(cutoff), decimation, settling)
+    whole = SpectralFilter(*how)(signal, derivative)
+    parts = SpectralFilter(*how, memory=MEMORY_PERIODS / cutoff)(signal, derivative)
+    # Decimation cuts the spectrum off where its gain is still 7e-4, so its response lasts longer.
+    tolerance = 1e-9 if decimation == 1 else (2e-6, 5e-5)[derivative]
+    assert np.abs(parts - whole).max() < tolerance * np.abs(whole).max()
