@@ -25,10 +25,11 @@ class ContactReaction:
     """Stops, retreats or complies when a contact begins.
 
     The motion under way stops along its path as fast as the acceleration limits allow. RETREAT then
-    goes back to where the reference was `retreat_time` before the contact. COMPLY lowers the
+    goes back to where the reference was `retreat_time` before the contact; if it meets another
+    contact on the way, it stops. COMPLY lowers the
     stiffness of the law, which becomes an impedance of little stiffness, until 0.5 s after the
     contact; the arm then holds where it is. During contact the disturbance is not compensated,
-    because it is the contact. A contact of an arm that holds changes nothing, except with COMPLY.
+    because it is the contact. A contact of an arm at rest changes nothing, except with COMPLY.
 
     Parameters
     ----------
@@ -71,10 +72,11 @@ class ContactReaction:
         self.count = 0
         self._follower, self._loop, self._law = follower, loop, law
         self._comply_stiffness = positive('comply_stiffness', comply_stiffness)
-        steps = round(positive('retreat_time', retreat_time) / _STEP)
-        self._past: deque[tuple[float, Array]] = deque(maxlen=max(steps, 1))
+        self._retreat_time = positive('retreat_time', retreat_time)
+        self._past: deque[tuple[float, Array]] = deque()
+        self._take_overs = loop.take_overs
+        self._retreat: int | None = None  # number of the follower's motion that is a retreat
         self._reported = self._touched = -np.inf
-        self._compensated: bool | None = None
         self._reacts = False  # to the present contact
 
     @property
@@ -101,16 +103,12 @@ class ContactReaction:
         if self.in_contact:
             self._touched = now
         reacts = self._reacts or self.reaction is not Reaction.REPORT
-        acts = self.in_contact and reacts
-        if acts and self._compensated is None:
-            self._compensated, self._loop.compensating = self._loop.compensating, False
-        elif not acts and self._compensated is not None:
-            self._loop.compensating, self._compensated = self._compensated, None
+        self._loop.touched = self.in_contact and reacts
         if self.complies and now - self._touched > _RELEASED:
             self._law.stiffness_share = 1.0
             self._follower.take_over(q)
-        if not self._past or not 0.0 <= now - self._past[-1][0] < _STEP:
-            self._past.append((now, self._follower.reference.q))
+            self._past.clear()
+        self._remember(now)
 
     def check_stream(self) -> None:
         """Require that a streamed point may move the arm; RejectedInputError during contact."""
@@ -120,16 +118,33 @@ class ContactReaction:
                 f'{self.reaction.value}): remove the contact, or send a trajectory that leaves it'
             )
 
+    def _remember(self, now: float) -> None:
+        """Store where the reference is; forget it where the arm began anew or time jumped."""
+        past = self._past
+        if self._take_overs != self._loop.take_overs:
+            self._take_overs = self._loop.take_overs
+            past.clear()
+        if past and not 0.0 <= now - past[-1][0] < self._retreat_time:
+            past.clear()
+        if not past or now - past[-1][0] >= _STEP:
+            past.append((now, self._follower.reference.q))
+        while now - past[0][0] > self._retreat_time:
+            past.popleft()
+
     def _react(self, now: float) -> None:
         follower, reaction = self._follower, self.reaction
         if reaction is Reaction.COMPLY:
             self._law.stiffness_share = self._comply_stiffness
             self._touched = now
-        moves = follower.status != 'holding'
+        # Also while the follower brakes or returns, as after another stop.
+        moves = follower.status != 'holding' or bool(np.any(follower.reference.dq))
         if not moves and reaction is not Reaction.COMPLY:
             return
         self.count += 1
         if moves:
-            # The reference was there, and on the way from there nothing touched the arm.
-            back = self._past[0][1] if reaction is Reaction.RETREAT and self._past else None
+            # The reference was there, and on the way from there nothing touched the arm. From a
+            # retreat it would return to the first contact.
+            retreats = reaction is Reaction.RETREAT and follower.motion != self._retreat
+            back = self._past[0][1] if retreats and self._past else None
             follower.stop(now, f'stopped: contact ({reaction.value})', back)
+            self._retreat = None if back is None else follower.motion

@@ -75,6 +75,9 @@ class ControlLoop(Generic[Reference]):
     compensating : bool
         Whether the disturbance is compensated, up to `compensation_max`; to be switched off while
         a person guides the arm. The compensation fades in and out.
+    touched : bool
+        Whether the disturbance is a contact, which must not be compensated. The compensation fades
+        as above.
     take_overs : int
         Number of times that control began at the arm's posture: at the start, and after every gap.
     skipped : int
@@ -102,6 +105,7 @@ class ControlLoop(Generic[Reference]):
         self.base = base
         self._compensation_max = non_negative('compensation_max', compensation_max, limits.n)
         self.compensating = bool(np.any(self._compensation_max))
+        self.touched = False
         self._effort_min = -limits.effort_max
         self._fade = Fade(_COMPENSATION_FADE, share=float(self.compensating))
         self._last: float | None = None
@@ -185,7 +189,8 @@ class ControlLoop(Generic[Reference]):
         if effort is None:
             return command
         observer = self.observer
-        if observer is not None and (share := self._fade.update(dt, self.compensating)) > 0.0:
+        wanted = self.compensating and not self.touched
+        if observer is not None and (share := self._fade.update(dt, wanted)) > 0.0:
             largest = share * self._compensation_max
             effort = effort - np.minimum(np.maximum(observer.residual, -largest), largest)
         effort = np.minimum(np.maximum(effort, self._effort_min), self.limits.effort_max)

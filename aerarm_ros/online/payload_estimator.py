@@ -206,7 +206,7 @@ _NOISE_TIME = 3.0  # [s] over which the unexplained torque is measured
 _LARGEST = 5.0  # standard deviations above which an error has less weight
 _SMALL_SHARE = 0.02  # standard deviation of load-dependent friction if the model has none
 _SMALL_FRICTION = 0.01  # [Nm], [Nms/rad]: standard deviation of other friction
-_LEAST_NOISE = 0.25  # of the assumed noise
+_LEAST_NOISE = 0.25  # smallest noise, relative to the initial one
 
 
 class _Phase(NamedTuple):
@@ -237,6 +237,9 @@ class PayloadEstimator:
         Model of the arm without payload.
     viscous, coulomb, load_share : (n,) array_like
         Known friction, see `FilteredMotion`.
+    torque_noise : (n,) array_like, optional
+        Initial RMS torque of each joint [Nm] that the model leaves unexplained; default: that of
+        the settings for every joint.
 
     Attributes
     ----------
@@ -253,6 +256,7 @@ class PayloadEstimator:
         coulomb: npt.ArrayLike,
         load_share: npt.ArrayLike,
         settings: EstimatorSettings | None = None,
+        torque_noise: npt.ArrayLike | None = None,
     ) -> None:
         self.settings = s = settings or EstimatorSettings()
         self.link = dynamics.robot.link_names[-1]
@@ -272,7 +276,9 @@ class PayloadEstimator:
         self.estimate: OnlineEstimate | None = None
         self.changes = 0
         self._last: float | None = None
-        self._noise = np.full(known.n, s.torque_noise**2)
+        self._noise = np.full(known.n, s.torque_noise if torque_noise is None else torque_noise)
+        self._noise **= 2
+        self._least_noise = _LEAST_NOISE**2 * self._noise
         self._period, self._elapsed = PERIOD, 0.0
         self._start_anew()
 
@@ -427,8 +433,7 @@ class PayloadEstimator:
         """Update the unexplained torque where friction is known."""
         square = np.minimum(error**2, _LARGEST**2 * self._noise)
         share = np.where(row.doubt**2 > 0.1 * self._noise, 0.0, self._period / _NOISE_TIME)
-        least = (_LEAST_NOISE * self.settings.torque_noise) ** 2
-        self._noise = np.maximum(self._noise + share * (square - self._noise), least)
+        self._noise = np.maximum(self._noise + share * (square - self._noise), self._least_noise)
 
     # Changes.
 

@@ -1,7 +1,8 @@
 """Playback of recordings through the payload estimator."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import ArmState, Array
+from aerarm_ros.online.filtered_motion import FilteredMotion
 from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimate, PayloadEstimator
 
 _FOLLOWED = (TermKind.VISCOUS, TermKind.COULOMB, TermKind.LOAD)
@@ -54,11 +56,13 @@ class KnownArm:
             ),
         )
 
-    def estimator(self, settings: EstimatorSettings | None = None) -> PayloadEstimator:
-        """Return an estimator that starts with this arm."""
+    def estimator(
+        self, settings: EstimatorSettings | None = None, torque_noise: Array | None = None
+    ) -> PayloadEstimator:
+        """Return an estimator that starts with this arm, see `PayloadEstimator`."""
         dynamics = MovingBaseDynamics(self.robot, self.rotor_inertia)
         viscous, coulomb, load = self.friction
-        return PayloadEstimator(dynamics, viscous, coulomb, load, settings)
+        return PayloadEstimator(dynamics, viscous, coulomb, load, settings, torque_noise)
 
     def other_torque(self, dq: Array) -> Array:
         """Return the torque (M, n) of the other terms at velocities (M, n) [Nm]."""
@@ -68,8 +72,74 @@ class KnownArm:
             torque[:, joint] += value * term.basis(velocity, velocity, None)
         return torque
 
+    def states(
+        self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
+    ) -> Iterator[tuple[float, ArmState]]:
+        """Yield times and states of a recording, without the torque of the other terms.
+
+        Raises
+        ------
+        IdentificationError
+            If the recording has no velocities.
+        KeyboardInterrupt
+            If `is_stopped`, called from time to time, returns True.
+        """
+        if recording.dq is None:
+            raise IdentificationError(
+                f'{recording.name} has no velocities, which the payload estimator needs: record '
+                'them, or estimate the payload with identifier --payload, which differentiates '
+                'positions'
+            )
+        tau = recording.tau - self.other_torque(recording.dq)
+        rows = zip(recording.time.tolist(), recording.q, recording.dq, tau, strict=True)
+        for count, (time, *state) in enumerate(rows):
+            if count % 1000 == 0 and is_stopped():
+                raise KeyboardInterrupt
+            yield time, ArmState(*state)
+
+
+_DOUBTFUL = 0.1  # of the dry friction: above, its direction is unknown
+_MEDIAN = NormalDist().inv_cdf(0.75)  # median of errors, relative to their standard deviation
+
+
+def unexplained_torque(arm: KnownArm, recording: Recording, bandwidth: float) -> Array:
+    """Return the RMS torque (n,) [Nm] that an arm's model leaves unexplained without payload.
+
+    It is derived from the median error, so a payload that the arm carries in a smaller part of the
+    recording hardly changes it. Samples in which the direction of dry friction is
+    unknown are left out.
+
+    Parameters
+    ----------
+    bandwidth : float
+        Bandwidth of the low-passes of the payload estimator [1/s].
+
+    Raises
+    ------
+    IdentificationError
+        If the recording has no velocities, or no motion of some joint.
+    """
+    dynamics = MovingBaseDynamics(arm.robot, arm.rotor_inertia)
+    viscous, coulomb, load = arm.friction
+    motion = FilteredMotion(dynamics, viscous, coulomb, load, bandwidth)
+    doubtful, errors, last = _DOUBTFUL * np.maximum(coulomb, 1e-9), [], None
+    for time, state in arm.states(recording):
+        ended = last is not None and motion.update(state, time - last, dynamics.still)
+        if ended and motion.is_settled:
+            row = motion.row()
+            errors.append(np.where(row.doubt < doubtful, np.abs(row.torque), np.nan))
+        last = time
+    if not errors or np.isnan(errors).all(axis=0).any():
+        raise IdentificationError(
+            f'{recording.name}: not every joint moves, so the torque noise cannot be measured: '
+            'begin with a bag of motion without payload, or pass --torque-noise'
+        )
+    return np.asarray(np.nanmedian(errors, axis=0) / _MEDIAN)
+
 
 _SHORTEST = 1.0  # [s] shortest time of a payload; a shorter event is a knock
+_KNOWN = 2.0  # [s] after which the estimator ends a payload that no mass explains
+_SIGNIFICANT = 3.0  # standard deviations by which a mass must exceed zero
 _BETWEEN = 1.0  # [s] assumed between two recordings
 
 
@@ -104,6 +174,9 @@ class Replay:
     ----------
     estimate : OnlineEstimate or None
         The last estimate.
+    knocks : list of float
+        Times [s] in the last recording at which torque appeared that no payload explains: a
+        contact, or an error of the model.
     """
 
     def __init__(
@@ -117,6 +190,8 @@ class Replay:
         self._is_stopped = is_stopped
         self._now = 0.0
         self.estimate: OnlineEstimate | None = None
+        self.knocks: list[float] = []
+        self._is_load = False  # whether a payload explains the torque since the last pick-up
 
     def play(self, recording: Recording) -> list[LoadChange]:
         """Process a recording, and return the detected payload changes.
@@ -126,30 +201,36 @@ class Replay:
         IdentificationError
             If the recording has no velocities, is too short, or yields no estimate.
         """
-        if recording.dq is None:
-            raise IdentificationError(
-                f'{recording.name} has no velocities, which the payload estimator needs: record '
-                'them, or estimate the payload with identifier --payload, which differentiates '
-                'positions'
-            )
-        tau = recording.tau - self._arm.other_torque(recording.dq)
         offset = self._now + _BETWEEN - float(recording.time[0])
         carries = self.estimate is not None and self.estimate.carries
-        changes, heard = [], False
-        rows = zip(recording.time.tolist(), recording.q, recording.dq, tau, strict=True)
-        for count, (time, q, dq, torque) in enumerate(rows):
-            if count % 1000 == 0 and self._is_stopped():
-                raise KeyboardInterrupt
+        changes, heard = list[LoadChange](), False
+        self.knocks = []
+        for time, state in self._arm.states(recording, self._is_stopped):
             self._now = time + offset
-            told = self._estimator.update(ArmState(q, dq, torque), self._now)
+            told = self._estimator.update(state, self._now)
             if told is None:
                 continue
             heard, self.estimate = True, told
             if told.carries != carries:
                 carries = told.carries
                 changes.append(LoadChange(time, carries))
+                if not carries:
+                    self._drop_knock(changes)
+                self._is_load = False
+            elif carries:
+                lasts = told.time - told.since > _KNOWN
+                self._is_load |= lasts or told.payload.mass > _SIGNIFICANT * told.payload.std[0]
         self._check(recording, heard)
-        return _without_knocks(changes)
+        return changes
+
+    def _drop_knock(self, changes: list[LoadChange]) -> None:
+        """Remove the last payload from the changes of a recording unless it had a mass."""
+        begin = changes[-2] if len(changes) > 1 else None
+        if begin is None:
+            return  # The payload is that of an earlier recording.
+        if not self._is_load or changes[-1].time - begin.time < _SHORTEST:
+            self.knocks.append(begin.time)
+            del changes[-2:]
 
     def _check(self, recording: Recording, heard: bool) -> None:
         if self._estimator.problem:
@@ -161,20 +242,3 @@ class Replay:
                 f'({recording.duration:.2g} s at {1.0 / gap:.3g} Hz): record a longer motion at '
                 '25 Hz or more'
             )
-
-
-def _without_knocks(changes: list[LoadChange]) -> list[LoadChange]:
-    """Return the changes without pick-ups that were put down at once."""
-    kept: list[LoadChange] = []
-    for change in changes:
-        last = kept[-1] if kept else None
-        if (
-            last is not None
-            and last.carries
-            and not change.carries
-            and change.time - last.time < _SHORTEST
-        ):
-            kept.pop()
-        else:
-            kept.append(change)
-    return kept

@@ -107,11 +107,11 @@ def test_comply_lowers_the_stiffness_until_the_contact_has_ended() -> None:
 def test_the_contact_is_no_disturbance_to_compensate() -> None:
     arm = Moving(Reaction.STOP)
     arm.run(1.0)
-    assert arm.loop.compensating
+    assert not arm.loop.touched
     arm.run(0.1, contact=True)
-    assert not arm.loop.compensating
+    assert arm.loop.touched
     arm.run(0.1)
-    assert arm.loop.compensating
+    assert not arm.loop.touched
 
 
 def test_a_reaction_lasts_as_long_as_its_contact_even_if_another_is_set() -> None:
@@ -120,11 +120,11 @@ def test_a_reaction_lasts_as_long_as_its_contact_even_if_another_is_set() -> Non
     arm.run(0.1, contact=True)
     arm.reaction.reaction = Reaction.REPORT
     arm.run(0.1, contact=True)
-    assert not arm.loop.compensating
+    assert arm.loop.touched
     arm.run(0.01)
-    assert arm.loop.compensating
+    assert not arm.loop.touched
     arm.run(0.01, contact=True)
-    assert arm.loop.compensating
+    assert not arm.loop.touched
 
 
 def test_an_arm_at_rest_does_not_retreat() -> None:
@@ -133,6 +133,42 @@ def test_an_arm_at_rest_does_not_retreat() -> None:
     arm.run(1.0, contact=True)
     np.testing.assert_allclose(arm.q, GOAL, atol=1e-9)
     assert arm.reaction.count == 0
+
+
+def test_a_contact_while_the_arm_brakes_makes_it_retreat() -> None:
+    arm = Moving(Reaction.RETREAT)
+    arm.run(1.0)
+    arm.follower.stop(arm.now, 'stopped: request')
+    arm.run(0.02)
+    assert np.linalg.norm(arm.dq) > 0.1
+    earlier = arm.past[-200]
+    arm.run(1.0, contact=True)
+    np.testing.assert_allclose(arm.q, earlier, atol=0.02)
+    assert arm.reaction.count == 1
+
+
+def test_a_retreat_that_meets_a_contact_stops() -> None:
+    arm = Moving(Reaction.RETREAT)
+    arm.run(1.0)
+    arm.run(0.15, contact=True)
+    arm.run(0.02)
+    place = arm.q
+    arm.run(1.0, contact=True)
+    assert np.linalg.norm(arm.q - place) < 0.05
+    assert np.linalg.norm(arm.q - START) < np.linalg.norm(place - START)
+    assert arm.reaction.count == 2
+
+
+def test_a_retreat_never_goes_back_to_before_a_take_over() -> None:
+    arm = Moving(Reaction.RETREAT)
+    arm.run(1.0)
+    arm.loop.release()
+    arm.q, arm.dq = GOAL, np.zeros(4)
+    arm.run(0.005)
+    arm.go(START)
+    arm.run(0.1)
+    arm.run(1.0, contact=True)
+    assert np.linalg.norm(arm.q - GOAL) < 0.02
 
 
 def test_a_stream_waits_for_the_end_of_the_contact_and_a_goal_does_not() -> None:

@@ -10,7 +10,7 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.joint_model import JointModel, JointTerm, TermKind
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.online.replay import KnownArm, Replay
+from aerarm_ros.online.replay import KnownArm, Replay, unexplained_torque
 
 
 @pytest.fixture
@@ -80,3 +80,25 @@ def test_terms_that_are_not_followed_are_taken_off_the_torque(arm: KnownArm) -> 
     assert known.friction[:, [0, 3]].tolist() == [[0.5, 0.0], [0.0, 0.0], [0.0, 0.04]]
     dq = np.array([[1.0, 1.0, 1.0, 2.0], [-1.0, 0.0, 0.0, -2.0]])
     assert known.other_torque(dq).tolist() == [[0.2, 0.0, 0.0, 0.3], [0.2, 0.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize('joint', [0, 3])
+def test_a_push_is_no_payload(free: CarryingRun, arm: KnownArm, joint: int) -> None:
+    bag = recording(free, 0.7, 9.0)
+    pushed = (bag.time > 4.0) & (bag.time < 5.3)
+    tau = bag.tau.copy()
+    tau[pushed, joint] += 0.4
+    replay = Replay(arm, arm.estimator())
+    assert replay.play(replace(bag, tau=tau)) == []
+    (time,) = replay.knocks
+    assert time == pytest.approx(4.0, abs=0.2)
+
+
+def test_torque_noise_is_that_without_the_payload(run: CarryingRun, arm: KnownArm) -> None:
+    bare = unexplained_torque(arm, recording(run, 0.6, run.pick_up), 30.0)
+    partly = unexplained_torque(arm, recording(run, 0.6, run.pick_up + 0.8), 30.0)
+    assert (bare < 0.1).all()
+    assert (partly < 2.5 * bare).all()
+    rest = recording(run, 0.6, 0.7)
+    with pytest.raises(IdentificationError, match='begin with a bag of motion without payload'):
+        unexplained_torque(arm, rest, 30.0)

@@ -1,7 +1,7 @@
 """Choice of each joint's terms, and fit of the resulting model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -306,6 +306,7 @@ def _switches(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
 
 
 AUTOMATIC = 'auto'
+DAHL = 'dahl'
 
 FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
     'coulomb': (*THESIS_TERMS, ROTOR),
@@ -313,6 +314,7 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
     'offset': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.OFFSET)),
     'creep': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.CREEP, CREEP_WIDTHS[0])),
     'stribeck': (*THESIS_TERMS, ROTOR, JointTerm(TermKind.STRIBECK, STRIBECK_WIDTHS[0])),
+    DAHL: (_VISCOUS, JointTerm(TermKind.COULOMB, distance=DISTANCES[1]), ROTOR),
     'asymmetric': (
         *THESIS_TERMS,
         ROTOR,
@@ -320,7 +322,8 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
         JointTerm(TermKind.BACKWARD, ASYMMETRY_WIDTH),
     ),
 }
-"""Friction models by name. Each contains (2.6), rotor inertia and the named terms. Names joined by
+"""Friction models by name. Each contains (2.6), rotor inertia and the named terms. 'dahl' lets the
+dry friction of (2.6), and that of 'load', build up over an angle after a reversal. Names joined by
 '+' are combined; 'auto' chooses each joint's terms by cross-validation.
 """
 
@@ -345,7 +348,12 @@ def friction_terms(friction: str) -> tuple[JointTerm, ...]:
             f'unknown: pass {AUTOMATIC}, or one or several of {", ".join(FRICTION_MODELS)} '
             'joined by +'
         )
-    return tuple(dict.fromkeys(term for name in names for term in FRICTION_MODELS[name]))
+    terms = [term for name in names for term in FRICTION_MODELS[name]]
+    if DAHL in names:
+        terms = [
+            replace(term, distance=DISTANCES[1]) if term.kind in _DRY else term for term in terms
+        ]
+    return tuple(dict.fromkeys(terms))
 
 
 def choose_model(

@@ -33,6 +33,8 @@ INTERRUPTED = 130  # ended by Ctrl-C, as in shells
 
 def print_error(name: str, error: object) -> None:
     """Print an error on one line of standard error, after the name of the executable."""
+    if isinstance(error, OSError) and error.filename is not None:
+        error = f'{error.filename}: {error.strerror}: check the path and its permissions'
     _print(f'{name}: {" ".join(str(error).split())}', sys.stderr)
 
 

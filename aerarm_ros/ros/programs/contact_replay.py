@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,7 @@ from aerarm_ros.online.contact_detector import (
 )
 from aerarm_ros.online.contact_place import ContactLocator, ContactPlace
 from aerarm_ros.online.external_torque import ExternalTorque, ResidualBound, free_rows
+from aerarm_ros.online.information_filter import ball
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
 from aerarm_ros.ros.controllers.contact_parameters import (
@@ -47,6 +48,7 @@ REPORT = 'contacts.html'
 
 _FILES = (RESIDUALS, REPORT, MARKER)
 _SHOWN = 3000  # points of a curve
+_PAYLOAD_RADIUS = 0.05  # [m] of the ball that a payload of --payload is
 _COLOUR = {
     Cause.CONTACT: '#d62728',
     Cause.PAYLOAD: '#2ca02c',
@@ -61,7 +63,11 @@ def main() -> int:
 
 
 def contact_replay(name: str, arguments: Sequence[str]) -> int:
-    """Run the search; return 0, 2 if the user must check an input, or 130 after a stop."""
+    """Run the search; return 0, 2 if the user must check an input, or 130 after a stop.
+
+    A bag that cannot be searched does not affect the others: its reason is printed, and the status
+    is 2.
+    """
     stops: list[bool] = []
     try:
         given = RosArguments(arguments)
@@ -72,14 +78,17 @@ def contact_replay(name: str, arguments: Sequence[str]) -> int:
             )
         options = replay_parser(name).parse_args(given.plain)
         with StopSignals(lambda: stops.append(True)):
-            print(ContactReplay(name, options, lambda: bool(stops)).execute())
+            replay = ContactReplay(name, options, lambda: bool(stops))
+            print(replay.execute())
+            for failure in replay.failures.values():
+                print_error(name, failure)
+            return USER_ERROR if replay.failures else 0
     except KeyboardInterrupt:
         print_error(name, 'interrupted, nothing was written')
         return INTERRUPTED
     except (ValueError, OSError) as error:
         print_error(name, error)
         return USER_ERROR
-    return 0
 
 
 def replay_parser(name: str) -> OneLineParser:
@@ -104,6 +113,11 @@ def replay_parser(name: str) -> OneLineParser:
         help='estimate.yaml of the arm (default: the model in its URDF)',
     )
     parser.add_argument(
+        '--payload', nargs=4, type=float, metavar=('KG', 'X', 'Y', 'Z'),
+        help='mass and centre [m] in the frame of the last joint of a payload that the arm carries '
+             'in the recordings of --bag (default: none)',
+    )  # fmt: skip
+    parser.add_argument(
         '--out', type=Path, metavar='DIR', help=f'folder for {REPORT} and {RESIDUALS}'
     )
     add_arm_options(parser)
@@ -126,6 +140,8 @@ class SearchedBag:
         Link, point and force of each event.
     torque, threshold : (M, n) ndarray
         External torque and its threshold [Nm].
+    problem : str
+        Reason why contact cannot be detected at the end of the recording; empty if it can.
     """
 
     recording: Recording
@@ -133,6 +149,7 @@ class SearchedBag:
     places: list[ContactPlace | None]
     torque: Array
     threshold: Array
+    problem: str = ''
 
 
 class ContactReplay:
@@ -144,6 +161,12 @@ class ContactReplay:
         Program name, for messages.
     options : argparse.Namespace
         Options of `replay_parser`.
+
+    Attributes
+    ----------
+    failures : dict of str to Exception
+        Reason for each recording of `--bag`, by its path, that could not be searched, or not to
+        its end.
 
     Raises
     ------
@@ -157,6 +180,7 @@ class ContactReplay:
         self._name = name
         self._options = options
         self._is_stopped = is_stopped
+        self.failures: dict[str, Exception] = {}
         for parameter in (GAIN_PARAMETER, *CONTACT_ESTIMATOR_PARAMETERS):
             if problem := parameter.problem(getattr(options, parameter.name)):
                 text = problem.removeprefix(f'parameter {parameter.name}')
@@ -171,6 +195,7 @@ class ContactReplay:
                 'no recording to search: pass --bag, or pass --free and --out to learn '
                 'thresholds only'
             )
+        self._payload = _body(options.payload)
         self._recorded = RecordedArm(options, [*options.free, *options.bag], whole=True)
         self._arm, _ = known_arm(self._recorded, options)
 
@@ -189,8 +214,10 @@ class ContactReplay:
             bags = self._search(bound)
             values = bound.to_dict(self._arm.robot.joint_names)
             directory.write(RESIDUALS, yaml.safe_dump({RESIDUALS_SECTION: values}, sort_keys=False))
-            directory.write(REPORT, contact_page(self._arm.robot, bags))
-            directory.write_json(MARKER, {'contacts': [_summary(bag) for bag in bags]})
+            directory.write(REPORT, contact_page(self._arm.robot, bags, self.failures))
+            failures = {path: str(error) for path, error in self.failures.items()}
+            summary = {'contacts': [_summary(bag) for bag in bags], 'failures': failures}
+            directory.write_json(MARKER, summary)
         return f'{self._text(bags)}\nReport: {directory.target / REPORT}'
 
     def _bound(self) -> ResidualBound:
@@ -212,20 +239,31 @@ class ContactReplay:
         return bound
 
     def _search(self, bound: ResidualBound) -> list[SearchedBag]:
-        bags = [
-            search(
-                self._recorded.recording(path),
-                ContactDetector(
-                    ExternalTorque(self._arm, bound.gain), bound, contact_settings(self._options)
-                ),
-                ContactLocator(self._arm.robot),
-                self._is_stopped,
-            )
-            for path in self._options.bag
-        ]
+        """Search each bag; raise the error of the last one if none can be searched."""
+        bags: list[SearchedBag] = []
+        for path in self._options.bag:
+            try:
+                bags.append(self._search_one(path, bound))
+            except (ValueError, OSError) as error:
+                self.failures[str(path)] = error
+                continue
+            if problem := bags[-1].problem:
+                self.failures[str(path)] = IdentificationError(f'{path.name}: {problem}')
+        if self.failures and not bags:
+            for failure in list(self.failures.values())[:-1]:
+                print_error(self._name, failure)
+            raise self.failures.popitem()[1]
         for message in self._recorded.messages:
             print(f'{self._name}: {message}', file=sys.stderr)
         return bags
+
+    def _search_one(self, path: Path, bound: ResidualBound) -> SearchedBag:
+        external = ExternalTorque(self._arm, bound.gain)
+        detector = ContactDetector(external, bound, contact_settings(self._options))
+        if self._payload is not None:
+            detector.carry(self._payload)
+        locator = ContactLocator(self._arm.robot)
+        return search(self._recorded.recording(path), detector, locator, self._is_stopped)
 
     def _text(self, bags: Sequence[SearchedBag]) -> str:
         lines = []
@@ -239,6 +277,19 @@ class ContactReplay:
             rows = zip(bag.events, bag.places, strict=True)
             lines += [f'  {event_text(event, place, names)}' for event, place in rows]
         return '\n'.join(lines)
+
+
+def _body(given: Sequence[float] | None) -> Array | None:
+    """Return the inertial parameters (10,) of mass [kg] and centre [m]; None without payload."""
+    if given is None:
+        return None
+    mass, *centre = given
+    if not (np.isfinite(given).all() and mass > 0.0):
+        raise IdentificationError(
+            f'--payload {" ".join(f"{value:g}" for value in given)} is not a body: pass its mass '
+            'in kg, above 0, and its centre in m'
+        )
+    return ball(mass, centre, _PAYLOAD_RADIUS)
 
 
 def _states(recording: Recording) -> Iterator[tuple[float, ArmState]]:
@@ -281,9 +332,7 @@ def search(
         else None
         for event in detector.events
     ]
-    if detector.problem:
-        raise IdentificationError(f'{recording.name}: {detector.problem}')
-    return SearchedBag(recording, detector.events, places, torque, threshold)
+    return SearchedBag(recording, detector.events, places, torque, threshold, detector.problem)
 
 
 def event_text(event: ContactEvent, place: ContactPlace | None, names: Sequence[str]) -> str:
@@ -321,9 +370,14 @@ def _summary(bag: SearchedBag) -> dict[str, Any]:
     }
 
 
-def contact_page(robot: Robot, bags: Sequence[SearchedBag]) -> str:
-    """Return the page with events and external torque of each recording."""
+def contact_page(
+    robot: Robot, bags: Sequence[SearchedBag], failures: Mapping[str, Exception]
+) -> str:
+    """Return the page with events and external torque of each recording, and failed searches."""
     parts: list[str] = []
+    if failures:
+        reasons = bullets([str(error) for error in failures.values()])
+        parts.append(section('Not searched, or not to the end', reasons))
     for number, bag in enumerate(bags):
         heading = f'{bag.recording.name} ({bag.recording.duration:.1f} s)'
         parts.append(section(heading, _events_table(robot, bag), _figures(number, bag)))

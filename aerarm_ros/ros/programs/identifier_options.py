@@ -198,7 +198,8 @@ _OPTIONS: tuple[tuple[str, dict[str, Any], str], ...] = (
         '--friction',
         {'default': 'auto', 'metavar': 'MODEL'},
         'friction model: auto (default), or one or several of coulomb, load, offset, creep, '
-        'stribeck and asymmetric, joined by +',
+        'stribeck, dahl (dry friction builds up over 0.01 rad after a reversal) and asymmetric, '
+        'joined by +',
     ),
     (
         '--coupled',

@@ -17,10 +17,11 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import payload_yaml, read_estimate, read_gravity
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
 from aerarm_ros.identification.payload import calibrate_gains
+from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.online.friction_trend import FrictionTrend, read_trend
-from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate
-from aerarm_ros.online.replay import KnownArm, LoadChange, Replay
+from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate, PayloadEstimator
+from aerarm_ros.online.replay import KnownArm, LoadChange, Replay, unexplained_torque
 from aerarm_ros.ros.controllers.friction_log import (
     ESTIMATOR_PARAMETERS,
     estimator_settings,
@@ -86,6 +87,7 @@ def trend_table(trend: FrictionTrend) -> str:
 
 
 _GAINS = 'effort_gains.yaml'
+_NOISE = 'torque_noise'
 _FILES = ('payload.yaml', _GAINS, MARKER)
 
 
@@ -140,9 +142,12 @@ def replay_parser(name: str) -> OneLineParser:
     add_arm_options(parser)
     for parameter in ESTIMATOR_PARAMETERS:
         unit = f' [{parameter.unit}]' if parameter.unit else ''
+        is_measured = parameter.name == _NOISE
+        default = 'measured in the first bag' if is_measured else '%(default)g'
         parser.add_argument(
-            _option(parameter.name), type=float, default=parameter.default, metavar='X',
-            help=f'{parameter.description}{unit} (default: %(default)g)',
+            _option(parameter.name), type=float, metavar='X',
+            default=None if is_measured else parameter.default,
+            help=f'{parameter.description}{unit} (default: {default})',
         )  # fmt: skip
     return parser
 
@@ -182,7 +187,8 @@ class PayloadReplay:
         self._options = options
         self._is_stopped = is_stopped
         for parameter in ESTIMATOR_PARAMETERS:
-            if problem := parameter.problem(getattr(options, parameter.name)):
+            value = getattr(options, parameter.name)
+            if value is not None and (problem := parameter.problem(value)):
                 text = problem.removeprefix(f'parameter {parameter.name}')
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if options.out and not options.model:
@@ -225,20 +231,32 @@ class PayloadReplay:
         return f'{text}\n{directory.target / "payload.yaml"}'
 
     def _found(self) -> tuple[str, OnlineEstimate]:
-        estimator = self._arm.estimator(estimator_settings(self._options))
-        replay = Replay(self._arm, estimator, self._is_stopped)
-        lines = []
+        replay, lines = None, []
         for path in self._options.bag:
             recording = self._recorded.recording(path)
+            if replay is None:
+                replay = Replay(self._arm, self._estimator_for(recording), self._is_stopped)
             changes = replay.play(recording)
-            lines.append(f'{recording.name}: {recording.duration:.1f} s, {_told(changes)}')
+            told = _told(changes, replay.knocks)
+            lines.append(f'{recording.name}: {recording.duration:.1f} s, {told}')
         for message in self._recorded.messages:
             print(f'payload_estimator: {message}', file=sys.stderr)
-        last = replay.estimate
+        last = None if replay is None else replay.estimate
         assert last is not None
         payload = last.payload.with_scale_deviation(self._gain_deviation)
         last = dataclasses.replace(last, payload=payload)
         return '\n'.join([*lines, *_payload_lines(last), *self._friction_lines(last)]), last
+
+    def _estimator_for(self, first: Recording) -> PayloadEstimator:
+        """Return the estimator, with the torque noise of the first recording by default."""
+        given = argparse.Namespace(**vars(self._options))
+        noise = None
+        if given.torque_noise is None:
+            (parameter,) = (p for p in ESTIMATOR_PARAMETERS if p.name == _NOISE)
+            given.torque_noise = parameter.default
+            measured = unexplained_torque(self._arm, first, given.bandwidth)
+            noise = np.maximum(measured, parameter.default)
+        return self._arm.estimator(estimator_settings(given), noise)
 
     def _calibrate(self) -> str:
         """Return the effort gains from the known mass, and write them if `--out` is given."""
@@ -292,12 +310,16 @@ def _option(name: str) -> str:
     return f'--{name.replace("_", "-")}'
 
 
-def _told(changes: Sequence[LoadChange]) -> str:
+def _told(changes: Sequence[LoadChange], knocks: Sequence[float]) -> str:
     told = [
         f'{"picked up" if change.carries else "put down"} at {change.time:.2f} s'
         for change in changes
     ]
-    return ', '.join(told) or 'no payload was picked up or put down'
+    text = ', '.join(told) or 'no payload was picked up or put down'
+    if knocks:
+        times = ', '.join(f'{time:.2f}' for time in knocks)
+        text += f'; torque that no payload explains (contact or model error) at {times} s'
+    return text
 
 
 def _payload_lines(last: OnlineEstimate) -> list[str]:

@@ -42,6 +42,14 @@ def test_models_are_combined(result: IdentificationResult) -> None:
     assert np.all(np.abs(fit.theta) < 10.0)
 
 
+def test_dahl_friction_replaces_the_step_of_all_dry_friction() -> None:
+    terms = friction_terms('load+dahl')
+    dry = [term for term in terms if term.kind in (TermKind.COULOMB, TermKind.LOAD)]
+    assert {term.kind for term in dry} == {TermKind.COULOMB, TermKind.LOAD}
+    assert len(dry) == 2
+    assert all(term.distance > 0.0 for term in dry)
+
+
 @pytest.mark.parametrize('name', ['', 'wet', 'load+', 'load+wet'])
 def test_unknown_models_are_named(name: str) -> None:
     with pytest.raises(IdentificationError, match='friction model'):
