@@ -4,10 +4,10 @@ Emulated arms work for hours on the physics engine: random waves, moves between 
 and rests. The identifier identifies each arm from a bag of 60 s of free motion, from which the
 thresholds are learnt too. Dry friction of each joint drifts. With `--touches`, forces in random
 directions act on the tool and on the end of the second link at random times. Without `--touches`,
-the arm picks up or puts down a payload every 60 s. Every second session declares its payload to the
-detector within 0.25 s of the change; there, any event is a false alarm. In the other sessions the
-payload is undeclared, and only contacts that begin within 10 s of a change are excused. A reported
-model error always counts as a false alarm.
+the arm picks up or puts down a payload every 60 s. Every second session declares the change to the
+detector at most 0.25 s before it; any event is then a false alarm. In the other sessions the
+payload is undeclared, and contacts that begin within 10 s of a change do not count. Reports of a
+model error are counted separately.
 """
 
 import argparse
@@ -31,7 +31,7 @@ HOLD, PAUSE = 0.5, 3.0  # [s] duration of a touch, and shortest time between two
 DRIFT, DRIFT_TIME = 0.15, 300.0  # relative change of dry friction, and its period [s]
 PAYLOAD_TIME = 60.0  # [s] between changes of payload
 PAYLOAD = (0.06, 0.01, -0.02), 0.03  # [m] centre and radius of the payload
-DECLARED = 0.25  # [s] largest time between a change and its declaration
+DECLARED = 0.25  # [s] largest time from a declaration to its change
 SETTLING = 10.0  # [s] in which an undeclared payload counts as a contact
 FORCES = {'tool': 2.0, 'link 2': 4.0}  # [N] on the packaged arm
 SLOW = 0.05  # [rad/s]
@@ -187,7 +187,7 @@ def free(
     """Work without touches, with changes of payload."""
     result, found = Session(job), ContactDetector(learnt.external(), learnt.bound, learnt.settings)
     now, changes, told = 0.0, list[float](), 0
-    lag = random.uniform(-DECLARED, DECLARED)
+    early = random.uniform(0.0, DECLARED)
     for number in range(round(job.seconds / CYCLE / WINDOW)):
         begin = number * WINDOW * CYCLE
         if number % 200 == 0:
@@ -195,10 +195,10 @@ def free(
         if begin > (len(changes) + 1) * PAYLOAD_TIME:
             changes.append(begin)
             rig.plant.grasp(carried[len(changes) % 2])
-        if job.declared and begin > (told + 1) * PAYLOAD_TIME + lag:
+        if job.declared and begin > (told + 1) * PAYLOAD_TIME - early:
             told += 1
             found.carry(ball(mass * (told % 2), *PAYLOAD))
-            lag = random.uniform(-DECLARED, DECLARED)
+            early = random.uniform(0.0, DECLARED)
         for state in rig.cycles(WINDOW):
             now += CYCLE
             found.update(state, now)

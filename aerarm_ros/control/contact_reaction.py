@@ -25,11 +25,11 @@ class ContactReaction:
     """Stops, retreats or complies when a contact begins.
 
     The motion under way stops along its path as fast as the acceleration limits allow. RETREAT then
-    goes back to where the reference was `retreat_time` before the contact; if it meets another
-    contact on the way, it stops. COMPLY lowers the
-    stiffness of the law, which becomes an impedance of little stiffness, until 0.5 s after the
-    contact; the arm then holds where it is. During contact the disturbance is not compensated,
-    because it is the contact. A contact of an arm at rest changes nothing, except with COMPLY.
+    returns to where the reference was `retreat_time` before the contact; a second contact on the
+    way stops it. COMPLY lowers the stiffness of the law, which becomes an impedance of little
+    stiffness, until 0.5 s after the contact; the arm then holds where it is. During contact the
+    disturbance is not compensated, because it is the contact. A contact of an arm at rest changes
+    nothing, except with COMPLY.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class ContactReaction:
             )
 
     def _remember(self, now: float) -> None:
-        """Store where the reference is; forget it where the arm began anew or time jumped."""
+        """Store the reference; delete earlier ones after a take-over or a jump of time."""
         past = self._past
         if self._take_overs != self._loop.take_overs:
             self._take_overs = self._loop.take_overs
@@ -136,14 +136,14 @@ class ContactReaction:
         if reaction is Reaction.COMPLY:
             self._law.stiffness_share = self._comply_stiffness
             self._touched = now
-        # Also while the follower brakes or returns, as after another stop.
-        moves = follower.status != 'holding' or bool(np.any(follower.reference.dq))
+        # A follower that stops has the status 'holding' but still moves.
+        moves = follower.status != 'holding' or follower.moves
         if not moves and reaction is not Reaction.COMPLY:
             return
         self.count += 1
         if moves:
-            # The reference was there, and on the way from there nothing touched the arm. From a
-            # retreat it would return to the first contact.
+            # Nothing touched the arm on the way from there, unless this way is a retreat: it
+            # began at another contact.
             retreats = reaction is Reaction.RETREAT and follower.motion != self._retreat
             back = self._past[0][1] if retreats and self._past else None
             follower.stop(now, f'stopped: contact ({reaction.value})', back)

@@ -16,6 +16,11 @@
 The executables are built from `aerarm_ros.ros`; no other module imports an executable.
 """
 
+import os
+
 from aerarm_ros.realtime.scheduling import use_one_thread
 
 use_one_thread()  # before an executable imports NumPy
+# Executables draw nothing with MuJoCo. By default its import runs a process that looks for a
+# window library, which prints a traceback if a stop signal ends the executable meanwhile.
+os.environ.setdefault('MUJOCO_GL', 'disable')

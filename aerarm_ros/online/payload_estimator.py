@@ -276,8 +276,8 @@ class PayloadEstimator:
         self.estimate: OnlineEstimate | None = None
         self.changes = 0
         self._last: float | None = None
-        self._noise = np.full(known.n, s.torque_noise if torque_noise is None else torque_noise)
-        self._noise **= 2
+        noise = s.torque_noise if torque_noise is None else torque_noise
+        self._noise = np.full(known.n, noise, dtype=float) ** 2
         self._least_noise = _LEAST_NOISE**2 * self._noise
         self._period, self._elapsed = PERIOD, 0.0
         self._start_anew()

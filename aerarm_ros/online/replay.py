@@ -14,7 +14,7 @@ from aerarm_ros.identification.joint_model import COUPLED, JointTerm, TermKind
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import ArmState, Array
-from aerarm_ros.online.filtered_motion import FilteredMotion
+from aerarm_ros.online.filtered_motion import FilteredMotion, MotionRow
 from aerarm_ros.online.payload_estimator import EstimatorSettings, OnlineEstimate, PayloadEstimator
 
 _FOLLOWED = (TermKind.VISCOUS, TermKind.COULOMB, TermKind.LOAD)
@@ -102,39 +102,55 @@ _DOUBTFUL = 0.1  # of the dry friction: above, its direction is unknown
 _MEDIAN = NormalDist().inv_cdf(0.75)  # median of errors, relative to their standard deviation
 
 
-def unexplained_torque(arm: KnownArm, recording: Recording, bandwidth: float) -> Array:
+def unexplained_torque(
+    arm: KnownArm,
+    recording: Recording,
+    bandwidth: float,
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> Array:
     """Return the RMS torque (n,) [Nm] that an arm's model leaves unexplained without payload.
 
-    It is derived from the median error, so a payload that the arm carries in a smaller part of the
-    recording hardly changes it. Samples in which the direction of dry friction is
-    unknown are left out.
+    The result follows from the median error, without a payload or with the payload that fits best,
+    whichever is smaller. Thus neither a payload in the whole recording nor one in a part of it
+    counts as noise. Samples in which the direction of dry friction is unknown are omitted.
 
     Parameters
     ----------
     bandwidth : float
         Bandwidth of the low-passes of the payload estimator [1/s].
+    is_stopped : callable, optional
+        As for `KnownArm.states`.
+
+    Returns
+    -------
+    (n,) ndarray
+        NaN for joints without such samples.
 
     Raises
     ------
     IdentificationError
-        If the recording has no velocities, or no motion of some joint.
+        If the recording has no velocities.
     """
     dynamics = MovingBaseDynamics(arm.robot, arm.rotor_inertia)
     viscous, coulomb, load = arm.friction
     motion = FilteredMotion(dynamics, viscous, coulomb, load, bandwidth)
-    doubtful, errors, last = _DOUBTFUL * np.maximum(coulomb, 1e-9), [], None
-    for time, state in arm.states(recording):
+    doubtful, rows, last = _DOUBTFUL * np.maximum(coulomb, 1e-9), list[MotionRow](), None
+    for time, state in arm.states(recording, is_stopped):
         ended = last is not None and motion.update(state, time - last, dynamics.still)
         if ended and motion.is_settled:
-            row = motion.row()
-            errors.append(np.where(row.doubt < doubtful, np.abs(row.torque), np.nan))
+            rows.append(motion.row())
         last = time
-    if not errors or np.isnan(errors).all(axis=0).any():
-        raise IdentificationError(
-            f'{recording.name}: not every joint moves, so the torque noise cannot be measured: '
-            'begin with a bag of motion without payload, or pass --torque-noise'
-        )
-    return np.asarray(np.nanmedian(errors, axis=0) / _MEDIAN)
+    if not rows:
+        return np.full(dynamics.n, np.nan)
+    known = np.array([row.doubt < doubtful for row in rows])
+    body = np.array([row.regressor[:, :10] for row in rows])
+    torque = np.array([row.torque for row in rows])
+    payload, *_ = np.linalg.lstsq(body[known], torque[known], rcond=None)
+    medians = np.full((2, dynamics.n), np.nan)
+    for median, errors in zip(medians, (torque, torque - body @ payload), strict=True):
+        for joint in np.flatnonzero(known.any(axis=0)):
+            median[joint] = np.median(np.abs(errors[known[:, joint], joint]))
+    return np.asarray(medians.min(axis=0)) / _MEDIAN
 
 
 _SHORTEST = 1.0  # [s] shortest time of a payload; a shorter event is a knock

@@ -139,3 +139,18 @@ print(len(os.listdir('/proc/self/task')) - len(before))
 def test_executables_share_no_matrix_among_threads() -> None:
     assert threads_added_by('numpy') > 0
     assert threads_added_by('aerarm_ros.nodes.controllers.impedance_control') == 0
+
+
+# A stop signal while MuJoCo's window library looks for its version prints a traceback.
+WITH_PHYSICS = """
+import sys
+from aerarm_ros.nodes import fake_hardware
+import mujoco
+print(mujoco.MjModel.from_xml_string('<mujoco/>').nbody, 'glfw' in sys.modules)
+"""
+
+
+def test_physics_loads_no_window_library() -> None:
+    command = [sys.executable, '-c', WITH_PHYSICS]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == '1 False\n'

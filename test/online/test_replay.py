@@ -97,8 +97,14 @@ def test_a_push_is_no_payload(free: CarryingRun, arm: KnownArm, joint: int) -> N
 def test_torque_noise_is_that_without_the_payload(run: CarryingRun, arm: KnownArm) -> None:
     bare = unexplained_torque(arm, recording(run, 0.6, run.pick_up), 30.0)
     partly = unexplained_torque(arm, recording(run, 0.6, run.pick_up + 0.8), 30.0)
-    assert (bare < 0.1).all()
-    assert (partly < 2.5 * bare).all()
-    rest = recording(run, 0.6, 0.7)
-    with pytest.raises(IdentificationError, match='begin with a bag of motion without payload'):
-        unexplained_torque(arm, rest, 30.0)
+    carrying = unexplained_torque(arm, recording(run, run.pick_up, run.put_down), 30.0)
+    # The payload of 0.2 kg causes some 0.3 Nm.
+    assert max(map(np.max, (bare, partly, carrying))) < 0.05
+
+
+def test_torque_noise_of_a_resting_joint_is_unknown(run: CarryingRun, arm: KnownArm) -> None:
+    assert np.isnan(unexplained_torque(arm, recording(run, 0.6, 0.7), 30.0)).all()
+    bag = recording(run, 0.6, run.pick_up)
+    bag.dq[:, 1] = 0.0
+    noise = unexplained_torque(arm, bag, 30.0)
+    assert np.isnan(noise).tolist() == [False, True, False, False]

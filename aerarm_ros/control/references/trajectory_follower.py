@@ -221,7 +221,7 @@ class TrajectoryFollower:
         """
         self._limits.check_position('set point', q)
         path = rest_to_rest_path(self.reference.q, q, self._limits)
-        if self._moves():
+        if self.moves:
             stop = self._stop(now)
             path = joined(stop, rest_to_rest_path(stop.evaluate(stop.duration).q, q, self._limits))
         self._replace(self._govern(path), now, now, 'moving')
@@ -261,7 +261,9 @@ class TrajectoryFollower:
         motion, start = self._under_way
         return lambda time: motion.evaluate(now - start + time)
 
-    def _moves(self) -> bool:
+    @property
+    def moves(self) -> bool:
+        """Whether the reference moves, also while the follower stops."""
         return bool(np.any(self.reference.dq) or np.any(self.reference.ddq))
 
     def _stop(self, now: float, share: float = 1.0) -> PolynomialPath:
@@ -317,10 +319,10 @@ class TrajectoryFollower:
             # One polynomial from a fast motion to a distant point would overshoot.
             stopping = float((np.abs(dq) / self._limits.acceleration_max).max())
             try:
-                if not self._moves() or left <= _JOINED * stopping:
+                if not self.moves or left <= _JOINED * stopping:
                     return trajectory.path(q, 'quintic', now - begin, dq, ddq), begin
             except RejectedInputError:
-                if not self._moves():
+                if not self.moves:
                     raise
         motion: PolynomialPath | Posture
         if trajectory.is_single_point:

@@ -20,7 +20,12 @@ from aerarm_ros.identification.payload import calibrate_gains
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.online.friction_trend import FrictionTrend, read_trend
-from aerarm_ros.online.payload_estimator import FRICTION_NAMES, OnlineEstimate, PayloadEstimator
+from aerarm_ros.online.payload_estimator import (
+    FRICTION_NAMES,
+    EstimatorSettings,
+    OnlineEstimate,
+    PayloadEstimator,
+)
 from aerarm_ros.online.replay import KnownArm, LoadChange, Replay, unexplained_torque
 from aerarm_ros.ros.controllers.friction_log import (
     ESTIMATOR_PARAMETERS,
@@ -186,9 +191,11 @@ class PayloadReplay:
     def __init__(self, options: argparse.Namespace, is_stopped: Callable[[], bool]) -> None:
         self._options = options
         self._is_stopped = is_stopped
+        self._measures_noise = options.torque_noise is None
+        if self._measures_noise:
+            options.torque_noise = EstimatorSettings.torque_noise
         for parameter in ESTIMATOR_PARAMETERS:
-            value = getattr(options, parameter.name)
-            if value is not None and (problem := parameter.problem(value)):
+            if problem := parameter.problem(getattr(options, parameter.name)):
                 text = problem.removeprefix(f'parameter {parameter.name}')
                 raise IdentificationError(f'{_option(parameter.name)}{text}')
         if options.out and not options.model:
@@ -249,14 +256,11 @@ class PayloadReplay:
 
     def _estimator_for(self, first: Recording) -> PayloadEstimator:
         """Return the estimator, with the torque noise of the first recording by default."""
-        given = argparse.Namespace(**vars(self._options))
-        noise = None
-        if given.torque_noise is None:
-            (parameter,) = (p for p in ESTIMATOR_PARAMETERS if p.name == _NOISE)
-            given.torque_noise = parameter.default
-            measured = unexplained_torque(self._arm, first, given.bandwidth)
-            noise = np.maximum(measured, parameter.default)
-        return self._arm.estimator(estimator_settings(given), noise)
+        settings, noise = estimator_settings(self._options), None
+        if self._measures_noise:
+            noise = unexplained_torque(self._arm, first, settings.bandwidth, self._is_stopped)
+            noise = np.fmax(noise, settings.torque_noise)  # also where it is unknown
+        return self._arm.estimator(settings, noise)
 
     def _calibrate(self) -> str:
         """Return the effort gains from the known mass, and write them if `--out` is given."""
