@@ -148,9 +148,11 @@ _ONE_OVER = np.log(2.0)  # gives a confidence of one half at the threshold
 _GIVE_UP = 10.0  # [s] of motion with a torque that neither ends nor fits a payload
 _CALM = 0.25  # s of such a torque for which 1 s of motion without it makes up
 _LONGEST = 12.0  # [s] largest account of such a torque, so that `problem` soon ends after it
+_MOVED = 0.2  # [s] of motion, after which a push at rest is one in motion
 _HELD = 0.8  # of the largest change, above which a push at rest is still present
 _SATURATED = 0.98  # of the largest torque, above which a measured one counts as limited
 _DECLARED = 0.3  # [s] between a declaration of a payload and its pick-up
+_OFF = 100.0  # share of dry friction with which no torque at rest counts
 _UNKNOWN = 1.0  # [s] without states, in which the load may have changed
 
 
@@ -193,7 +195,7 @@ class ContactDetector:
         self._report: ContactReport | None = None
         self.events: list[ContactEvent] = []
         names = external.dynamics.robot.joint_names
-        self._watches = (EncoderWatch(names), EffortWatch(names))
+        self._encoders, self._efforts = EncoderWatch(names), EffortWatch(names)
         self._first: float | None = None
         self._last: float | None = None
         self._free = 0.0  # [s] without an event
@@ -223,7 +225,7 @@ class ContactDetector:
                 'by a contact nor by a payload: check that the model belongs to this arm, or '
                 'declare the payload'
             )
-        return self._saturated or self._watches[0].problem or self._watches[1].problem
+        return self._encoders.problem or self._saturated or self._efforts.problem
 
     @property
     def payload_mass(self) -> float | None:
@@ -236,38 +238,44 @@ class ContactDetector:
         The declaration may come before or after the pick-up, so no event begins within 0.3 s of it.
         """
         self._external.carry(payload)
-        self._load.declare()
-        self._declared = 0.0
+        self._load.declare(payload)
+        self._declared = self._unexplained = 0.0
 
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
         """Process the state at `now` [s]; return the report of the last window of states.
 
-        Returns None for an invalid state, and after a gap until a window is complete. A re-sent
-        state is ignored. If states were lost in at most 0.1 s, detection continues with the next.
+        Returns None for an invalid state, and after a gap until a window is complete. A re-sent or
+        late state is ignored. If states were lost in at most 1 s, detection continues with the
+        next one, and a contact does not end.
 
         `state.tau` is the drives' torque in the cycle that ends now.
         """
         if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
             return None
-        last, self._last = self._last, now
-        if last == now:
+        last = self._last
+        if last is not None and 0.0 <= last - now < LONGEST_GAP:
             return self._report
-        if last is None or not 0.0 < now - last < LONGEST_GAP:
-            self._start_again(now, 0.0 if last is None else abs(now - last))
-            return None
-        dt = now - last
-        for watch in self._watches:
-            watch.update(state, dt)
-        if any(watch.problem for watch in self._watches):
+        self._last = now
+        if last is None or not 0.0 < now - last < _UNKNOWN:
             self._start_again(now)
             return None
-        if self._window.has_lost(dt) or self._is_saturated(state):
+        dt = now - last
+        is_saturated = self._is_saturated(state)
+        self._encoders.update(state, dt)
+        if not is_saturated:  # a drive at its limit has constant torque
+            self._efforts.update(state, dt)
+        if self._encoders.problem or (self._efforts.problem and not is_saturated):
+            self._start_again(now)
+            return None
+        if self._window.has_lost(dt) or is_saturated:
             # The torque of this time is unknown.
             self._window.reset()
             self._external.rebase(state.q, state.dq, base)
             self._load.rebase(state.q, state.dq, base)
+            if dt > LONGEST_GAP and self.event is None:
+                self._rest.reset(0.0)
             return self._report
         window = self._window.update(state, dt)
         if window is None:
@@ -291,8 +299,8 @@ class ContactDetector:
             )
         return bool(self._saturated)
 
-    def _start_again(self, now: float, gap: float = 0.0) -> None:
-        self._free = 0.0 if gap > _UNKNOWN else self._free
+    def _start_again(self, now: float) -> None:
+        self._free, self._saturated = 0.0, ''
         self._external.reset()
         self._window.reset()
         self._report = None
@@ -304,7 +312,7 @@ class ContactDetector:
             self.event.end = now
 
     def _begin(self) -> None:
-        self._above = self._below = self._lasting = self._steady = 0.0
+        self._above = self._below = self._lasting = self._steady = self._moving = 0.0
         self._peak = np.zeros(self._external.n)
 
     def _judge(self, state: ArmState, now: float, dt: float, row: Unexplained) -> ContactReport:
@@ -319,7 +327,7 @@ class ContactDetector:
         if is_new or now - self._first < 5.0 / self._external.gain:
             return ContactReport(torque, np.full_like(torque, np.inf), False, 0.0, None)
         is_event = self.event is not None
-        change = self._rest.update(state, torque, dt, row, self._bound.noise, is_event)
+        change = self._rest.update(state, torque, dt, row, self._bound, is_event)
         ratio = np.abs(torque) / threshold
         felt = _Felt(state, now, dt, torque, threshold, ratio, *change)
         if self.event is None:
@@ -359,11 +367,16 @@ class ContactDetector:
         self._load.suspect(felt.torque / felt.threshold, felt.threshold)
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
-        self._below = self._lasting = self._steady = 0.0
+        self._below = self._lasting = self._steady = self._moving = 0.0
         self._peak = np.abs(value)
 
     def _follow(self, event: ContactEvent, felt: '_Felt') -> None:
         """Follow an event until it ends or its cause is known."""
+        moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
+        self._moving = self._moving + felt.dt if moves else 0.0
+        if self._moving > _MOVED:
+            # Friction no longer holds what it held at rest.
+            self._rest.held, event.reference = None, 0.0
         is_rest = self._rest.held is not None
         value, limit = felt.torque, felt.threshold
         if is_rest:
@@ -374,7 +387,6 @@ class ContactDetector:
             event.q, event.joint = felt.state.q.copy(), int(np.argmax(share))
             event.ratio = float(share.max())
         self._peak = np.maximum(self._peak, np.abs(value))
-        moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
         if moves:
             self._lasting += felt.dt
             self._unexplained = min(self._unexplained + felt.dt, _LONGEST)
@@ -460,12 +472,16 @@ class _Rest:
         torque: Array,
         dt: float,
         row: Unexplained,
-        noise: Array,
+        bound: ResidualBound,
         in_event: bool,
     ) -> tuple[Array, Array]:
         """Return the change (n,) [Nm] and its ratio to the limit, zeros in motion."""
         settings, nothing = self._settings, np.zeros(self._n)
-        least = settings.rest_share * row.dry + _NOISE * noise
+        # Without dry friction, the model's error at rest appears as it does in motion.
+        least = np.maximum(settings.rest_share * row.dry, bound.constant - row.dry)
+        least = least + _NOISE * bound.noise
+        if settings.rest_share >= _OFF:
+            least = np.full(self._n, np.inf)
         self._slow = torque if self._slow is None else self._slow
         self._slow = self._slow + min(1.0, dt / _SLOW) * (torque - self._slow)
         self.is_steady = bool((np.abs(torque - self._slow) < least).all())
@@ -494,7 +510,6 @@ class _Rest:
         return change, np.where(opposed, 0.0, ratio)
 
 
-_OFF = 100.0  # share that no torque at rest exceeds
 _REST_SHARES = (0.0, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, _OFF)
 
 

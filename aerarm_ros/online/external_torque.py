@@ -279,6 +279,11 @@ class ExternalTorque:
             if dt > LONGEST_GAP:
                 self.reset()
                 window.reset()
+            elif window.has_lost(dt):  # the torque of this time is unknown
+                window.reset()
+                self.rebase(q, dq, None)
+                last = time
+                continue
             last = time
             mean = window.update(ArmState(q, dq, tau), dt)
             if mean is not None:
@@ -355,6 +360,11 @@ class ResidualBound:
             for joint in range(residual.shape[1])
         ]
         return cls(np.array(shares), _noise(residual, features[:, :, 3].max(axis=1)), gain)
+
+    @property
+    def constant(self) -> Array:
+        """Part (n,) of the bound that does not depend on the motion [Nm]."""
+        return self.margin * self.shares[:, 0]
 
     def threshold(self, unexplained: Unexplained) -> Array:
         """Return the largest residual (n,) [Nm] that free motion explains."""

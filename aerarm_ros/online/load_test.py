@@ -3,6 +3,7 @@
 from collections import deque
 
 import numpy as np
+import numpy.typing as npt
 
 from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.model.regressor import MomentumRegressor
@@ -18,7 +19,7 @@ _EXPLAINED = 0.9  # fraction of the rows that a payload must explain
 _EXCEEDED = 0.3  # fraction of the rows that the bare arm must not explain
 _SIGNIFICANT = 3.0  # standard deviations of a payload's mass
 _MEMORY = 20.0  # [s]
-_LOAD_SHARE = 0.1  # of the payload's torque, error of friction and torque constants under load
+_LOAD_SHARE = 0.1  # of a payload's torque, error of friction and torque constants under load
 
 
 class LoadTest:
@@ -41,8 +42,8 @@ class LoadTest:
     torque : (n,) ndarray
         External torque of the detected payload [Nm], zeros without one.
     doubt : (n,) ndarray
-        Largest error of `torque` [Nm]: three standard deviations, and a share for the friction and
-        the torque constants under load.
+        Largest error of the torque of detected and declared payload [Nm]: three standard deviations
+        of the detected one, and a share for the friction and the torque constants under load.
     found, released : bool
         Whether the last `update` detected a payload or its change, or its end.
     mass, mass_std : float
@@ -54,6 +55,8 @@ class LoadTest:
         self._gain, self._n = external.stage, external.n
         self._still = external.dynamics.still
         self._regressor = MomentumRegressor(external.dynamics.robot)
+        self._own_mass = float(external.dynamics.robot.model.inertias[-1].mass)
+        self._declared = np.zeros(10)
         self._scale = mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
         self._filter = InformationFilter(10)
         self.torque = self.doubt = np.zeros(self._n)
@@ -77,11 +80,10 @@ class LoadTest:
         self._integral: Array | None = None
         self._due = self._quiet = 0.0
 
-    def declare(self) -> None:
-        """Forget a detected payload, because a declared one replaces it."""
-        self._body, self._is_new = None, False
-        self.torque = self.doubt = np.zeros(self._n)
-        self._forget()
+    def declare(self, payload: npt.ArrayLike) -> None:
+        """Set the parameters (10,) of a declared payload, which replaces a detected one."""
+        self._declared = np.array(payload, dtype=float)
+        self._drop()
 
     def rebase(self, q: Array, dq: Array, base: BaseMotion | None) -> None:
         """Continue from a state with unchanged columns, after lost states."""
@@ -113,11 +115,12 @@ class LoadTest:
         self._integral = integral + dt * observed
         share = dt * gain / (1.0 + dt * gain)
         self._columns = self._columns + share * (observed - self._columns)
+        self.doubt = _LOAD_SHARE * np.abs(self._columns @ self._declared)
         if self._body is not None:
             self.torque = -self._columns @ self._body
             rows = self._columns * self._scale
             variance = np.einsum('ij,jk,ik->i', rows, self._covariance, rows)
-            self.doubt = _SIGNIFICANT * np.sqrt(np.maximum(variance, 0.0))
+            self.doubt += _SIGNIFICANT * np.sqrt(np.maximum(variance, 0.0))
             self.doubt += _LOAD_SHARE * np.abs(self.torque)
         self._due += dt
         if self._due >= _PERIOD:
@@ -142,13 +145,23 @@ class LoadTest:
         motion = self._still if base is None else base
         return self._regressor.evaluate(q, dq, motion.specific_force, motion.angular_velocity)
 
+    def _drop(self) -> None:
+        """Forget a detected payload."""
+        self._body, self._is_new = None, False
+        self.torque = self.doubt = np.zeros(self._n)
+        self._forget()
+
     def _forget(self) -> None:
         self._filter.forget(slice(None))
         self._window.clear()
 
     def _is_needed(self, residual: Array, threshold: Array, dt: float) -> bool:
         """Return whether there is torque to explain; the regression is half of all computation."""
-        if self.is_loaded or bool((np.abs(residual) > _NOTABLE * threshold).any()):
+        if (
+            self.is_loaded
+            or self._declared.any()
+            or bool((np.abs(residual) > _NOTABLE * threshold).any())
+        ):
             self._quiet = 0.0
         elif self._quiet > _WINDOW:
             self._integral = None
@@ -187,7 +200,7 @@ class LoadTest:
             # The bare arm explains a motion in which the payload would be noticed.
             contradicted = np.mean(explained) < 0.5 or abs(mass) < _SIGNIFICANT * std
             if np.mean(exceeded) < 1.0 - _EXPLAINED and contradicted:
-                self.declare()
+                self._drop()
                 self.released = True
             elif np.mean(explained) < 0.5:
                 self._is_new = True  # more or less payload: learn it from now on
@@ -201,6 +214,8 @@ class LoadTest:
             and np.mean(explained) > _EXPLAINED
             and varied
             and abs(mass) > _SIGNIFICANT * std
+            # A push may look like a negative mass, but the arm loses no more than its last link.
+            and mass + _SIGNIFICANT * std > -self._own_mass - self._declared[0]
         ):
             self._body, self.found = self._scale * belief.mean, True
             self.mass, self.mass_std = mass, std

@@ -63,7 +63,10 @@ def test_frozen_torque_at_the_end_leaves_the_events_before_it(
 ) -> None:
     pushed.tau[pushed.time > 5.5] = pushed.tau[pushed.time > 5.5][0]
     bag = search(pushed, detector(free, bound), ContactLocator(free.robot()))
-    assert 'stays at' in bag.problem
+    ((problem, ((begin, end),)),) = bag.problems.items()
+    assert 'stays at' in problem
+    assert begin == pytest.approx(5.5, abs=0.3)
+    assert end == pytest.approx(6.5, abs=0.1)
     assert [event.cause for event in bag.events][:1] == [Cause.CONTACT]
 
 

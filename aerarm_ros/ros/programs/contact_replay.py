@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -49,6 +50,10 @@ REPORT = 'contacts.html'
 _FILES = (RESIDUALS, REPORT, MARKER)
 _SHOWN = 3000  # points of a curve
 _PAYLOAD_RADIUS = 0.05  # [m] of the ball that a payload of --payload is
+_EXCEEDED = 1.02  # of an effort limit
+_NUMBER = re.compile(r'(?<=\s)-?\d\S*')  # not in the name of a joint
+_ONE_PROBLEM = 1.0  # [s] between two times of one interval of a problem
+_NAMED = 3  # intervals of a problem that its message lists
 _COLOUR = {
     Cause.CONTACT: '#d62728',
     Cause.PAYLOAD: '#2ca02c',
@@ -140,8 +145,8 @@ class SearchedBag:
         Link, point and force of each event.
     torque, threshold : (M, n) ndarray
         External torque and its threshold [Nm].
-    problem : str
-        Reason why contact cannot be detected at the end of the recording; empty if it can.
+    problems : dict of str to list of (float, float)
+        Reasons why contact cannot be detected, with the first and last time [s] of each interval.
     """
 
     recording: Recording
@@ -149,7 +154,7 @@ class SearchedBag:
     places: list[ContactPlace | None]
     torque: Array
     threshold: Array
-    problem: str = ''
+    problems: Mapping[str, list[tuple[float, float]]]
 
 
 class ContactReplay:
@@ -165,8 +170,8 @@ class ContactReplay:
     Attributes
     ----------
     failures : dict of str to Exception
-        Reason for each recording of `--bag`, by its path, that could not be searched, or not to
-        its end.
+        Reason for each recording of `--bag`, by its path, that could not be searched, or not
+        completely.
 
     Raises
     ------
@@ -247,8 +252,9 @@ class ContactReplay:
             except (ValueError, OSError) as error:
                 self.failures[str(path)] = error
                 continue
-            if problem := bags[-1].problem:
-                self.failures[str(path)] = IdentificationError(f'{path.name}: {problem}')
+            if problems := bags[-1].problems:
+                texts = [f'{_times(times)}: {text}' for text, times in problems.items()]
+                self.failures[str(path)] = IdentificationError(f'{path.name}: {"; ".join(texts)}')
         if self.failures and not bags:
             for failure in list(self.failures.values())[:-1]:
                 print_error(self._name, failure)
@@ -258,12 +264,15 @@ class ContactReplay:
         return bags
 
     def _search_one(self, path: Path, bound: ResidualBound) -> SearchedBag:
+        recording, limit = self._recorded.recording(path), self._arm.robot.effort_max
+        # A limit that the torque exceeds is not that of the drive.
+        limit = np.where(np.abs(recording.tau).max(axis=0) > _EXCEEDED * limit, np.inf, limit)
         external = ExternalTorque(self._arm, bound.gain)
-        detector = ContactDetector(external, bound, contact_settings(self._options))
+        detector = ContactDetector(external, bound, contact_settings(self._options), limit)
         if self._payload is not None:
             detector.carry(self._payload)
         locator = ContactLocator(self._arm.robot)
-        return search(self._recorded.recording(path), detector, locator, self._is_stopped)
+        return search(recording, detector, locator, self._is_stopped)
 
     def _text(self, bags: Sequence[SearchedBag]) -> str:
         lines = []
@@ -318,6 +327,8 @@ def search(
             f'{recording.name} has no velocities, which the observer needs: record them with the '
             'positions'
         )
+    problems: dict[str, list[tuple[float, float]]] = {}
+    known: dict[str, str] = {}
     torque = np.zeros_like(recording.q)
     threshold = np.full_like(recording.q, np.nan)
     for row, (time, state) in enumerate(_states(recording)):
@@ -326,13 +337,26 @@ def search(
         report = detector.update(state, time)
         if report is not None:
             torque[row], threshold[row] = report.torque, report.threshold
+        if problem := detector.problem:
+            times = problems.setdefault(known.setdefault(_NUMBER.sub('', problem), problem), [])
+            if times and time - times[-1][1] < _ONE_PROBLEM:
+                times[-1] = times[-1][0], time
+            else:
+                times.append((time, time))
     places = [
         locator.locate(event.q, event.torque, event.threshold)
         if event.cause is Cause.CONTACT
         else None
         for event in detector.events
     ]
-    return SearchedBag(recording, detector.events, places, torque, threshold, detector.problem)
+    return SearchedBag(recording, detector.events, places, torque, threshold, problems)
+
+
+def _times(intervals: Sequence[tuple[float, float]]) -> str:
+    """Return some intervals as text."""
+    texts = [f'{begin:.2f} to {end:.2f} s' for begin, end in intervals[:_NAMED]]
+    more = len(intervals) - len(texts)
+    return ', '.join(texts) + (f' and {more} more' if more else '')
 
 
 def event_text(event: ContactEvent, place: ContactPlace | None, names: Sequence[str]) -> str:
@@ -377,7 +401,7 @@ def contact_page(
     parts: list[str] = []
     if failures:
         reasons = bullets([str(error) for error in failures.values()])
-        parts.append(section('Not searched, or not to the end', reasons))
+        parts.append(section('Not searched, or not completely', reasons))
     for number, bag in enumerate(bags):
         heading = f'{bag.recording.name} ({bag.recording.duration:.1f} s)'
         parts.append(section(heading, _events_table(robot, bag), _figures(number, bag)))
