@@ -262,14 +262,7 @@ class ContactDetector:
             self._start_again(now)
             return None
         dt = now - last
-        is_saturated = self._is_saturated(state)
-        self._encoders.update(state, dt)
-        if not is_saturated:  # a drive at its limit has constant torque
-            self._efforts.update(state, dt)
-        if self._encoders.problem or (self._efforts.problem and not is_saturated):
-            self._start_again(now)
-            return None
-        if self._window.has_lost(dt) or is_saturated:
+        if self._window.has_lost(dt) or self._is_saturated(state):
             # The torque of this time is unknown.
             self._window.reset()
             self._external.rebase(state.q, state.dq, base)
@@ -280,6 +273,11 @@ class ContactDetector:
         window = self._window.update(state, dt)
         if window is None:
             return self._report
+        self._encoders.update(state, window.dt)
+        self._efforts.update(state, window.dt)
+        if self._encoders.problem or self._efforts.problem:
+            self._start_again(now)
+            return None
         state, dt, _ = window
         row = self._external.update(window, base)
         self._load.update(state, dt, row, self._bound.threshold(row), base)
@@ -289,13 +287,13 @@ class ContactDetector:
     def _is_saturated(self, state: ArmState) -> bool:
         """Return whether a joint's torque is at its limit, so that its true demand is unknown."""
         self._saturated = ''
-        saturated = np.flatnonzero(np.abs(state.tau) >= self._largest)
-        if len(saturated):
-            name = self._external.dynamics.robot.joint_names[saturated[0]]
+        saturated = np.abs(state.tau) >= self._largest
+        if saturated.any():
+            joint = int(np.argmax(saturated))
+            name = self._external.dynamics.robot.joint_names[joint]
             self._saturated = (
-                f'effort of {name} is at its limit of '
-                f'{self._largest[saturated[0]] / _SATURATED:.3g} Nm, at which contact is not '
-                'detected: slow the motion or check the load'
+                f'effort of {name} is at its limit of {self._largest[joint] / _SATURATED:.3g} Nm, '
+                'at which contact is not detected: slow the motion or check the load'
             )
         return bool(self._saturated)
 
