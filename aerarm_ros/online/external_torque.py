@@ -239,7 +239,7 @@ class ExternalTorque:
         dry = self._friction.dry(load)
         now = np.column_stack(
             [
-                dry * np.maximum(0.0, 1.0 - np.abs(dq) / _CREEPING),
+                dry * np.maximum(1.0 - np.abs(dq) / _CREEPING, self._friction.deficit(dq)),
                 dry * np.maximum(0.0, 1.0 - np.abs(dq) / _SLOW),
                 self.gain * np.abs(momentum - self._lagging),
                 late * self.gain * np.maximum(np.abs(change - self._change), impulse),

@@ -66,5 +66,9 @@ class JointFriction(FrictionCompensation):
         """Return the dry friction (n,) [Nm] that a joint can take at rest, in either direction."""
         return np.asarray(self._dry + self._share * np.abs(load))
 
+    def deficit(self, dq: Array) -> Array:
+        """Return the part (n,) of dry friction that the model omits around zero velocity."""
+        return 1.0 - np.tanh(np.abs(dq) / self._width)
+
 
 _at_creep = np.asarray(_CREEPING)

@@ -72,7 +72,7 @@ def test_dry_friction_hides_torque_only_at_creeping_speed(run: CarryingRun) -> N
         for speed in (0.001, 0.02)
     )
     assert np.all(creeping[:, 1] > 0.9 * creeping[:, 2])
-    assert np.all(slow[:, 1] == 0.0)
+    assert np.all(slow[:, 1] < 0.05 * creeping[:, 1])
     assert np.all(slow[:, 2] > 0.5 * creeping[:, 2])
 
 
