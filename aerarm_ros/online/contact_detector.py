@@ -280,8 +280,9 @@ class ContactDetector:
             return None
         state, dt, _ = window
         row = self._external.update(window, base)
-        self._load.update(state, dt, row, self._bound.threshold(row), base)
-        self._report = self._judge(state, now, dt, row)
+        threshold = self._bound.threshold(row)
+        self._load.update(state, dt, row, threshold, base)
+        self._report = self._judge(state, now, dt, row, threshold)
         return self._report
 
     def _is_saturated(self, state: ArmState) -> bool:
@@ -313,10 +314,12 @@ class ContactDetector:
         self._above = self._below = self._lasting = self._steady = self._moving = 0.0
         self._peak = np.zeros(self._external.n)
 
-    def _judge(self, state: ArmState, now: float, dt: float, row: Unexplained) -> ContactReport:
+    def _judge(
+        self, state: ArmState, now: float, dt: float, row: Unexplained, threshold: Array
+    ) -> ContactReport:
         assert self._first is not None
         torque = row.residual - self._load.torque
-        threshold = self._bound.threshold(row) + self._load.doubt
+        threshold = threshold + self._load.doubt
         row = row._replace(dry=row.dry + self._load.doubt)  # a load adds friction
         self._declared += dt
         is_new = self._declared < _DECLARED and self.event is None
