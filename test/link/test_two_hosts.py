@@ -94,7 +94,9 @@ def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
     assert rig.drone.rows()[-1].get('mode') is None  # it is held, not damped
 
 
-def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig) -> None:
+@pytest.fixture(scope='module')
+def flight(rig: Rig) -> Path:
+    """Record a bag on the drone, fetch it through a cut, and return the copy."""
     process = rig.arm('record', 'flight')
     log = rig.folder / 'arm_record.log'
     wait_for_text(log, 'Ctrl-C ends it')
@@ -105,9 +107,12 @@ def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig) -> N
     time.sleep(1.0)
     rig.relay.tell('cut 0')
     assert process.wait(60.0) == 0, log.read_text()
-    here = rig.folder / 'flight'
-    assert is_copy(rig, here)
-    found = topics(here)['/joint_states']
+    return rig.folder / 'flight'
+
+
+def test_a_bag_is_recorded_on_the_drone_and_fetched_through_a_cut(rig: Rig, flight: Path) -> None:
+    assert is_copy(rig, flight)
+    found = topics(flight)['/joint_states']
     assert found.messages > 500  # at its full rate
     assert found.lost == 0
 
@@ -120,6 +125,7 @@ def is_copy(rig: Rig, here: Path) -> bool:
     )
 
 
+@pytest.mark.usefixtures('flight')  # a parallel test run may have another pair of hosts
 def test_a_fetch_goes_on_after_a_restart_of_the_drones_link(rig: Rig) -> None:
     process = rig.arm('fetch', 'again/flight')
     log = rig.folder / 'arm_fetch.log'
