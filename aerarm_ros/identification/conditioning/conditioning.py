@@ -404,6 +404,8 @@ class Conditioner:
     ) -> Samples:
         """Filter one bag with the cut-off of this conditioner and a kinematics filter.
 
+        The conditioner keeps no resampled motion afterwards, to save memory.
+
         Parameters
         ----------
         predicted : bool
@@ -419,7 +421,13 @@ class Conditioner:
         enough = max(_FINE_SAMPLES / recording.duration, _FINE_RATE_LEAST * self.cutoff)
         shortest = min(SHORTEST, _FEWEST_PERIODS / self.cutoff) if predicted else SHORTEST
         coarse = _RATE_PER_CUTOFF * self.cutoff
-        return self._at_rates(recording, kinematics, (min(fine, enough), coarse), shortest)
+        rates = min(fine, enough), coarse
+        wanted = (recording, _factor(recording, rates[0]))
+        for other in [known for known in self._motions if known != wanted]:
+            del self._motions[other]
+        samples = self._at_rates(recording, kinematics, rates, shortest)
+        self._motions.clear()
+        return samples
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
         """Filter one bag, with samples at times that do not depend on filter and cut-off.
@@ -446,10 +454,6 @@ class Conditioner:
         if kinematics.in_time:
             motion = motion.with_velocity_earlier(self.delays.velocity)
         return self._samples(motion, kinematics, step)
-
-    def forget_motions(self) -> None:
-        """Free the cached motions of recordings."""
-        self._motions.clear()
 
     def _motion(
         self, recording: Recording, multiple: int, factor: int, shortest: float = SHORTEST
@@ -520,6 +524,7 @@ class Conditioner:
             measured=measured,
             usable=measured & ~still,
             block=_blocks(motion, len(time), step),
+            cycle=(motion.period or 0) // step if kinematics.repeats(motion) else len(time),
         )
 
     def _kept(self, motion: UniformMotion, count: int, dt: float) -> npt.NDArray[np.bool_]:
