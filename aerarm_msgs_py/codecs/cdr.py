@@ -90,9 +90,9 @@ class CdrPrefix:
         parts = rows[:, : len(LITTLE_ENDIAN)], rows[:, self.start : self.end]
         if len(rows) > 1 and all((part == part[0]).all() for part in parts):  # as nearly always
             return np.repeat(self.matching_rows(rows[:1]), len(rows))
-        mask, known, encapsulation = (
-            np.frombuffer(bytes(data), np.uint8) for data in (self._mask, self._bytes, LITTLE_ENDIAN)
-        )
+        known = np.frombuffer(bytes(self._bytes), np.uint8)
+        mask = np.frombuffer(bytes(self._mask), np.uint8)
+        encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
         same: NDArray[np.bool_] = (parts[0] == encapsulation).all(1)
         same &= (parts[1] & mask == known).all(1)
         return same

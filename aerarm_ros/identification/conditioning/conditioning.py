@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import uniform_filter1d
 
 from aerarm_ros.identification.conditioning.motion_check import (
     ConditioningOptions,
@@ -163,6 +162,9 @@ def _coherent(q: Array, dq: Array) -> npt.NDArray[np.bool_]:
     contain this noise, so the coherence of positions and velocities is low where noise dominates.
     A delay of the velocity does not change the coherence.
     """
+    # Local import, because it takes 0.1 s and periodic motions do not need it.
+    from scipy.ndimage import uniform_filter1d
+
     velocities = _spectrum(dq)
     derivative = _spectrum(q) * np.arange(len(velocities))[:, None]
 

@@ -160,19 +160,21 @@ class Samples:
         if not left_out:
             motion = (self.q, self.dq, self.ddq, self.dq_fine, self.ddq_fine)
             return DistinctMotion(*motion, fine, coarse, None)
-        first = kept // 2 * cycle  # sample of the middle cycle
+        first = kept // 2 * cycle  # sample at which the middle cycle begins
         rows = np.delete(np.arange(count), slice(first, first + left_out))
         fine_rows = (rows[:, None] * self.step + np.arange(self.step)).ravel()
         place = np.arange(count)
-        place[first:] = np.maximum(
-            place[first:] - left_out, first + (place[first:] - first) % cycle
-        )
+        repeated = first + (place - first) % cycle
+        place[first:] = np.maximum(place - left_out, repeated)[first:]
         return DistinctMotion(
-            *(values[rows] for values in (self.q, self.dq, self.ddq)),
-            *(values[fine_rows] for values in (self.dq_fine, self.ddq_fine)),
-            fine.for_count(len(fine_rows)),
-            coarse.for_count(len(rows)),
-            place,
+            q=self.q[rows],
+            dq=self.dq[rows],
+            ddq=self.ddq[rows],
+            dq_fine=self.dq_fine[fine_rows],
+            ddq_fine=self.ddq_fine[fine_rows],
+            fine_filter=fine.for_count(len(fine_rows)),
+            coarse_filter=coarse.for_count(len(rows)),
+            place=place,
         )
 
 
@@ -425,7 +427,7 @@ class KinematicsFilter:
             rate. The acceleration is the derivative of the filtered velocity, thesis section
             3.5.1.
         """
-        if motion.period is not None and self.repeats(motion):
+        if self.harmonics is not None and motion.period is not None:
             # Every harmonic of the period has the same phase in all periods, so the filter of the
             # mean period is that of the whole motion.
             shape = (motion.periods, motion.period, motion.q.shape[1])
