@@ -151,11 +151,12 @@ class Samples:
         count, cycle = len(self.q), self.cycle
         fine, coarse = self.fine_filter, self.coarse_filter
         travel = np.abs(self.dq_fine[: cycle * self.step]).sum(axis=0).min() * fine.dt
-        kept = count // cycle  # number of cycles
+        cycles = kept = count // cycle
         if fine.memory is not None and travel > 0.0:
             # At each end, neither the filter nor the state of friction reaches the middle cycle.
             end = np.ceil(fine.memory / (cycle * coarse.dt)) + np.ceil(_FORGOTTEN / travel)
-            kept = int(min(kept, 2 * end + 1))
+            if 2 * (2 * end + 1) <= cycles:  # otherwise the gain is small
+                kept = 2 * int(end) + 1
         left_out = count - kept * cycle
         if not left_out:
             motion = (self.q, self.dq, self.ddq, self.dq_fine, self.ddq_fine)

@@ -106,11 +106,11 @@ def test_noise_of_a_velocity_at_rest_does_not_change_friction(
     ids=['rotor', 'coulomb', 'gradual', 'load'],
 )
 def test_equal_periods_are_computed_once(make_arm: Callable, robot: Robot, term: JointTerm) -> None:
-    """The columns of 9 periods are those of all samples, also at the ends of the motion."""
-    bag = columns_of(make_arm(), robot, periods=9)
+    """The columns of 11 periods are those of all samples, also at the ends of the motion."""
+    bag = columns_of(make_arm(), robot, periods=11)
     samples = bag.samples
     whole = SampleColumns(replace(samples, cycle=len(samples.q)), Regressor(robot))
-    assert len(samples.q) == 9 * samples.cycle == len(whole.motion.q)
+    assert len(samples.q) == 11 * samples.cycle == len(whole.motion.q)
     assert len(bag.motion.q) == 5 * samples.cycle
     assert np.array_equal(bag.rigid_raw, whole.rigid_raw)
     assert np.allclose(bag.rigid, whole.rigid, rtol=0.0, atol=1e-12)
