@@ -87,11 +87,14 @@ class CdrPrefix:
         """Return a mask (M,) of the (M, size) rows that match."""
         if rows.shape[1] < self.end:
             return np.zeros(len(rows), bool)
-        mask = np.frombuffer(bytes(self._mask), np.uint8)
-        found = rows[:, self.start : self.end] & mask
+        parts = rows[:, : len(LITTLE_ENDIAN)], rows[:, self.start : self.end]
+        if len(rows) > 1 and all((part == part[0]).all() for part in parts):  # as nearly always
+            return np.repeat(self.matching_rows(rows[:1]), len(rows))
         known = np.frombuffer(bytes(self._bytes), np.uint8)
+        mask = np.frombuffer(bytes(self._mask), np.uint8)
         encapsulation = np.frombuffer(LITTLE_ENDIAN, np.uint8)
-        same: NDArray[np.bool_] = (found == known).all(1) & (rows[:, :2] == encapsulation).all(1)
+        same: NDArray[np.bool_] = (parts[0] == encapsulation).all(1)
+        same &= (parts[1] & mask == known).all(1)
         return same
 
     def _append(self, data: bytes, *, known: bool = True) -> None:
@@ -178,6 +181,11 @@ class CdrReader:
         return data
 
 
+_WORDS = np.dtype('<u8')
+_HALF, _ODD = np.uint64(32), np.uint64(1)
+_WEIGHT = np.uint64(0x9E3779B97F4A7C15)  # arbitrary; the weights of neighbours differ in all bits
+
+
 class Payloads(Sequence[bytes]):
     """K serialized messages in a buffer, sliced only on access.
 
@@ -243,6 +251,32 @@ class Payloads(Sequence[bytes]):
             return np.empty((len(index), 0), np.uint8)
         taken = elements_at(self._buffer, np.dtype((np.void, size)), self._starts[index])
         return taken.view(np.uint8).reshape(len(index), size)
+
+    def groups_of_size(self) -> Iterator[NDArray[np.intp]]:
+        """Yield the indices of the messages of each size, in order."""
+        sizes = self.sizes
+        if not len(sizes):
+            return
+        if (sizes == sizes[0]).all():
+            yield np.arange(len(sizes))
+            return
+        order = np.argsort(sizes, kind='stable')
+        firsts = np.unique(sizes[order], return_index=True)[1]
+        yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))
+
+    def hashes(self) -> NDArray[np.uint64]:
+        """Return a hash (K,) of each message: the weighted sum of its words and its size."""
+        found = self.sizes.astype(np.uint64)
+        for index in self.groups_of_size():
+            rows = self.rows(index)
+            words = np.zeros((len(rows), -(-rows.shape[1] // _WORDS.itemsize)), _WORDS)
+            words.view(np.uint8)[:, : rows.shape[1]] = rows
+            # Without this, sign bits, the highest of a word, would cancel each other in the sum.
+            words ^= words >> _HALF
+            weights = np.arange(1, words.shape[1] + 1, dtype=np.uint64) * _WEIGHT
+            weights ^= weights >> _HALF
+            found[index] += words @ (weights | _ODD)
+        return found
 
 
 def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:

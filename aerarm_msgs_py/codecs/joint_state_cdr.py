@@ -364,7 +364,7 @@ class JointStateDecoder:
         """
         stamp_ns = np.zeros(len(payloads), np.int64)
         decoded: list[_Decoded] = []
-        for index in _groups_of_size(payloads.sizes):
+        for index in payloads.groups_of_size():
             decoded += self._decode_group(payloads, index, stamp_ns)
         if len(decoded) == 1 and decoded[0][2] == list(range(len(self.names))):
             return stamp_ns, decoded[0][1]
@@ -459,15 +459,3 @@ class JointStateDecoder:
             self._codecs.append((JointStateCdr(names, frame_id), columns))
             self._learnt += 1
             del self._codecs[:-_KNOWN_LAYOUTS]
-
-
-def _groups_of_size(sizes: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
-    """Yield the indices of the messages of each size, in order."""
-    if not len(sizes):
-        return
-    if (sizes == sizes[0]).all():
-        yield np.arange(len(sizes))
-        return
-    order = np.argsort(sizes, kind='stable')
-    firsts = np.unique(sizes[order], return_index=True)[1]
-    yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))

@@ -81,8 +81,7 @@ class RepeatedMessages:
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
     """Return a hash of each message; two messages share a hash with a chance of 1 in 2^64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
-    keys ^= np.fromiter(map(hash, payloads), np.int64, len(payloads)).view(np.uint64)
-    return keys
+    return keys ^ payloads.hashes()
 
 
 _LOOSE_LIMIT = 2**20  # bytes of messages outside chunks per block

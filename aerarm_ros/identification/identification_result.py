@@ -278,8 +278,9 @@ def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, E
     bags = [*result.identification, *result.validation]
     assessed = [*solution.identification, *solution.validation]
     for bag, assessment in zip(bags, assessed, strict=True):
-        samples, kept = bag.samples, bag.samples.kept
-        rigid, weight = model.torques(samples.q[kept], samples.dq[kept], samples.ddq[kept])
+        samples, motion, kept = bag.samples, bag.motion, bag.samples.kept
+        torques = model.torques(motion.q, motion.dq, motion.ddq)
+        rigid, weight = (motion.whole(torque)[kept] for torque in torques)
         friction = assessment.prediction.filtered[kept] - rigid
         dt = float(np.median(np.diff(samples.time)))
         balances[assessment.bag] = model.split(

@@ -147,10 +147,7 @@ def _conditioned(
     kinematics: KinematicsFilter,
     recording: Recording,
 ) -> SampleColumns:
-    conditioner.forget_motions()
-    samples = conditioner.condition(recording, kinematics, predicted=True)
-    conditioner.forget_motions()
-    return SampleColumns(samples, regressor)
+    return SampleColumns(conditioner.condition(recording, kinematics, predicted=True), regressor)
 
 
 def white_noise(values: Array) -> Array:

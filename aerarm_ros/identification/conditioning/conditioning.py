@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import uniform_filter1d
 
 from aerarm_ros.identification.conditioning.motion_check import (
     ConditioningOptions,
@@ -163,6 +162,9 @@ def _coherent(q: Array, dq: Array) -> npt.NDArray[np.bool_]:
     contain this noise, so the coherence of positions and velocities is low where noise dominates.
     A delay of the velocity does not change the coherence.
     """
+    # Local import, because it takes 0.1 s and periodic motions do not need it.
+    from scipy.ndimage import uniform_filter1d
+
     velocities = _spectrum(dq)
     derivative = _spectrum(q) * np.arange(len(velocities))[:, None]
 
@@ -404,6 +406,8 @@ class Conditioner:
     ) -> Samples:
         """Filter one bag with the cut-off of this conditioner and a kinematics filter.
 
+        The conditioner keeps no resampled motion afterwards, to save memory.
+
         Parameters
         ----------
         predicted : bool
@@ -419,7 +423,13 @@ class Conditioner:
         enough = max(_FINE_SAMPLES / recording.duration, _FINE_RATE_LEAST * self.cutoff)
         shortest = min(SHORTEST, _FEWEST_PERIODS / self.cutoff) if predicted else SHORTEST
         coarse = _RATE_PER_CUTOFF * self.cutoff
-        return self._at_rates(recording, kinematics, (min(fine, enough), coarse), shortest)
+        rates = min(fine, enough), coarse
+        wanted = (recording, _factor(recording, rates[0]))
+        for other in [known for known in self._motions if known != wanted]:
+            del self._motions[other]
+        samples = self._at_rates(recording, kinematics, rates, shortest)
+        self._motions.clear()
+        return samples
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
         """Filter one bag, with samples at times that do not depend on filter and cut-off.
@@ -446,10 +456,6 @@ class Conditioner:
         if kinematics.in_time:
             motion = motion.with_velocity_earlier(self.delays.velocity)
         return self._samples(motion, kinematics, step)
-
-    def forget_motions(self) -> None:
-        """Free the cached motions of recordings."""
-        self._motions.clear()
 
     def _motion(
         self, recording: Recording, multiple: int, factor: int, shortest: float = SHORTEST
@@ -520,6 +526,7 @@ class Conditioner:
             measured=measured,
             usable=measured & ~still,
             block=_blocks(motion, len(time), step),
+            cycle=(motion.period or 0) // step if kinematics.repeats(motion) else len(time),
         )
 
     def _kept(self, motion: UniformMotion, count: int, dt: float) -> npt.NDArray[np.bool_]:

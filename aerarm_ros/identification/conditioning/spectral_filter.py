@@ -110,6 +110,8 @@ class SpectralFilter:
         settling: float | None = None,
         memory: float | None = None,
     ) -> None:
+        self.memory = memory
+        self._same = (dt, gain, decimation, settling, memory)
         self.count = count
         self.dt = dt
         self.decimation = decimation
@@ -134,6 +136,10 @@ class SpectralFilter:
     def periodic(self) -> bool:
         """Whether the filter treats signals as periodic."""
         return self._periodic
+
+    def for_count(self, count: int) -> 'SpectralFilter':
+        """Return the same filter for signals of another number of samples."""
+        return SpectralFilter(count, *self._same)
 
     def __call__(self, signal: npt.ArrayLike, derivative: int = 0, decimate: bool = True) -> Array:
         """Filter a signal along its first axis.
@@ -208,10 +214,10 @@ class SpectralFilter:
 
 def _transformed(rows: Array, gain: Gain, step: int) -> Array:
     """Return periodic rows with the gain applied to their spectrum, every `step`-th sample."""
-    spectrum = np.fft.rfft(rows, axis=1)
-    spectrum *= gain
     length = rows.shape[1] // step
-    spectrum = spectrum[:, : length // 2 + 1]
+    kept = length // 2 + 1
+    spectrum = np.fft.rfft(rows, axis=1)[:, :kept]
+    spectrum *= gain[:kept]
     if step > 1 and length % 2 == 0:
         # One of two conjugate bins remains at the new Nyquist frequency.
         spectrum[:, -1] = spectrum[:, -1].real * 2.0

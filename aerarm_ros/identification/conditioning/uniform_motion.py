@@ -17,6 +17,44 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.motion.signals import Array
 
+# [rad] travel after which the state of friction that builds up over the longest distance, 0.03 rad,
+# no longer depends on its start
+_FORGOTTEN = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class DistinctMotion:
+    """Motion of one bag without the repetitions in its middle, for regressor columns.
+
+    A motion of equal cycles has equal columns in all of them, except near its ends. Half an hour of
+    a periodic excitation has a hundred equal cycles or more.
+
+    Attributes
+    ----------
+    q, dq, ddq : (K, n) ndarray
+        Joint positions, velocities, accelerations [rad], [rad/s], [rad/s^2].
+    dq_fine, ddq_fine : (L, n) ndarray
+        Finely sampled velocities and accelerations [rad/s], [rad/s^2].
+    fine_filter, coarse_filter : SpectralFilter
+        Low-pass filters of the torque, for the length of this motion.
+    place : (M,) ndarray of int or None
+        Row in this motion of each sample of the whole motion; None if both are equal.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    dq_fine: Array
+    ddq_fine: Array
+    fine_filter: SpectralFilter
+    coarse_filter: SpectralFilter
+    place: npt.NDArray[np.intp] | None
+
+    def whole(self, columns: Array) -> Array:
+        """Return columns (M, ...) of the whole motion from those (K, ...) of this motion."""
+        return columns if self.place is None else columns[self.place]
+
+
 FOLDS = 5
 """Number of parts of a motion for cross-validation."""
 
@@ -66,6 +104,9 @@ class Samples:
         Samples used in fits: measured samples in which the joint moves.
     block : (M,) ndarray of int
         Number of the consecutive block of motion, 0 .. `BLOCKS` - 1.
+    cycle : int
+        Number of samples after which position, velocity and acceleration repeat exactly; M if they
+        do not.
     """
 
     name: str
@@ -84,6 +125,7 @@ class Samples:
     measured: npt.NDArray[np.bool_]
     usable: npt.NDArray[np.bool_]
     block: npt.NDArray[np.intp]
+    cycle: int
 
     @property
     def n(self) -> int:
@@ -103,6 +145,38 @@ class Samples:
     def step(self) -> int:
         """Decimation factor from fine to coarse samples."""
         return self.fine_filter.decimation
+
+    def distinct(self) -> DistinctMotion:
+        """Return the motion without the cycles that only repeat others."""
+        count, cycle = len(self.q), self.cycle
+        fine, coarse = self.fine_filter, self.coarse_filter
+        travel = np.abs(self.dq_fine[: cycle * self.step]).sum(axis=0).min() * fine.dt
+        cycles = kept = count // cycle
+        if fine.memory is not None and travel > 0.0:
+            # At each end, neither the filter nor the state of friction reaches the middle cycle.
+            end = np.ceil(fine.memory / (cycle * coarse.dt)) + np.ceil(_FORGOTTEN / travel)
+            if 2 * (2 * end + 1) <= cycles:  # otherwise the gain is small
+                kept = 2 * int(end) + 1
+        left_out = count - kept * cycle
+        if not left_out:
+            motion = (self.q, self.dq, self.ddq, self.dq_fine, self.ddq_fine)
+            return DistinctMotion(*motion, fine, coarse, None)
+        first = kept // 2 * cycle  # sample at which the middle cycle begins
+        rows = np.delete(np.arange(count), slice(first, first + left_out))
+        fine_rows = (rows[:, None] * self.step + np.arange(self.step)).ravel()
+        place = np.arange(count)
+        repeated = first + (place - first) % cycle
+        place[first:] = np.maximum(place - left_out, repeated)[first:]
+        return DistinctMotion(
+            q=self.q[rows],
+            dq=self.dq[rows],
+            ddq=self.ddq[rows],
+            dq_fine=self.dq_fine[fine_rows],
+            ddq_fine=self.ddq_fine[fine_rows],
+            fine_filter=fine.for_count(len(fine_rows)),
+            coarse_filter=coarse.for_count(len(rows)),
+            place=place,
+        )
 
 
 SHORTEST = 3.0
@@ -376,6 +450,10 @@ class KinematicsFilter:
         )
         q, dq, ddq = (own[motion.window] for own in self._filtered(smooth, motion.q, motion.dq))
         return q, dq, ddq
+
+    def repeats(self, motion: UniformMotion) -> bool:
+        """Return whether the filtered motion repeats exactly in every period."""
+        return self.harmonics is not None and motion.period is not None
 
     def _filtered(
         self, smooth: SpectralFilter, q: Array, dq: Array | None

@@ -54,8 +54,13 @@ def export_errors(result: IdentificationResult) -> list[ExportError]:
         ('identified.sdf', 'Drake: links, rotors, friction (2.6)', with_rotors, level),
         ('identified.sdf', 'Gazebo and others: links, friction (2.6)', without, level),
     )
+    known: dict[tuple[int, int], tuple[float, ...]] = {}
+    for _, _, model, columns in found:
+        if (id(model), id(columns)) not in known:
+            errors = tuple(bag.filtered for bag in assess(model, columns))
+            known[id(model), id(columns)] = errors
     return [
-        ExportError(file, contents, tuple(bag.filtered for bag in assess(model, columns)))
+        ExportError(file, contents, known[id(model), id(columns)])
         for file, contents, model, columns in found
     ]
 

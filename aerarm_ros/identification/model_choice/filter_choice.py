@@ -219,16 +219,16 @@ _BLOCK = 4096  # samples
 
 def _tilt_columns(robot: Robot, bag: SampleColumns, axes: Array, links: Array) -> SharedColumns:
     """Return the filtered torque per base tilt about each axis [Nm/rad]."""
-    samples = bag.samples
-    parts = np.empty((*samples.q.shape, len(axes)))
+    motion = bag.motion
+    parts = np.empty((*motion.q.shape, len(axes)))
     for k, axis in enumerate(axes):
         turned = Regressor(robot.with_gravity(np.cross(axis, robot.gravity_in_base)))
         # In blocks, because the regressor of half an hour needs hundreds of megabytes.
-        for first in range(0, len(samples.q), _BLOCK):
-            q = samples.q[first : first + _BLOCK]
+        for first in range(0, len(motion.q), _BLOCK):
+            q = motion.q[first : first + _BLOCK]
             rest = np.zeros_like(q)
             parts[first : first + _BLOCK, :, k] = turned.stack_rigid(q, rest, rest) @ links
-    columns = samples.coarse_filter(parts)
+    columns = motion.whole(motion.coarse_filter(parts))
     return SharedColumns(columns, np.full(len(axes), _TILT_SPREAD))
 
 
@@ -345,11 +345,8 @@ def condition_once(
     kinematics: KinematicsFilter,
     predicted: bool = False,
 ) -> SampleColumns:
-    """Return the regressor columns of a bag that is filtered only once, to save memory."""
-    conditioner.forget_motions()
-    samples = conditioner.condition(recording, kinematics, predicted)
-    conditioner.forget_motions()
-    return SampleColumns(samples, regressor)
+    """Return the regressor columns of a filtered bag."""
+    return SampleColumns(conditioner.condition(recording, kinematics, predicted), regressor)
 
 
 class _Trials:

@@ -47,6 +47,8 @@ class SampleColumns:
 
     Attributes
     ----------
+    motion : DistinctMotion
+        Motion from which the columns are computed.
     rigid, rigid_raw : (M, n, 10 n) ndarray
         Columns of the links, with and without the torque's low-pass filter.
     weights : (n,) ndarray
@@ -55,8 +57,10 @@ class SampleColumns:
 
     def __init__(self, samples: Samples, regressor: Regressor) -> None:
         self.samples = samples
-        self.rigid_raw = regressor.stack_rigid(samples.q, samples.dq, samples.ddq)
-        self.rigid = samples.coarse_filter(self.rigid_raw)
+        self.motion = motion = samples.distinct()
+        self._links = regressor.stack_rigid(motion.q, motion.dq, motion.ddq)
+        self.rigid_raw = motion.whole(self._links)
+        self.rigid = motion.whole(motion.coarse_filter(self._links))
         self._cache: dict[JointTerm, Array] = {}
         self._loads = np.zeros(0), np.zeros((0, samples.n))
         self._states: dict[float, Array] = {}
@@ -79,14 +83,20 @@ class SampleColumns:
 
         Terms of another driving joint are not supported; parameters are those of `term`.
         """
-        samples = self.samples
         if term.kind is TermKind.LOAD and inertial is not None:
             return self._load_columns(term, inertial, derivative=1)
+        return self.motion.whole(self._term_columns(term, derivative=1))
+
+    def _term_columns(self, term: JointTerm, derivative: int = 0) -> Array:
+        motion = self.motion
+        if term.driver is not None:
+            basis = term.basis(motion.dq[:, term.driver], motion.ddq[:, term.driver], None)
+            return motion.coarse_filter(basis, derivative)[:, None]
         if term.smooth:
-            basis = term.basis(samples.dq, samples.ddq, None)
-            return samples.coarse_filter(basis, derivative=1)
-        basis = term.basis(samples.dq_fine, samples.ddq_fine, None, self._state(term))
-        return samples.fine_filter(basis, derivative=1)
+            # Computed like the links' columns, so that rotor and link columns add up exactly.
+            return motion.coarse_filter(term.basis(motion.dq, motion.ddq, None), derivative)
+        basis = term.basis(motion.dq_fine, motion.ddq_fine, None, self._state(term))
+        return motion.fine_filter(basis, derivative)
 
     def term(self, term: JointTerm, inertial: Array | None = None) -> Array:
         """Return the regressor column of a joint term, for every joint.
@@ -106,17 +116,8 @@ class SampleColumns:
                 raise ValueError('load-dependent friction needs inertial parameters')
             return self._load_columns(term, inertial)
         if term not in self._cache:
-            samples = self.samples
-            if term.driver is not None:
-                basis = term.basis(samples.dq[:, term.driver], samples.ddq[:, term.driver], None)
-                column = samples.coarse_filter(basis)[:, None]
-                self._cache[term] = np.broadcast_to(column, samples.q.shape)
-            elif term.smooth:
-                # Computed like the links' columns, so that rotor and link columns add up exactly.
-                self._cache[term] = samples.coarse_filter(term.basis(samples.dq, samples.ddq, None))
-            else:
-                basis = term.basis(samples.dq_fine, samples.ddq_fine, None, self._state(term))
-                self._cache[term] = samples.fine_filter(basis)
+            columns = self.motion.whole(self._term_columns(term))
+            self._cache[term] = np.broadcast_to(columns, self.samples.q.shape)
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
@@ -129,7 +130,7 @@ class SampleColumns:
         """
         samples = self.samples
         inertial = theta[: 10 * samples.n]
-        links = self.rigid_raw @ inertial
+        links = self.links_torque(inertial)
         raw = model.torque(theta, links, samples.dq, samples.ddq, samples.q)
         filtered = self.rigid @ inertial
         for (joint, term), value in zip(model.joint_columns, theta[10 * samples.n :], strict=True):
@@ -141,7 +142,7 @@ class SampleColumns:
 
     def links_torque(self, inertial: Array) -> Array:
         """Return the (M, n) unfiltered torque on the links [Nm] for (10 n,) parameters."""
-        return np.asarray(self.rigid_raw @ inertial)
+        return self.motion.whole(self._links @ inertial)
 
     def _load_columns(
         self,
@@ -151,20 +152,20 @@ class SampleColumns:
         derivative: int = 0,
     ) -> Array:
         """Return the filtered columns of load-dependent friction, or their rates, by joint."""
-        samples = self.samples
-        some = list(range(samples.n)) if joints is None else list(joints)
-        motion = samples.dq_fine[:, some], samples.ddq_fine[:, some]
+        motion = self.motion
+        some = list(range(self.samples.n)) if joints is None else list(joints)
+        fine = motion.dq_fine[:, some], motion.ddq_fine[:, some]
         state = self._state(term)
         known = None if state is None else state[:, some]
-        basis = term.basis(*motion, self._fine_loads(inertial)[:, some], known)
-        return samples.fine_filter(basis, derivative)
+        basis = term.basis(*fine, self._fine_loads(inertial)[:, some], known)
+        return motion.whole(motion.fine_filter(basis, derivative))
 
     def _fine_loads(self, inertial: Array) -> Array:
         """Return the magnitude (L, n) of the torque on the links at the fine samples [Nm]."""
         known, loads = self._loads
         if not np.array_equal(known, inertial):
-            torque = self.links_torque(inertial)
-            fine = np.arange(len(self.samples.dq_fine), dtype=float)
+            torque = self._links @ inertial
+            fine = np.arange(len(self.motion.dq_fine), dtype=float)
             coarse = np.arange(len(torque), dtype=float) * self.samples.step
             columns = [np.interp(fine, coarse, own) for own in torque.T]
             loads = np.abs(np.column_stack(columns))
@@ -179,8 +180,8 @@ class SampleColumns:
         if not term.distance:
             return None
         if term.distance not in self._states:
-            dq = self.samples.dq_fine
-            travel = np.abs(dq) * self.samples.fine_filter.dt
+            dq = self.motion.dq_fine
+            travel = np.abs(dq) * self.motion.fine_filter.dt
             travel[at_rest(dq)] = 0.0
             self._states[term.distance] = friction_state(dq, travel, term.distance)
         return self._states[term.distance]

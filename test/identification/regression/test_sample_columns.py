@@ -23,8 +23,8 @@ from aerarm_ros.model.regressor import Regressor
 LOAD = JointTerm(TermKind.LOAD)
 
 
-def columns_of(arm, robot: Robot, **options: float) -> SampleColumns:
-    recording = arm.recording(1)
+def columns_of(arm, robot: Robot, periods: int = 2, **options: float) -> SampleColumns:
+    recording = arm.recording(1, periods=periods)
     conditioner = Conditioner([recording], ConditioningOptions(**options))
     kinematics = conditioner.candidates()[0]
     return SampleColumns(conditioner.condition(recording, kinematics), Regressor(robot))
@@ -98,3 +98,25 @@ def test_noise_of_a_velocity_at_rest_does_not_change_friction(
     begin = rest.start * bag.samples.fine_filter.dt
     inside = (times > begin + 1.0) & (times < begin + 3.0)
     assert np.allclose(column[inside], 1.0, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    'term',
+    [ROTOR, JointTerm(TermKind.COULOMB), JointTerm(TermKind.COULOMB, distance=0.03), LOAD],
+    ids=['rotor', 'coulomb', 'gradual', 'load'],
+)
+def test_equal_periods_are_computed_once(make_arm: Callable, robot: Robot, term: JointTerm) -> None:
+    """The columns of 11 periods are those of all samples, also at the ends of the motion."""
+    bag = columns_of(make_arm(), robot, periods=11)
+    samples = bag.samples
+    whole = SampleColumns(replace(samples, cycle=len(samples.q)), Regressor(robot))
+    assert len(samples.q) == 11 * samples.cycle == len(whole.motion.q)
+    assert len(bag.motion.q) == 5 * samples.cycle
+    assert np.array_equal(bag.rigid_raw, whole.rigid_raw)
+    assert np.allclose(bag.rigid, whole.rigid, rtol=0.0, atol=1e-12)
+    inertial = robot.inertial_parameters.ravel()
+    for quantity in ('term', 'rate'):
+        found, expected = (getattr(each, quantity)(term, inertial) for each in (bag, whole))
+        # The filter's sharp edge at the coarse rate reaches farther than its memory, but weakly.
+        assert np.allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+    assert np.array_equal(bag.links_torque(inertial), whole.links_torque(inertial))
