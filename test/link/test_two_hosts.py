@@ -76,7 +76,7 @@ def arm(rig: Rig, *words: str) -> str:
 
 
 def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
-    assert 'arm_mode running' in arm(rig, 'enable', '--wait', 'running')
+    assert 'arm_mode running' in arm(rig, 'enable', '--wait', 'running', '--timeout', '50')
     assert 'kp' in arm(rig, 'set', 'computed_torque', 'kp', '[400.0]')
     begin = rig.state()[0]
     rig.ground.tell('sweep')
