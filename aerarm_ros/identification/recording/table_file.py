@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import warnings
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -313,7 +314,9 @@ def _csv(
                 f'columns {accepted_names()}'
             )
         rows = itertools.chain([first], file)
-        values = np.loadtxt(rows, delimiter=delimiter, ndmin=2, usecols=list(meanings))
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', UserWarning)  # without rows, there are too few states
+            values = np.loadtxt(rows, delimiter=delimiter, ndmin=2, usecols=list(meanings))
     columns = {
         (meaning.quantity, meaning.joint): _factor(meaning, options) * column
         for meaning, column in zip(meanings.values(), values.T, strict=True)

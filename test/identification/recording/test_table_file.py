@@ -1,5 +1,6 @@
 """Tables are read as bags are, and what they lack is said."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -206,3 +207,11 @@ def test_files_that_are_none(tmp_path: Path) -> None:
         read_table(tmp_path / 'd.npz', JOINTS)
     with pytest.raises(IdentificationError, match='--rate 0 must be'):
         TableOptions(rate=0.0)
+
+
+def test_a_table_without_rows_has_no_states_and_prints_nothing(tmp_path: Path) -> None:
+    path = tmp_path / 'a.csv'
+    path.write_text('time,q1,q2,tau1,tau2\n\n')
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        assert len(read_table(path, JOINTS).stamp) == 0
