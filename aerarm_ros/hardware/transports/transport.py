@@ -11,7 +11,7 @@ class Transport(Protocol):
     """
 
     def open(self) -> None:
-        """Open the bus; raises TransportError with what to check."""
+        """Open the bus. If that fails, raise TransportError with a line on what to check."""
         ...
 
     def close(self) -> None:
