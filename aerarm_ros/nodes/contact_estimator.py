@@ -93,6 +93,9 @@ class ContactEstimatorNode(StateNode):
             return
         report = self._detector.update(state, now, self.base.motion(now))
         if report is None:
+            if self._was_in_contact:
+                self._was_in_contact = False
+                self._contact.publish(Bool(data=False))
             return
         changed = report.in_contact != self._was_in_contact
         if not changed and 0 <= stamp_ns - self._sent_ns < self._period_ns:

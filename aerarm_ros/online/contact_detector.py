@@ -153,6 +153,8 @@ _HELD = 0.8  # of the largest change, above which a push at rest is still presen
 _SATURATED = 0.98  # of the largest torque, above which a measured one counts as limited
 _DECLARED = 0.3  # [s] between a declaration of a payload and its pick-up
 _OFF = 100.0  # share of dry friction with which no torque at rest counts
+_BLIND = 0.5  # [s] without a complete window, after which there is a problem
+_LATE = 10  # consecutive states with a much earlier time, after which the clock has changed
 _UNKNOWN = 1.0  # [s] without states, in which the load may have changed
 
 
@@ -198,6 +200,9 @@ class ContactDetector:
         self._encoders, self._efforts = EncoderWatch(names), EffortWatch(names)
         self._first: float | None = None
         self._last: float | None = None
+        self._late = 0  # consecutive states with an earlier time
+        self._blind = 0.0  # [s] since the last complete window
+        self._seen = np.zeros(external.n)  # posture at its end
         self._free = 0.0  # [s] without an event
         self._unexplained = 0.0  # [s] of motion with events, less a share of the motion without
         self._declared = np.inf  # [s] since a payload was declared
@@ -225,7 +230,13 @@ class ContactDetector:
                 'by a contact nor by a payload: check that the model belongs to this arm, or '
                 'declare the payload'
             )
-        return self._encoders.problem or self._saturated or self._efforts.problem
+        watched = self._encoders.problem or self._saturated or self._efforts.problem
+        if watched or self._blind < _BLIND:
+            return watched
+        return (
+            f'too many states are lost, so contact has not been detected for {self._blind:.1f} s: '
+            'check the CPU load and the sender of joint_states'
+        )
 
     @property
     def payload_mass(self) -> float | None:
@@ -246,8 +257,8 @@ class ContactDetector:
     ) -> ContactReport | None:
         """Process the state at `now` [s]; return the report of the last window of states.
 
-        Returns None for an invalid state, and after a gap until a window is complete. A re-sent or
-        late state is ignored. If states were lost in at most 1 s, detection continues with the
+        Returns None for an invalid state, and after a gap until a window is complete. Re-sent and
+        late states are ignored. If states were lost in at most 1 s, detection continues with the
         next one, and a contact does not end.
 
         `state.tau` is the drives' torque in the cycle that ends now.
@@ -255,28 +266,32 @@ class ContactDetector:
         if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
             return None
         last = self._last
-        if last is not None and 0.0 <= last - now < LONGEST_GAP:
-            return self._report
-        self._last = now
+        if last is not None and now <= last:
+            self._late = self._late + 1 if last - now >= LONGEST_GAP else 0
+            if self._late < _LATE:
+                return self._report
+        self._last, self._late = now, 0
         if last is None or not 0.0 < now - last < _UNKNOWN:
-            self._start_again(now)
+            self._start_again(now, last)
             return None
         dt = now - last
+        self._blind += dt
         if self._window.has_lost(dt) or self._is_saturated(state):
             # The torque of this time is unknown.
             self._window.reset()
             self._external.rebase(state.q, state.dq, base)
             self._load.rebase(state.q, state.dq, base)
-            if dt > LONGEST_GAP and self.event is None:
-                self._rest.reset(0.0)
+            if self._blind > LONGEST_GAP:
+                self._pass_over(state)
             return self._report
         window = self._window.update(state, dt)
         if window is None:
             return self._report
+        self._blind, self._seen = 0.0, state.q
         self._encoders.update(state, window.dt)
         self._efforts.update(state, window.dt)
         if self._encoders.problem or self._efforts.problem:
-            self._start_again(now)
+            self._start_again(now, now)
             return None
         state, dt, _ = window
         row = self._external.update(window, base)
@@ -298,8 +313,15 @@ class ContactDetector:
             )
         return bool(self._saturated)
 
-    def _start_again(self, now: float) -> None:
-        self._free, self._saturated = 0.0, ''
+    def _pass_over(self, state: ArmState) -> None:
+        """Adapt what is known of an arm at rest to a time without windows, [s] `_blind`."""
+        if self.event is None:
+            self._rest.reset(0.0)
+        elif np.abs(state.q - self._seen).max() > self._settings.rest_speed * self._blind:
+            self._rest.held, self.event.reference = None, 0.0
+
+    def _start_again(self, now: float, last: float | None) -> None:
+        self._free, self._saturated, self._blind = 0.0, '', 0.0
         self._external.reset()
         self._window.reset()
         self._report = None
@@ -307,8 +329,9 @@ class ContactDetector:
         self._rest.reset(np.inf)
         self._begin()
         self._first = now
-        if self.event is not None:
-            self.event.end = now
+        event = self.event
+        if event is not None:
+            event.end = now if last is None else max(event.begin, last)
 
     def _begin(self) -> None:
         self._above = self._below = self._lasting = self._steady = self._moving = 0.0
@@ -331,10 +354,13 @@ class ContactDetector:
         change = self._rest.update(state, torque, dt, row, self._bound, is_event)
         ratio = np.abs(torque) / threshold
         felt = _Felt(state, now, dt, torque, threshold, ratio, *change)
-        if self.event is None:
-            self._seek(felt)
-        else:
+        if self.event is not None:
             self._follow(self.event, felt)
+        elif self._load.found or self._load.released:
+            self._start(felt, felt.ratio, torque, threshold)
+            self._follow(self.events[-1], felt)
+        else:
+            self._seek(felt)
         event = self.event
         if self._load.is_loaded:
             self._weigh()
@@ -358,18 +384,22 @@ class ContactDetector:
         size, value, limit = felt.ratio, felt.torque, felt.threshold
         if rests:
             size, value, limit = felt.change_ratio, felt.change, self._rest.limit
-        joint, q = int(np.argmax(size)), felt.state.q.copy()
-        event = ContactEvent(
-            felt.now, joint, value.copy(), limit.copy(), q, float(np.linalg.norm(size))
-        )
+        event = self._start(felt, size, value, limit)
         if self._free < _SINCE_START:
             event.cause = Cause.MODEL
-        self.events.append(event)
         self._load.suspect(felt.torque / felt.threshold, felt.threshold)
         self._rest.hold()
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
+
+    def _start(self, felt: '_Felt', size: Array, value: Array, limit: Array) -> ContactEvent:
+        """Start an event with a torque, its limit and their ratio `size`."""
+        joint, q = int(np.argmax(size)), felt.state.q.copy()
+        ratio = float(np.linalg.norm(size))
+        event = ContactEvent(felt.now, joint, value.copy(), limit.copy(), q, ratio)
+        self.events.append(event)
         self._below = self._lasting = self._steady = self._moving = 0.0
         self._peak = np.abs(value)
+        return event
 
     def _follow(self, event: ContactEvent, felt: '_Felt') -> None:
         """Follow an event until it ends or its cause is known."""

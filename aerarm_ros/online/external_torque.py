@@ -25,7 +25,7 @@ FEATURES = (
 """Features of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
 
 LONGEST_GAP = 0.1
-"""[s] Longest gap between two states; after a longer one the observer restarts."""
+"""[s] Longest time without states in which an arm at rest keeps its posture and friction."""
 
 WINDOW = 5e-3
 """[s] Length of the windows over which states are averaged."""
@@ -112,7 +112,7 @@ class StateWindow:
 
     def has_lost(self, dt: float) -> bool:
         """Return whether states are missing in a time of `dt` [s] without states."""
-        self._cycle = self._cycle or dt
+        self._cycle = self._cycle or min(dt, LONGEST_GAP)
         is_late = dt > max(WINDOW, _LOST * self._cycle)
         self._cycle += 0.05 * (min(dt, 2.0 * self._cycle) - self._cycle)
         return is_late

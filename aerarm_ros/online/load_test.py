@@ -205,7 +205,7 @@ class LoadTest:
             elif np.mean(explained) < 0.5:
                 self._is_new = True  # more or less payload: learn it from now on
                 self._forget()
-            elif self._is_new and np.mean(explained) > _EXPLAINED:
+            elif self._is_new and np.mean(explained) > _EXPLAINED and self._is_body(mass):
                 self._is_new, self.found = False, True
             return
         varied = np.ptp(np.array(predicted), axis=0).max() > 1.0
@@ -214,8 +214,11 @@ class LoadTest:
             and np.mean(explained) > _EXPLAINED
             and varied
             and abs(mass) > _SIGNIFICANT * std
-            # A push may look like a negative mass, but the arm loses no more than its last link.
-            and mass + _SIGNIFICANT * std > -self._own_mass - self._declared[0]
+            and self._is_body(mass)
         ):
             self._body, self.found = self._scale * belief.mean, True
             self.mass, self.mass_std = mass, std
+
+    def _is_body(self, mass: float) -> bool:
+        """Return whether the arm can carry or lose a mass [kg]; a push may look like another."""
+        return bool(mass > -self._own_mass - self._declared[0])

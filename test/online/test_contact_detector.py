@@ -130,6 +130,67 @@ def test_a_late_state_and_a_gap_end_no_contact(run: CarryingRun, quiet: ContactD
     assert np.isnan(event.end)
 
 
+def moved(motion: Recording, run: CarryingRun, begin: float) -> Recording:
+    """Return a rest that continues in another posture after `begin` [s], with friction reversed."""
+    after = motion.time >= begin
+    dynamics, dry = ExternalTorque(known_arm(run), GAIN).dynamics, known_arm(run).friction[1]
+    q, tau = motion.q.copy(), motion.tau.copy()
+    before, q[after] = q[0], q[after] + 0.1
+    tau[after] += dynamics.gravity(q[-1]) - dynamics.gravity(before) - 0.6 * dry
+    return replace(motion, q=q, tau=tau)
+
+
+def test_a_motion_in_a_gap_ends_a_contact_at_rest(run: CarryingRun, quiet: ContactDetector) -> None:
+    motion = moved(at_rest(run, 0.6), run, 3.0)
+    kept = (motion.time < 2.4) | (motion.time > 3.2)
+    (event,) = play(quiet, thinned(motion, kept)).events
+    assert event.end < 3.6
+
+
+def test_saturation_while_the_posture_changes_is_no_contact(
+    run: CarryingRun, bound: ResidualBound
+) -> None:
+    motion = moved(at_rest(run, 0.0), run, 2.0)
+    limit = np.full(4, 50.0)
+    motion.tau[(motion.time > 1.5) & (motion.time < 2.4)] = limit
+    found = ContactDetector(ExternalTorque(known_arm(run), GAIN), bound, SMALL, limit)
+    assert play(found, motion).events == []
+
+
+def test_a_state_that_is_very_late_ends_no_contact(
+    run: CarryingRun, quiet: ContactDetector
+) -> None:
+    motion = clamped(at_rest(run, 0.6))
+    order = np.insert(np.arange(len(motion.time)), 3000, 2000)
+    (event,) = play(quiet, thinned(motion, order)).events
+    assert np.isnan(event.end)
+
+
+def test_a_clock_that_is_set_back_starts_the_detection_again(
+    run: CarryingRun, quiet: ContactDetector
+) -> None:
+    motion = at_rest(run, 0.0)
+    play(quiet, motion)
+    (event,) = play(quiet, at_rest(run, 0.6)).events
+    assert event.begin == pytest.approx(2.05, abs=0.05)
+
+
+def test_a_contact_before_a_long_gap_ends_before_it(
+    run: CarryingRun, quiet: ContactDetector
+) -> None:
+    motion = clamped(at_rest(run, 0.6))
+    later = motion.time + np.where(motion.time > 3.2, 60.0, 0.0)
+    event = play(quiet, replace(motion, time=later)).events[0]
+    assert event.end == pytest.approx(3.2, abs=0.01)
+
+
+def test_states_lost_in_bursts_are_reported(run: CarryingRun, quiet: ContactDetector) -> None:
+    motion = at_rest(run, 0.6)
+    kept = np.arange(len(motion.time)) % 9 < 4
+    assert 'too many states are lost' in play(quiet, thinned(motion, kept)).problem
+    assert play(quiet, replace(motion, time=motion.time + 10.0)).problem == ''
+
+
 def test_without_dry_friction_the_model_error_at_rest_is_no_contact(
     run: CarryingRun, bound: ResidualBound
 ) -> None:

@@ -50,7 +50,7 @@ REPORT = 'contacts.html'
 _FILES = (RESIDUALS, REPORT, MARKER)
 _SHOWN = 3000  # points of a curve
 _PAYLOAD_RADIUS = 0.05  # [m] of the ball that a payload of --payload is
-_EXCEEDED = 1.02  # of an effort limit
+_EXCEEDED, _LARGEST = 1.02, 0.99  # of an effort limit; quantile of the torques
 _NUMBER = re.compile(r'(?<=\s)-?\d\S*')  # not in the name of a joint
 _ONE_PROBLEM = 1.0  # [s] between two times of one interval of a problem
 _NAMED = 3  # intervals of a problem that its message lists
@@ -265,8 +265,9 @@ class ContactReplay:
 
     def _search_one(self, path: Path, bound: ResidualBound) -> SearchedBag:
         recording, limit = self._recorded.recording(path), self._arm.robot.effort_max
-        # A limit that the torque exceeds is not that of the drive.
-        limit = np.where(np.abs(recording.tau).max(axis=0) > _EXCEEDED * limit, np.inf, limit)
+        # If more than a few recorded torques exceed a limit, it is not that of the drive.
+        largest = np.nanquantile(np.abs(recording.tau), _LARGEST, axis=0)
+        limit = np.where(largest > _EXCEEDED * limit, np.inf, limit)
         external = ExternalTorque(self._arm, bound.gain)
         detector = ContactDetector(external, bound, contact_settings(self._options), limit)
         if self._payload is not None:
