@@ -1,7 +1,7 @@
 """Codec of serialized sensor_msgs/JointState messages at fixed offsets.
 
-With constant joint names the CDR of a JointState has a fixed layout. So a 1 kHz loop packs and
-unpacks the numbers in place instead of building message objects, in 2 us instead of 30 us.
+With constant joint names the CDR of a JointState has a fixed layout. A 1 kHz loop therefore packs
+and unpacks the numbers in place instead of building message objects, in 2 us instead of 30 us.
 Standard: OMG DDSI-RTPS 2.3, section 10 (CDR, little-endian).
 """
 

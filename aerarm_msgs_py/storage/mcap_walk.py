@@ -296,7 +296,7 @@ class McapWalk:
     """Iterator over the records of a file between its magic bytes, in order.
 
     At an invalid record, the iteration continues at the next chunk that the file's summary lists,
-    or ends if there is no summary. Both cases are reported.
+    or ends if there is no summary. McapWalk reports an invalid record and a missing summary.
 
     Parameters
     ----------

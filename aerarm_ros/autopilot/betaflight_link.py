@@ -32,7 +32,8 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
     """Return the UDP packet with the drone's state for the firmware.
 
     The firmware reverses y and z of the angular velocity and all axes of the acceleration, and
-    uses forward-left-up axes. It expects the attitude with y and z of body and world reversed.
+    uses forward-left-up axes. The firmware expects the attitude with y and z of body and world
+    reversed.
 
     Parameters
     ----------

@@ -29,9 +29,9 @@ class Px4SetPoints:
 
     A drone with rotors in one plane gets SET_POSITION_TARGET_LOCAL_NED with the acceleration of
     `SetPointAcceleration`; PX4 closes all loops. PX4's position loop would tilt a drone with tilted
-    rotors, which should stay level. So a drone with tilted rotors gets SET_ATTITUDE_TARGET with
-    `thrust_body`. The field `thrust_body` is the force of this package's own position loop plus the
-    arm's feedforward. PX4 then closes only the loops of attitude and angular velocity.
+    rotors, which should stay level. A drone with tilted rotors therefore gets SET_ATTITUDE_TARGET
+    with `thrust_body`. The field `thrust_body` is the force of this package's own position loop
+    plus the arm's feedforward. PX4 then closes only the loops of attitude and angular velocity.
 
     Parameters
     ----------

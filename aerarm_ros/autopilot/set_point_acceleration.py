@@ -81,8 +81,8 @@ class SetPointAcceleration:
     def turn(self, arm: FeedForward, dt: float) -> Array:
         """Return the attitude offset (3,) [rad] that makes the autopilot give the moment M.
 
-        The offset is in level axes. It is for a drone with tilted rotors, which does not tilt for a
-        force.
+        The offset is in level axes. The offset applies only to a drone with tilted rotors, which
+        produces a horizontal force without tilting.
         """
         if self._attitude_gain == 0.0 or self._rate_gain == 0.0:
             return np.zeros(3)

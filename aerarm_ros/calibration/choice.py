@@ -80,10 +80,11 @@ class Candidate:
 def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
     """Return which errors of given kinds the postures identify, from the rank of the Jacobian.
 
-    The sources' unknowns come first: an error with the same effect is attributed to them. The
-    errors follow in the order of `KINDS`, so an effect is attributed to a joint's offset rather
-    than to a rotation of the joint's frame. An error that random postures within the joints'
-    limits would identify, but the given postures do not, is hidden.
+    The unknowns of the sources have priority: if an arm error has the same effect as an unknown of
+    a source, the fit attributes the effect to the source. The errors follow in the order of
+    `KINDS`, so an effect is attributed to a joint's offset rather than to a rotation of the
+    joint's frame. An error that random postures within the joints' limits would identify, but the
+    given postures do not, is hidden.
     """
     wanted = [k for kind in KINDS if kind in kinds for k in start.geometry.columns(kind)]
     wanted = [k for k in wanted if _has_effect(start.geometry, k)]

@@ -173,8 +173,8 @@ def _check_deviations(fit: Fit) -> Array:
 def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuResult:
     """Estimate the pose of the IMU on the drone.
 
-    The same window smooths both sides of ``R_WI f + g = p'' + R'' r``, with specific force f,
-    gravity g, body position p and rotation R, and the position r of the IMU on the body.
+    One smoothing window is applied to both sides of ``R_WI f + g = p'' + R'' r``, with specific
+    force f, gravity g, body position p and rotation R, and the position r of the IMU on the body.
     Derivatives are taken of the window function instead of the noisy signals, and the equation is
     linear in r. The measured angular rates determine the rotation of the IMU.
 

@@ -55,8 +55,8 @@ def choose_postures(
 
     Candidates are random postures within the joint limits that are allowed and visible. A greedy
     choice among these candidates maximizes the determinant of the information matrix of all
-    identifiable errors, base frame and markers. Then each posture is exchanged for a better one,
-    if possible (Fedorov 1972).
+    identifiable errors, base frame and markers. In the end each chosen posture is exchanged for a
+    better candidate, if one exists (Fedorov 1972).
 
     Parameters
     ----------

@@ -164,10 +164,10 @@ class MomentumObserver:
 
     so that `dr/dt = K (tau_ext - r)` without joint accelerations or an inverse of B. Contact,
     payload and model errors appear in r with the time constant 1/K. `h` contains gravity and the
-    motion of the base. On a base that responds, B is the effective joint inertia. In that case p is
-    the sum of `B d(dq)` over the cycles, which needs no rate of B. Disturbances of the base appear
-    in r as far as they act on the joints. De Luca, Albu-Schaeffer, Haddadin, Hirzinger: Collision
-    detection and safe reaction with the DLR-III (2006).
+    motion of the base. On a base that responds, B is the effective joint inertia. The momentum p
+    is then the sum of `B d(dq)` over the cycles, which needs no rate of B. Disturbances of the
+    base appear in r as far as they act on the joints. De Luca, Albu-Schaeffer, Haddadin,
+    Hirzinger: Collision detection and safe reaction with the DLR-III (2006).
 
     Parameters
     ----------

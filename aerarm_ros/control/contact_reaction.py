@@ -47,8 +47,8 @@ class ContactReaction:
     Attributes
     ----------
     reaction : Reaction
-        For the contacts to come; may be replaced at any time. A reaction that has begun lasts until
-        its contact ends.
+        Reaction to the next contact; may be replaced at any time. A reaction that has begun lasts
+        until its contact ends.
     in_contact : bool
     count : int
         Number of reactions so far.

@@ -157,8 +157,9 @@ class Robot:
         Parameters
         ----------
         pi : (n, 10) array_like
-            Inertial parameters, in the order of thesis (3.3). They may be physically inconsistent,
-            but a body is stored by its centre of mass, so every mass must be nonzero.
+            Inertial parameters, in the order of thesis (3.3). The parameters may be physically
+            inconsistent, but every mass must be nonzero, because a body is stored by its centre of
+            mass.
 
         Raises
         ------

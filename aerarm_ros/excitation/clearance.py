@@ -101,8 +101,8 @@ def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
 
     The distance of two bodies changes by at most the relative motion of their points. A rotation
     of joint j by one radian moves a point of a body by at most the point's distance from the
-    joint's axis. This distance is at most the sum of the link lengths between joint and body plus
-    the body's radius. For a prismatic joint the bound is 1.
+    joint's axis. A point's distance from the axis is at most the sum of the link lengths between
+    joint and body plus the body's radius. For a prismatic joint the bound is 1.
 
     Raises
     ------
@@ -344,9 +344,9 @@ class Clearance:
     """Smallest distance along a motion for one kind of pair ('self' or 'ground').
 
     `distance` [m] is the smallest distance in a sampled posture. `guaranteed` [m] is a lower
-    bound of the distance during the whole motion, including times between samples. Both belong to
-    the pair with the smallest margin to its `required` distance [m]. `sample` is the row number
-    of the posture with the smallest distance.
+    bound of the distance during the whole motion, including times between samples. Both distances
+    belong to the pair of bodies with the smallest margin to its `required` distance [m]. `sample`
+    is the row number of the posture with the smallest distance.
     """
 
     subject: str

@@ -202,9 +202,9 @@ class CombinedCriterion:
 class ConditionCriterion:
     """Logarithm of sigma_max / sigma_min over the non-zero singular values, thesis (5.2).
 
-    The largest and smallest eigenvalue are not differentiable where two eigenvalues cross. Both
-    are therefore smoothed by a log-sum-exp of sharpness rho, which overestimates the logarithm by
-    at most log(r) / rho.
+    The largest and smallest eigenvalue are not differentiable where two eigenvalues cross. A
+    log-sum-exp of sharpness rho therefore smooths both eigenvalues; it overestimates the logarithm
+    by at most log(r) / rho.
 
     Parameters
     ----------

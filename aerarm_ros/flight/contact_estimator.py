@@ -28,8 +28,9 @@ class ContactObserver:
 
     f and M are force and moment of the rotors, f_c and M_c those of the contact, and m g is the
     weight. The joints' torques are internal and do not appear, so any motion of the arm is
-    possible, and no acceleration is needed. The remainder passes a first-order low-pass. This gives
-    the observer `d = K (p - int(f + m g + d) dt)` of De Luca et al. (IROS 2006) for a free body.
+    possible, and no acceleration is needed. The remainder passes a first-order low-pass. The
+    result is the observer `d = K (p - int(f + m g + d) dt)` of De Luca et al. (IROS 2006) for a
+    free body.
 
     Parameters
     ----------
@@ -128,8 +129,8 @@ class ContactZero:
     """Subtract the bias that a wrong model of weight and thrust causes.
 
     While the drone hovers, a wrong mass or thrust appears as a constant force in the world frame,
-    at a constant point of the drone. So the bias is a mean force in the world frame and a mean
-    moment in the axes of the arm's base.
+    at a constant point of the drone. The bias therefore consists of a mean force in the world
+    frame and a mean moment in the axes of the arm's base.
     """
 
     def __init__(self) -> None:

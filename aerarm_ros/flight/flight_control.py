@@ -191,9 +191,9 @@ class FlightControl:
     """Hold a drone with its arm at a position, or move the drone along a path.
 
     The controlled point is the common centre of mass. The target of the centre of mass is its
-    position while the level body is at the body's target. So a tilted body is displaced from the
-    body's target. The force f_a and the moment m_a are those of the joints' motion, e is the
-    position error, and a_d the target's acceleration::
+    position while the level body is at the body's target. A tilted body is therefore displaced
+    from the body's target. The force f_a and the moment m_a are those of the joints' motion, e is
+    the position error, and a_d the target's acceleration::
 
         F = m (g + a_d + Kp e + Kd de + Ki int e) - f_a - d
         M = J (a_R + Kp e_R + Kd e_w) + w x J w + Ki int e_R - m_a - d_R

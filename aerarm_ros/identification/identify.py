@@ -160,9 +160,9 @@ def without_nil_terms(
     """Repeat the fit without joint terms whose coefficient is at its bound 0.
 
     An example is rotor inertia when a torque sensor is mounted behind the gear, where the sensor
-    does not measure it. With this column in the fit, solvers without bounds would return an
-    impossible rotor inertia. Friction (2.6), which every joint has, is removed only if the data
-    clearly require a negative value.
+    does not measure it. With an insignificant column in the fit, solvers without bounds would
+    return an impossible rotor inertia. Friction (2.6), which every joint has, is removed only if
+    the data clearly require a negative value.
 
     Parameters
     ----------
@@ -445,8 +445,9 @@ def _bases(
 ) -> tuple[BaseParameters, BaseParameters]:
     """Return the base parameters of the thesis's columns, and of all fitted columns.
 
-    Both are computed with the stated gravity. With a slight tilt of gravity more parameters are
-    identifiable, but so weakly that every motion would seem to excite them poorly.
+    Both sets of base parameters are computed with the stated gravity. With a slight tilt of
+    gravity more parameters are identifiable, but so weakly that every motion would seem to excite
+    them poorly.
     """
     model = JointModel.uniform(fit.model.joint_names, fit.model.link_names, THESIS_TERMS)
     regressions = [RegressionBank(level_bags, THESIS_TERMS).regression(model), fit.regression]

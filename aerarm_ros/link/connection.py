@@ -1,10 +1,10 @@
 """A connection over datagrams: messages without loss, newest values, a limited rate.
 
-Each message is repeated until the other end acknowledges it, independently of all others. So a
-lost datagram delays one message of one channel, not the connection. Each datagram repeats urgent
-messages until they are acknowledged. A command has a lifetime, because a motion requested before a
-loss of connection must not begin after it. Values are sent once, the newest first, as far as the
-rate allows.
+Each message is repeated until the other end acknowledges it, independently of all others. A lost
+datagram therefore delays one message of one channel, not the connection. Each datagram repeats
+urgent messages until they are acknowledged. A command has a lifetime, because a motion requested
+before a loss of connection must not begin after it. Values are sent once, the newest first, as far
+as the rate allows.
 
 The connection has no sockets and no clock: its owner passes datagrams and times.
 """
@@ -212,7 +212,7 @@ class Connection:
     def _drop_oldest(self) -> bool:
         """Drop the oldest message that is least urgent; return whether there was one.
 
-        The other end waits for the rest of a message that was partly sent.
+        A message that was partly sent is not dropped, because the other end waits for its rest.
         """
         for priority in (BULK, PROMPT):
             waiting = self._waiting[priority]
@@ -293,7 +293,7 @@ class Connection:
     def single(self, channel: int, payload: bytes, now_ns: int, system_ns: int) -> bytes:
         """Return a datagram with one value and nothing else, outside the bounded rate.
 
-        The other end must have joined.
+        Call this method only after the other end has joined.
         """
         body = _entry(_TIME, _TIMES.pack(now_ns, system_ns, 0, 0))
         body += _entry(_VALUE, _CHANNEL.pack(channel) + payload)
@@ -306,10 +306,10 @@ class Connection:
         return datagram
 
     def _contents(self, now: float, room: int) -> Iterator[tuple[int, bytes]]:
-        """Yield what fits: urgent parts, prompt parts that are due, values, then bulk.
+        """Yield the parts that fit: urgent parts, prompt parts that are due, values, bulk.
 
-        In every fourth datagram bulk comes before values, so that neither starves: after a cut the
-        backlog of diagnostics must not hold up states, nor many states the diagnostics.
+        In every fourth datagram bulk parts precede values. After a cut, the backlog of diagnostics
+        therefore does not delay the states, and many states do not delay the diagnostics.
         """
         may_send = self.is_up(now) and self._tokens > 0.0
         self._turn = (self._turn + 1) % _TURNS

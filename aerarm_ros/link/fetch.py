@@ -1,9 +1,9 @@
 """Files of the drone, fetched block by block over a radio that loses datagrams and is cut.
 
-The ground asks for numbered blocks and asks again for those that do not come. The drone only
-answers, so a cut or a restart of either end loses nothing: what is stored stays, and the fetch goes
-on behind it. The ground asks less while datagrams are delayed, so that commands and states do not
-wait behind a bag in the radio's queue.
+The ground requests numbered blocks, and repeats the request for blocks that do not arrive. The
+drone only answers requests. After a cut or a restart of either end, the ground keeps the stored
+blocks and requests the next ones. The ground asks less while datagrams are delayed, so that
+commands and states do not wait behind a bag in the radio's queue.
 """
 
 from __future__ import annotations

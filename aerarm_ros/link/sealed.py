@@ -6,9 +6,9 @@ with one key. There is no forward secrecy: anyone with the shared key can read r
 
 The session number is also the challenge of the handshake. Each datagram contains the session number
 of its receiver. An end offers a new session number in its answer to a greeting, and accepts the
-other end once a datagram is addressed to this number. So a recorded datagram connects nothing,
-moves no address and replaces no live end. An end stores nothing about a greeting, so greetings
-cannot fill its memory.
+other end once a datagram is addressed to this number. A recorded datagram therefore cannot open a
+connection, change an address or replace a live end. An end stores nothing about a greeting, so
+greetings cannot fill its memory.
 """
 
 from __future__ import annotations
@@ -130,8 +130,8 @@ class Session:
     key
         Shared key.
     role, other_role
-        Roles of both ends, which must differ. So a datagram that is reflected to its sender is
-        rejected.
+        Roles of both ends, which must differ. Because the roles differ, a datagram that is
+        reflected to its sender is rejected.
 
     Attributes
     ----------
@@ -170,10 +170,10 @@ class Session:
         """Open a datagram that arrived at `now` [s]; set `answer` if it is a greeting.
 
         `is_up` tells whether the other end is present. A ground whose drone is present answers only
-        a greeting to its current session, as a restarted drone sends it. Otherwise an attacker
-        could pass on the drone's answer to a recorded greeting, and so restart the connection.
-        The result is None unless the datagram is authentic, addressed to the current session, and
-        neither repeated nor far behind others.
+        a greeting to its current session, as a restarted drone sends it. If the ground answered
+        every greeting, an attacker could pass on the drone's answer to a recorded greeting, and so
+        restart the connection. The result is None unless the datagram is authentic, addressed to
+        the current session, and neither repeated nor far behind others.
         """
         self.answer = None
         if len(datagram) < OVERHEAD:

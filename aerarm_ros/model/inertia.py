@@ -125,7 +125,7 @@ def pseudo_inertia(pi: npt.ArrayLike) -> Array:
     """Return the pseudo-inertia matrices of Wensing, Kim and Slotine (RA-L 2018).
 
     `P = [[tr(Ibar)/2 1 - Ibar, m c], [(m c)^T, m]]`, linear in the parameters. P is the second
-    moment of the mass distribution in homogeneous coordinates. It is positive semidefinite if and
+    moment of the mass distribution in homogeneous coordinates. P is positive semidefinite if and
     only if some mass distribution has these parameters.
 
     Parameters
@@ -196,9 +196,8 @@ def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
 def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
     """Return whether every set of parameters belongs to some positive mass distribution.
 
-    This condition is stronger than thesis (3.9)-(3.15), which requires only a positive definite
-    barycentric inertia. The principal moments of a real body also satisfy the triangle
-    inequality.
+    The check is stronger than thesis (3.9)-(3.15), which requires only a positive definite
+    barycentric inertia. The principal moments of a real body also satisfy the triangle inequality.
 
     Parameters
     ----------

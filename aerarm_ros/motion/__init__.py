@@ -1,6 +1,6 @@
 """Basic types of motion shared by control laws, excitations and the bridge.
 
 The package contains references, states and commands in the thesis's symbols (q, dq, ddq, tau), and
-polynomials that connect postures and velocities. It does not depend on arms, limits or ROS
-messages.
+polynomials that connect postures and velocities. The package does not depend on arms, limits or
+ROS messages.
 """

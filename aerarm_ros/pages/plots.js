@@ -1,5 +1,5 @@
-// A classic script. The library itself stands packed where `atob` reads: 2 of its 5 MB, and run as it
-// asks for once it is unpacked. Figures wait for that, those too that plotly wrote.
+// The page contains the plotly library compressed (2 of 5 MB). `newPlot` queues all figures until the
+// library is unpacked and runs, including figures that plotly's own HTML export draws.
 const waiting = [];
 window.Plotly = {newPlot: (...call) => new Promise(done => waiting.push([call, done]))};
 const dark = matchMedia('(prefers-color-scheme: dark)');
@@ -20,7 +20,7 @@ const theme = () => {
     scene: {xaxis: side, yaxis: side, zaxis: side},
   }};
 };
-// What is dark on white, as it is told from black.
+// Colours of the dark theme, by the colours that would be too dark on black.
 const lighter = {
   '#0b4fa3': '#6fa8f0', '#0b62c4': '#6fa8f0', '#b3261e': '#f2746b', '#1c2430': '#e3e7ed',
   '#0b7a3b': '#5fcf8e', '#444b54': '#76808d', '#a9bdd6': '#5a7394', '#9467bd': '#b08ad6',
@@ -34,8 +34,8 @@ const colored = traces => !dark.matches ? traces : traces.map(trace => {
     if (own[part]?.color) own[part] = {...own[part], color: shown(own[part].color)};
   return own;
 });
-// On a phone nothing stands beside a plot: legends go above it, names of rows above their rows,
-// buttons above their sliders. A finger that meets a plot scrolls the page.
+// On a narrow screen, legends are above their plot, row names above their rows, and buttons above
+// their sliders. Touching a plot scrolls the page.
 const fitted = (traces, asked) => {
   const layout = {...asked, template: theme(), uirevision: 'kept'};
   if (!narrow.matches) return layout;

@@ -16,8 +16,8 @@ _AT_REST = 3
 class SplineBasis:
     """Quintic B-splines on [0, 1] with uniform knots, at rest at both ends.
 
-    A motion is linear in its (K, n) free control points. It lies within the range of the control
-    points, start and end, so bounds on the points are bounds on positions.
+    A motion is linear in its (K, n) free control points. A motion lies within the range of the
+    control points, start and end, so bounds on the points are bounds on positions.
 
     Parameters
     ----------

@@ -90,9 +90,9 @@ class SteadyClock:
     """Stamps for a stream whose receivers differentiate and integrate over time.
 
     Time servers and hypervisors correct the system time in steps of tens of milliseconds, even
-    backwards. This clock follows the monotonic clock and approaches the system time by at most 500
-    ppm. A difference of half a second is corrected at once, but only while `may_step`, because an
-    arm that moves by these stamps would jump.
+    backwards. A SteadyClock follows the monotonic clock and approaches the system time by at most
+    500 ppm. A difference of half a second is corrected at once, but only while `may_step`, because
+    an arm that moves by these stamps would jump.
 
     Parameters
     ----------

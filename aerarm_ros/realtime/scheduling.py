@@ -1,7 +1,7 @@
 """Real-time requests to the operating system, each with advice if it is refused.
 
-Every function returns None on success, otherwise a warning with the consequences for the user. So a
-robot on a desk also runs without these rights.
+Every function returns None on success, otherwise a warning with the consequences for the user. A
+robot on a desk therefore also runs without real-time rights.
 
 An arm's matrices are small. Several threads for one matrix only wait for each other: next to a
 real-time loop, solving four equations took milliseconds on several threads instead of

@@ -45,8 +45,9 @@ _CLOCK = 'rosgraph_msgs/msg/Clock'
 def is_emulated(node: Node, topic: str) -> bool:
     """Return whether each node that publishes a topic also publishes a clock, under any name.
 
-    Such a node is an emulated arm, whose simulation time pauses when its host is busy. The result
-    is False if the topic has no publisher. The call takes a few milliseconds at most.
+    A publisher with a clock is an emulated arm, whose simulation time pauses when its host is
+    busy. The result is False if the topic has no publisher. The call takes a few milliseconds at
+    most.
 
     Parameters
     ----------
@@ -161,9 +162,9 @@ class PublisherWatch:
     """Report the full names of a topic's publishers.
 
     Reading the graph takes up to a millisecond of the interpreter's time, a whole cycle of a loop.
-    So the graph is read only after a change of the number of publishers, while a name is unknown,
-    and after `look_soon`. The middleware's event of a new publisher is not suitable, because every
-    message of the topic would wake the waiting thread.
+    PublisherWatch therefore reads the graph only after a change of the number of publishers, while
+    a name is unknown, and after `look_soon`. The middleware's event of a new publisher is not
+    suitable, because every message of the topic would wake the waiting thread.
 
     Parameters
     ----------

@@ -50,8 +50,9 @@ class RotorGovernor:
     remaining thrust is for feedback, wind and tilt. The thrusts include the moment about the
     vertical, so a heading that cannot be held shows as a rotor near its limit.
 
-    The pace is first computed with r' = 0 and smoothed over 0.2 s without exceeding it. Then the
-    pace is lowered everywhere until the whole motion, with its r', respects the limits.
+    The pace is first computed with r' = 0 and smoothed over 0.2 s without exceeding it. In a
+    second step the pace is lowered everywhere until the whole motion, with its r', respects the
+    limits.
 
     Parameters
     ----------

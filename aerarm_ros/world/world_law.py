@@ -309,9 +309,9 @@ def felt_share(whole: WholeBodyDynamics, kinematics: Kinematics, q: Array) -> fl
 
     The arm then does not rotate with the drone. With the inverse `J_q^+` of the tool's Jacobian,
     the base has the inertia `M_bb - M_bj J_q^+ J_b`. The result compares this inertia's angular
-    part with the inertia of arm and drone as one rigid body, about the common centre of mass. It
-    is the least eigenvalue of their ratio. The frequency of the drone's attitude loop grows by one
-    over the root of the result, compared with held joints.
+    part with the inertia of arm and drone as one rigid body, about the common centre of mass. The
+    result is the least eigenvalue of the ratio of the two inertias. The frequency of the drone's
+    attitude loop grows by one over the root of the result, compared with held joints.
 
     Parameters
     ----------

@@ -112,8 +112,8 @@ class WorldToolReference:
 
     The reference is the goal plus two offsets that decay to zero. The fast offset connects set
     points within the tool's limits of velocity and acceleration. The slow offset, at
-    `recovery_speed`, moves the tool to its goal after a stop or a jump of the odometry. Such a
-    jump moves the goal but not the tool.
+    `recovery_speed`, moves the tool to its goal after a stop or a jump of the odometry. A jump of
+    the odometry moves the goal but not the tool.
 
     During a problem (no valid odometry, an unreachable target) the reference has no base, so the
     arm stops in the base frame. After 0.5 s without a problem the tool continues toward its goal.

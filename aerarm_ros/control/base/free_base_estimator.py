@@ -305,10 +305,11 @@ class FreeBaseEstimator:
     """Estimate `FreeBaseMotion` from rotor commands, IMU samples and joint states.
 
     A control law that used the IMU's acceleration directly would close a loop with the arm's own
-    reaction. The gain of that loop is about the arm's mass divided by the drone's mass. So the
-    acceleration is predicted (`WholeBodyDynamics`, with the rotors' wrench from their commands).
-    The IMU corrects the prediction far below the arm's bandwidth (`AnswerCorrection`). The
-    gyroscope is used directly, because angular velocity only enters the centrifugal forces.
+    reaction. The gain of that loop is about the arm's mass divided by the drone's mass. The
+    estimator therefore predicts the base acceleration (`WholeBodyDynamics`, with the rotors'
+    wrench from their commands). The IMU corrects the prediction far below the arm's bandwidth
+    (`AnswerCorrection`). The gyroscope is used directly, because angular velocity only enters the
+    centrifugal forces.
 
     Without valid rotor commands the estimate is the IMU's slow part. Without IMU the base is
     assumed to hover level. Changes between these cases fade.

@@ -93,10 +93,10 @@ class MovingBaseDynamics:
             Default: `still`.
         planned : (n,) ndarray, optional
             Joint acceleration to which the base responds [rad/s^2], by default `ddq`. Give the
-            planned acceleration if `ddq` also contains the correction of an error. Then the
-            correction acts through B(q) of the fixed base, with the same stiffness as on a fixed
-            base. The error obeys `D dde + B (Kd de + Kp e) = 0` with the inertia D on the free
-            base. The error is stable, because B and D are positive definite.
+            planned acceleration if `ddq` also contains the correction of an error. With `planned`,
+            the correction acts through B(q) of the fixed base, with the same stiffness as on a
+            fixed base. The error obeys `D dde + B (Kd de + Kp e) = 0` with the inertia D on the
+            free base. The error is stable, because B and D are positive definite.
         """
         if not isinstance(base, FreeBaseMotion):
             return self._recursion(q, dq, ddq, base)[6:]

@@ -296,9 +296,9 @@ def make_links(
 class MotorPower:
     """Electrical input power and energy of each motor, thesis (4.1) with i_d = 0.
 
-    If the boards report the quadrature voltage u_q, ``P = 3/2 u_q i_q``. Otherwise the power is the
-    sum of Joule loss and mechanical power for constant current (thesis section 4.1),
-    ``P = 3/2 R i_q^2 + K_i i_q omega_m``, with the configured R and K_i.
+    If the boards report the quadrature voltage u_q, ``P = 3/2 u_q i_q``. Without u_q, the power is
+    the sum of Joule loss and mechanical power for constant current (thesis section 4.1), ``P = 3/2
+    R i_q^2 + K_i i_q omega_m``, with the configured R and K_i.
 
     Parameters
     ----------

@@ -122,11 +122,11 @@ _ADVICE = 'check supply, wires and SPI mode'
 class BoardMonitor:
     """State machine of one board, driven by the board's answers; a fault stays until cleared.
 
-    A board goes from disconnected to idle once it answers reliably. When the system is enabled, it
-    goes to aligning, and to ready once every motor in use is aligned. It is running while the arm
-    follows a command, and returns to idle when the system is disabled. These conditions lead to
-    fault: an error code, too many bad frames, too many lost commands to a driven board, data that
-    no longer change, slow exchanges, or motors that are no longer ready.
+    A board goes from disconnected to idle once it answers reliably. When the system is enabled,
+    the board goes to aligning, and to ready once every motor in use is aligned. A board is running
+    while the arm follows a command, and returns to idle when the system is disabled. These
+    conditions lead to fault: an error code, too many bad frames, too many lost commands to a
+    driven board, data that no longer change, slow exchanges, or motors that are no longer ready.
 
     A board counts as silent after a number of failed exchanges and not after a time, because the
     host itself may have been delayed.

@@ -35,8 +35,8 @@ class ExpectedMotion:
     its load, which includes any payload and any base orientation. While the measured angle does
     not change, the motor's minimum motion is predicted from its current, the estimated load and
     an upper bound of friction. If this motion is large although the angle has not changed by one
-    count, the encoder is wrong or the joint is blocked. This also follows if the full motor
-    current does not change the angle for some time.
+    count, the encoder is wrong or the joint is blocked. The encoder is also judged wrong, or the
+    joint blocked, if the full motor current does not change the angle for some time.
 
     The angle of a slow motor changes by one count in some checks and not at all in others. Both
     kinds of checks update the estimate; changes of the angle alone would overestimate the speed
@@ -276,8 +276,8 @@ class EncoderMonitor:
     trusted
         (n,) False for motors whose encoder had an implausible reading, until `clear`.
     tells_position
-        (n,) False for motors whose encoder has jumped or stands still implausibly. It is True
-        again once the angle changes, because a changing load may have held the motor still.
+        (n,) False for motors whose encoder has jumped or stands still implausibly. The flag is
+        True again once the angle changes, because a changing load may have held the motor still.
     damping_speed
         (n,) largest motor speeds [rad/s] for which a board may damp its motor: inf for no limit,
         0 for no damping.

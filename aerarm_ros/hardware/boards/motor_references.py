@@ -207,14 +207,14 @@ class MotorReference:
         """Brake the joint if the references request more torque than its barrier allows.
 
         A pure torque reference may be allowed for one cycle, but make the joint too fast if the
-        host is delayed. Such a reference gets additional damping about the joint speed expected
-        at the next frame. Other references get the same damping if their stiffness would make the
-        joint too fast during such a delay.
+        host is delayed. A pure torque reference therefore gets additional damping about the joint
+        speed expected at the next frame. Other references get the same damping if their stiffness
+        would make the joint too fast during such a delay.
 
         If the requested torque exceeds the barrier's bounds, the nearest bound replaces the
-        reference. It is sent as a damping gain with a reference speed, so it needs no
-        feed-forward current, and the torque falls as the joint accelerates while the frame is
-        held.
+        reference. The bound is sent as a damping gain with a reference speed and without
+        feed-forward current, so the torque falls as the joint accelerates while the board holds
+        the frame.
 
         Returns
         -------

@@ -218,8 +218,8 @@ class EmulatedBoard:
     def has_let_go(self) -> bool:
         """Whether both motors give no torque until the next command arrives.
 
-        This is the case if the board is switched off, or if its time-out has expired after a
-        command of zero current (which is not an error of the board).
+        The motors give no torque if the board is switched off, or if its time-out has expired
+        after a command of zero current (which is not an error of the board).
         """
         is_silent = 0.0 < self._command.timeout < self._silence
         return not self.system_enabled or (is_silent and not self._is_driving())

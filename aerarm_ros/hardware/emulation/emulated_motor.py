@@ -175,8 +175,8 @@ _SHORTEST = 5.0
 class EmulatedHeat:
     """Thermal model of a motor: copper, stator iron and housing in series, in air at 25 degC.
 
-    It shares no code with the estimator of `hardware.heat_watch`: it has more bodies, iron losses,
-    another numerical method (explicit midpoint) and, with a seed, other parameters.
+    The model shares no code with the estimator of `hardware.heat_watch`: it has more bodies, iron
+    losses, another numerical method (explicit midpoint) and, with a seed, other parameters.
 
     Parameters
     ----------

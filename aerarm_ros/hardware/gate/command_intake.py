@@ -89,8 +89,8 @@ class CommandPublishers:
     whose GID is not in the list yet has an unknown node, which is allowed only if any node is
     allowed.
 
-    Without a GID in the message info the sender of a command is unknown. Then commands are accepted
-    while the topic has one publisher, and all are rejected while it has several.
+    Without a GID in the message info the sender of a command is unknown. Commands of unknown
+    senders are accepted while the topic has one publisher, and rejected while it has several.
 
     Parameters
     ----------

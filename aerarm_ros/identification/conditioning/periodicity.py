@@ -106,9 +106,9 @@ def _mismatch(q: Array, lag: int) -> Array:
     """Return, for each start, the mismatch of the motion and the motion `lag` samples later.
 
     The mismatch is the mean squared difference of two consecutive sections of this length, divided
-    by twice their common variance. It is 0 for a repeated motion and about 1 for unrelated
-    sections. A smooth motion with a short lag does not have a small mismatch. Sections with
-    little motion have an infinite mismatch.
+    by twice their common variance. The mismatch is 0 for a repeated motion and about 1 for
+    unrelated sections. A smooth motion with a short lag does not have a small mismatch. Sections
+    with little motion have an infinite mismatch.
     """
     difference = np.concatenate(([0.0], np.cumsum(((q[lag:] - q[:-lag]) ** 2).sum(axis=1))))
     numerator = difference[lag:] - difference[:-lag]

@@ -39,7 +39,8 @@ class Samples:
     """Conditioned motion of one bag, sampled at a fine and at a coarse rate.
 
     Arrays named `fine`, sampled at a hundred times the cut-off or more, keep the steps of dry
-    friction in place. The other arrays, at five times the cut-off, are used for the fit.
+    friction in place. Arrays without `fine` in the name, sampled at five times the cut-off, are
+    used for the fit.
 
     Attributes
     ----------

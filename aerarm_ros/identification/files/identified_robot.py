@@ -491,8 +491,8 @@ def identified_sdf(
     """Return an SDF text with the dynamics of the identified arm on a fixed base.
 
     Frames, names and directions equal those of the URDF, links those of `link_bodies`. SDF has no
-    element for rotor inertia. It is stored in an element that only Drake reads, with a gear ratio
-    of 1. Gravity belongs to the world, so it is given in a comment.
+    element for rotor inertia. Rotor inertia is stored in an element that only Drake reads, with a
+    gear ratio of 1. Gravity belongs to the world, so it is given in a comment.
 
     Parameters
     ----------

@@ -36,7 +36,8 @@ def rattle_of_others(
 
     An accelerating joint causes torques at the other joints through their inertial coupling. A
     gear stays at its tooth flank if the gravity torque on it is larger than this coupling torque.
-    Otherwise the joint moves within its backlash, and shifts the oscillating link.
+    With a smaller gravity torque, the joint moves within its backlash and shifts the oscillating
+    link.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class MotorFriction:
     """Joint-side friction of one drive, and gravity torque if the drive is mounted in an arm.
 
     `tau = viscous dq + (coulomb + load |g(q)|) sgn(dq) + g(q)`, `g(q) = a sin q + b cos q`.
-    This model is exact for a joint that rotates alone about a fixed axis, for any load.
+    The friction model is exact for a joint that rotates alone about a fixed axis, for any load.
 
     Attributes
     ----------

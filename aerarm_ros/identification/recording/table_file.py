@@ -247,8 +247,8 @@ def read_table(
 
     The first line of a CSV file contains column names, for example `time, q_elbow, dq_elbow,
     tau_elbow` or `elbow.position [deg]`; see `table_column`. An .npz file contains arrays `time`
-    (M,), `q`, `dq` and `tau` (M, n), or `position` and so on. It may contain `joint_names` and
-    `unit`, the unit of the angles.
+    (M,), `q`, `dq` and `tau` (M, n), or `position` and so on. The .npz file may also contain
+    `joint_names` and `unit`, the unit of the angles.
 
     Parameters
     ----------

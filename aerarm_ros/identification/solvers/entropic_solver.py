@@ -20,11 +20,12 @@ def solve_entropic(
     """Minimize torque error plus the entropic divergence of the links from the prior.
 
     For a link with pseudo-inertia P, and P0 in the CAD model, the divergence is
-    ``tr(P P0^-1) - log det(P P0^-1) - 4``, divided by the squared spread. It equals twice the
-    relative entropy of normal distributions with these covariances. The divergence is independent
-    of the frame and the unit of length. Near CAD it is half the squared relative deviation, and
-    it tends to infinity towards impossible bodies, so all links are physically consistent. Joint
-    coefficients have the normal prior of `solve_semidefinite`. The problem is convex.
+    ``tr(P P0^-1) - log det(P P0^-1) - 4``, divided by the squared spread. The divergence equals
+    twice the relative entropy of normal distributions with the covariances P and P0. The
+    divergence is independent of the frame and the unit of length. Near CAD it is half the squared
+    relative deviation, and it tends to infinity towards impossible bodies, so all links are
+    physically consistent. Joint coefficients have the normal prior of `solve_semidefinite`. The
+    problem is convex.
 
     Parameters
     ----------

@@ -122,8 +122,8 @@ _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 class World:
     """Boards, clock and pace of a bridge's arm in the real world.
 
-    `aerarm_ros/ros/emulation` derives the emulated world from this class. So the bridge does not
-    depend on emulated boards and simulation time.
+    `aerarm_ros/ros/emulation` derives the emulated world from this class. The bridge itself
+    therefore does not depend on emulated boards and simulation time.
 
     Attributes
     ----------

@@ -106,7 +106,7 @@ class ControllerNode(StateNode):
         self.attend(self._payload)
 
     def react_to_contact(self, follower: TrajectoryFollower, law: ComplyingLaw) -> ContactReaction:
-        """Listen to contacts and return what reacts to them as `contact_reaction` says."""
+        """Subscribe to contacts; return the attendant that reacts as `contact_reaction` states."""
         values = self.values
         reaction = ContactReaction(
             follower, self.loop, law, values.retreat_time, values.comply_stiffness
@@ -123,7 +123,7 @@ class ControllerNode(StateNode):
         return reaction
 
     def commandable_problem(self, what: str) -> str:
-        """Return why `what` cannot move the arm now, or an empty text."""
+        """Return the reason why the motion source `what` cannot move the arm now; '' if it can."""
         if self._mode in COMMANDABLE:
             return ''
         mode = self._mode or 'unknown'

@@ -38,8 +38,9 @@ HAND_OVER_PARAMETERS = grouped(
 class PayloadIntake:
     """Move the model's payload to the estimate on the topic `payload`, between two commands.
 
-    This `Attendant` adds the compensated payload to `payload.inertial_parameters`. Without new
-    estimates the compensation stays until the arm's torques contradict it (`PayloadHandOver`).
+    PayloadIntake is an `Attendant` that adds the compensated payload to
+    `payload.inertial_parameters`. Without new estimates the compensation stays until the arm's
+    torques contradict it (`PayloadHandOver`).
 
     Parameters
     ----------

@@ -367,8 +367,9 @@ def _arrival(before_ns: int, stamp_ns: int, lead_ns: int) -> int:
     """Return the arrival time of an IMU sample by the clock of the joint states [ns].
 
     The arrival is the stamp of the state before the sample, because the clocks of drone, arm and
-    host may differ. After a gap, such as a pause of this process, many samples follow one state. In
-    that case the arrival is the new state's stamp minus the interval measured on this host.
+    host may differ. After a gap, such as a pause of this process, many samples follow one state.
+    After such a gap, the arrival is the new state's stamp minus the interval measured on this
+    host.
 
     Parameters
     ----------

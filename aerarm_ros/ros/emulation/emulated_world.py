@@ -39,8 +39,9 @@ class WorldLoop(PeriodicLoop):
         Called before each cycle; blocks while the simulation must wait, and returns whether the
         cycle may start before its deadline.
     wait_first
-        Whether to wait for the deadline before calling `hold`. Then `hold` blocks only on a slow
-        host. With False, `hold` is called at once, and a cycle may start early.
+        Whether to wait for the deadline before calling `hold`. If the loop waits first, `hold`
+        blocks only on a slow host. With False, `hold` is called at once, and a cycle may start
+        early.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class WorldLoop(PeriodicLoop):
     slipped_ns
         Time [ns] by which the host's clock advanced more than the simulation's.
     stood_ns
-        Time [ns] of pauses in which the arm was at rest; `hold` adds to it. Such a pause does not
+        Time [ns] of pauses in which the arm was at rest; `hold` adds to it. Pauses at rest do not
         count in `share_of_real_time`.
 
     Raises
@@ -280,8 +281,8 @@ class EmulatedWorld:
     """A simulation that advances by one period per cycle and pauses in between.
 
     In lockstep the simulation waits until the last state is answered. The simulation also pauses
-    before the first command, and while the arm is off and at rest. So a controller receives the
-    same states at the same times in every run. With lockstep the simulation time starts at
+    before the first command, and while the arm is off and at rest. A controller therefore receives
+    the same states at the same times in every run. With lockstep the simulation time starts at
     `start_ns`, with `keep_up` at the host's time.
 
     Parameters

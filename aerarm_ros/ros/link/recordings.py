@@ -80,7 +80,7 @@ class DroneRecordings:
         self._has_states = self._is_ending = False
 
     def take_request(self, content: bytes) -> None:
-        """Do what the ground requests."""
+        """Execute a recording request of the ground."""
         request = json.loads(content)
         name, do, key = (str(request[field]) for field in ('name', 'do', 'id'))
         actions = {RECORD: self._record, WATCH: self._watch, FINISH: self._finish}
@@ -381,7 +381,7 @@ class GroundRecordings:
         return True
 
     def take_report(self, content: bytes) -> None:
-        """Take what the drone reports."""
+        """Start, continue or end the copy of a bag as a report of the drone's recorder states."""
         report = json.loads(content)
         key, name, state = (str(report[field]) for field in ('id', 'name', 'state'))
         is_fetched = self._fetch is not None and key in self._ids

@@ -94,8 +94,8 @@ class WindowReader:
     def take(self) -> Array | None:
         """Return the extremes since the last call: (2, 3, n) of position, velocity, effort.
 
-        The first is the minimum, NaN where a window has NaN. None if no window came, as on the
-        bridge's own host.
+        The first is the minimum, NaN where a window has NaN. Return None if no window of states
+        was received, as on the bridge's own host.
         """
         sides = []
         for index, (decoder, extreme) in enumerate(
@@ -224,7 +224,7 @@ class ViewFeed:
         self._row[6:8][old[1:]] = np.nan
 
     def _take_windows(self) -> None:
-        """Take the extremes of what came since the last picture."""
+        """Read the extremes of all joint states that were received since the last redraw."""
         first = ROWS.index(_MINIMA[0])
         extremes = self._row[first:].reshape(2, len(_WINDOWED), -1)
         extremes[:] = np.nan
@@ -411,7 +411,7 @@ class ViewPlots:
     ) -> viser.GuiUplotHandle:
         """Return a plot with a fixed time axis; an automatic one freezes at the first data.
 
-        It replaces the `old` plot, if given.
+        The returned plot replaces the `old` plot, if given.
         """
         series = self._series(quantity)
         start = np.array([-self._duration, 0.0])

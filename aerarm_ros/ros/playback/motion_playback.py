@@ -384,8 +384,8 @@ class MotionPlayback:
 
         If the motion started before states and answers arrive in time, a jump of the stamps would
         end it. On a busy host the newest state after planning may be seconds old, and a first
-        publication may be one second late (docs/decisions.md, 69). So the arm is commanded to stay
-        until a state arrives shortly after an answered one.
+        publication may be one second late (docs/decisions.md, 69). The player therefore commands
+        the arm to stay until a state arrives shortly after an answered one.
         """
         before_ns, self._seen_ns = self._seen_ns, stamp_ns
         self._looks -= stamp_ns != before_ns

@@ -195,9 +195,9 @@ _OPEN = 'open'
 def stay_on_this_host(environment: MutableMapping[str, str] = os.environ) -> str:
     """Restrict discovery to this host, unless AERARM_NETWORK is `open`.
 
-    A socket that sends to a radio blocks the cycle once the radio's queue is full. So the 1 kHz
-    topics always use shared memory and the loopback interface. `ground_link` connects to other
-    hosts. To be called before `rclpy.init`.
+    A socket that sends to a radio blocks the cycle once the radio's queue is full. The 1 kHz
+    topics therefore always use shared memory and the loopback interface. `ground_link` connects to
+    other hosts. To be called before `rclpy.init`.
 
     Returns
     -------
