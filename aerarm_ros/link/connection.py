@@ -306,9 +306,8 @@ class Connection:
         return datagram
 
     def _contents(self, now: float, room: int) -> Iterator[tuple[int, bytes]]:
-        """Yield the parts that fit into a datagram, by priority.
+        """Yield the parts that fit: urgent parts, prompt parts that are due, values, bulk.
 
-        Urgent parts come first, then prompt parts that are due, values and bulk parts.
         In every fourth datagram bulk parts precede values. After a cut, the backlog of diagnostics
         therefore does not delay the states, and many states do not delay the diagnostics.
         """

@@ -169,11 +169,12 @@ class Session:
     def open(self, datagram: bytes, now: float, is_up: bool) -> Opened | None:
         """Open a datagram that arrived at `now` [s]; set `answer` if it is a greeting.
 
-        `is_up` tells whether the other end is present. A ground whose drone is present answers only
-        a greeting to its current session, as a restarted drone sends it. If the ground answered
-        every greeting, an attacker could pass on the drone's answer to a recorded greeting, and so
-        restart the connection. The result is None unless the datagram is authentic, addressed to
-        the current session, and neither repeated nor far behind others.
+        `is_up` tells whether the other end is present. While its drone is connected, a ground
+        answers only greetings that are addressed to its current session; a restarted drone sends
+        such a greeting. If the ground answered every greeting, an attacker could pass on the
+        drone's answer to a recorded greeting, and so restart the connection. The result is None
+        unless the datagram is authentic, addressed to the current session, and neither repeated
+        nor far behind others.
         """
         self.answer = None
         if len(datagram) < OVERHEAD:

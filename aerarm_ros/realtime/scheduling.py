@@ -37,9 +37,9 @@ def set_fifo(priority: int) -> str | None:
     """Run this process under SCHED_FIFO, ahead of all ordinary processes.
 
     The calling thread gets `priority`, every other existing thread the next lower one; later
-    threads inherit their creator's. Raising only the caller is not enough. The middleware's
-    threads deliver its messages, and an ordinary process must not delay a thread with the
-    interpreter's or a writer's lock.
+    threads inherit their creator's. A real-time priority of the calling thread alone is not
+    enough. The middleware's threads deliver its messages, and an ordinary process must not delay a
+    thread with the interpreter's or a writer's lock.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class SpidevDevice:
         self._next_attempt = 0.0
 
     def open(self) -> None:
-        """Open the device. If that fails, raise TransportError with a line on what to check."""
+        """Open the device; raise TransportError with advice if that fails."""
         board = self._board
         try:
             self._file = self._opened()
@@ -169,13 +169,7 @@ class SpidevTransport:
         self._devices = [SpidevDevice(board) for board in config.boards]
 
     def open(self) -> None:
-        """Open the SPI devices.
-
-        Raises
-        ------
-        TransportError
-            If a device cannot be opened; the message says what to check.
-        """
+        """Open the SPI devices; raise TransportError with advice if that fails."""
         if importlib.util.find_spec('spidev') is None:
             raise TransportError(
                 'the Python module spidev is missing: pip install "spidev>=3.5,<4" (needs a C '

@@ -11,7 +11,7 @@ class Transport(Protocol):
     """
 
     def open(self) -> None:
-        """Open the bus. If that fails, raise TransportError with a line on what to check."""
+        """Open the bus; raise TransportError with advice if that fails."""
         ...
 
     def close(self) -> None:
