@@ -119,7 +119,7 @@ class ContactReaction:
             )
 
     def _remember(self, now: float) -> None:
-        """Store the reference; delete earlier ones after a take-over or a jump of time."""
+        """Store the reference; delete earlier ones after an activation or a jump of time."""
         past = self._past
         if self._take_overs != self._loop.take_overs:
             self._take_overs = self._loop.take_overs

@@ -19,11 +19,11 @@ _ROTOR = 'rotor_inertia'
 _PARTS = ('motor', 'gear')
 
 _HEAD = """\
-The drive train of {name}: motors, gears, boards, and what each joint may do. Drafted from
+The drive train of {name}: motors, gears, boards and joint limits. Drafted from
 {source}. SI units, joint side, unless a line says motor side.
 
-Values that a URDF does not contain are marked "guess". They suit emulated boards, but not real
-motors. Replace each guess by the real value and delete its mark. At last, delete the line
+Values that a URDF does not contain are marked "guess". Guessed values suit emulated boards, but
+not real motors. Replace each guess by the real value and delete its mark. Then delete the line
 emulated_only."""
 
 # Advice on how to determine each value that may be guessed.
@@ -62,12 +62,12 @@ _JOINT_ADVICE = {
     'range that cables and stops allow.',
     'velocity_max': '[rad/s] from the URDF, or a low default: keep well below the no-load speed '
     'of the motor.',
-    'acceleration_max': '[rad/s^2] half of what effort_max leaves beyond gravity with the '
-    'outstretched arm, and at least full speed after 0.1 s: set what gears '
+    'acceleration_max': '[rad/s^2] half of the acceleration that effort_max allows against gravity '
+    'with the outstretched arm, and at least full speed after 0.1 s: set a value that gears '
     'and mounting bear.',
     'effort_max': '[Nm] from the URDF, or three times the weight: at most torque constant * '
-    'current_max / ratio, and what the gear bears.',
-    'effort_rate_max': '[Nm/s] full effort within 17 ms: set what gear teeth bear.',
+    'current_max / ratio, and at most the torque that the gear bears.',
+    'effort_rate_max': '[Nm/s] full effort within 17 ms: set a rate that the gear teeth bear.',
     'viscous, coulomb': 'friction [Nms/rad], [Nm] from the URDF, or typical of light drives: use '
     'the fv and fs of identifier or motor_bench.',
     'board_kp, board_kd': 'gains at the motor [A/rad], [A s/rad]: damped in every posture with '

@@ -257,15 +257,15 @@ class ContactDetector:
     ) -> ContactReport | None:
         """Process the state at `now` [s]; return the report of the last window of states.
 
-        Returns None for an invalid state, and after a gap until a window is complete. Re-sent and
-        late states are ignored. If states were lost in at most 1 s, detection continues with the
-        next one, and a contact does not end.
+        Returns None until the first window is complete, also after a gap. Re-sent, late and invalid
+        states are ignored. If states were lost in at most 1 s, detection continues with the next
+        one, and a contact does not end.
 
         `state.tau` is the drives' torque in the cycle that ends now.
         """
-        if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
-            return None
         last = self._last
+        if not np.isfinite(state.q.sum() + state.dq.sum() + state.tau.sum()):
+            return self._report if last is not None and now - last < _UNKNOWN else None
         if last is not None and now <= last:
             self._late = self._late + 1 if last - now >= LONGEST_GAP else 0
             if self._late < _LATE:
@@ -314,7 +314,7 @@ class ContactDetector:
         return bool(self._saturated)
 
     def _pass_over(self, state: ArmState) -> None:
-        """Adapt what is known of an arm at rest to a time without windows, [s] `_blind`."""
+        """Update the reference torque at rest after `_blind` [s] without a window."""
         if self.event is None:
             self._rest.reset(0.0)
         elif np.abs(state.q - self._seen).max() > self._settings.rest_speed * self._blind:

@@ -166,6 +166,15 @@ def test_a_state_that_is_very_late_ends_no_contact(
     assert np.isnan(event.end)
 
 
+def test_an_invalid_state_ends_no_contact(run: CarryingRun, quiet: ContactDetector) -> None:
+    play(quiet, thinned(at_rest(run, 0.6), np.arange(2500)))
+    nothing = np.full(4, np.nan)
+    report = quiet.update(ArmState(nothing, nothing, nothing), 2.5005)
+    assert report is not None
+    assert report.in_contact
+    assert quiet.update(ArmState(nothing, nothing, nothing), 4.0) is None
+
+
 def test_a_clock_that_is_set_back_starts_the_detection_again(
     run: CarryingRun, quiet: ContactDetector
 ) -> None:

@@ -412,8 +412,8 @@ def contact_page(
             'Ratio: this torque relative to its threshold from free motion. At rest, a change of '
             'torque counts even if friction could hold it; the ratio may then be below 1.',
             'Force: the single force that explains the torque, in the frame of the base. “At '
-            'least” means that in this posture, or on this link, the joints feel only a part of '
-            'the force.',
+            'least” means that in this posture, or on this link, only a part of the force '
+            'causes joint torque.',
             'Curves: external torque; dashed: its threshold. Colours: red contact, green '
             'payload, grey model error.',
         ]
