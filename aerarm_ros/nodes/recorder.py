@@ -35,7 +35,6 @@ from aerarm_ros.ros.recording import (
     BagFeed,
     LossWatch,
     find_topics,
-    for_recording,
     receive_buffer_problem,
 )
 
@@ -92,7 +91,7 @@ class Recorder:
         self._depth = values.depth
         self._losses = LossWatch(values.depth)
         self._directory = values.bag or f'recording_{datetime.now():%Y%m%d_%H%M%S}'
-        subscribed = [for_recording(topic, values.depth) for topic in topics]
+        subscribed = [topic.queued(values.depth) for topic in topics]
         self._feed = BagFeed(
             self._node, topics, subscribed, self._directory, values.compression, self._losses
         )

@@ -8,7 +8,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from importlib import import_module
 from itertools import takewhile
@@ -252,13 +252,6 @@ def find_topics(entries: Sequence[str]) -> list[Topic]:
     if not topics or len({topic.name for topic in topics}) != len(topics):
         raise ParameterError(f'topics = {list(entries)} repeats a topic: name each topic once')
     return topics
-
-
-def for_recording(topic: Topic, depth: int) -> Topic:
-    """Return a topic with a queue of `depth` messages, so that a pause loses no messages."""
-    qos = topic.qos
-    deep = QoSProfile(depth=depth, reliability=qos.reliability, durability=qos.durability)
-    return replace(topic, qos=deep)
 
 
 def as_recorded(topic: Topic, full_name: str) -> RecordedTopic:

@@ -8,7 +8,6 @@ from aerarm_ros.ros.recording import (
     SUITE_TOPICS,
     as_recorded,
     find_topics,
-    for_recording,
 )
 
 
@@ -42,7 +41,7 @@ def test_a_bad_entry_is_refused_with_advice(entries: list[str], said: str) -> No
 
 
 def test_a_recorder_has_a_deep_history_and_the_topic_s_own_reliability() -> None:
-    deep = for_recording(topics.ARM_MODE, 500)
+    deep = topics.ARM_MODE.queued(500)
     assert (deep.qos.depth, topics.ARM_MODE.qos.depth) == (500, 1)
     assert deep.qos.reliability == ReliabilityPolicy.RELIABLE
     assert deep.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
