@@ -569,8 +569,8 @@ def with_rest_share(
         return _begins_at_rest(ContactDetector(external(), tried, settings), motion())
 
     first = next((step for step in range(last) if not begins(step)), last)
-    # Friction holds another torque before each start, so a recording with few starts shows less than
-    # the largest change. Hence two steps more, unless no start is visible at rest.
+    # Friction holds another torque before each start, so few starts show less than the largest
+    # change. Hence two steps more, unless no start is visible at rest.
     return replace(bound, rest_share=_REST_SHARES[min(first + 2, last) if first else 0])
 
 
