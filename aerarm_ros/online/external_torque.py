@@ -167,7 +167,8 @@ class ExternalTorque:
     1.7 times faster than `gain`, so that a step rises to 90 % in the time of one filter.
 
     Errors of friction near zero velocity, of inertia and of the torque's timing decay in the
-    observer within some time constants. So the features decay equally slowly.
+    observer within some time constants, at first slowly because of the two filters. The features
+    therefore decay exponentially, delayed by a low-pass filter as fast as one of the two.
 
     Parameters
     ----------
@@ -199,7 +200,7 @@ class ExternalTorque:
         self._observer.reset()
         self._momentum: Array | None = None
         self._residual = self._lagging = self._change = self._torque = np.zeros(self.n)
-        self._held = np.zeros((self.n, 4))
+        self._held = self._decaying = np.zeros((self.n, 4))
 
     def carry(self, payload: npt.ArrayLike) -> None:
         """Set a declared payload, see `Dynamics.carry`; raises ValueError if no body has it."""
@@ -227,7 +228,7 @@ class ExternalTorque:
         self._residual = self._residual + share * (observed - self._residual)
         # One state may contain the torque of another cycle; in a mean this changes little. A change
         # of torque then is an impulse, as is a change of acceleration.
-        late = 1.0 if count == 1 else _JERK / count
+        timing = 1.0 if count == 1 else _JERK / count
         momentum = self.dynamics.fixed.inertia_matrix(q) @ dq
         if self._momentum is None:
             self._momentum = self._lagging = momentum
@@ -242,12 +243,14 @@ class ExternalTorque:
                 dry * np.maximum(1.0 - np.abs(dq) / _CREEPING, self._friction.deficit(dq)),
                 dry * np.maximum(0.0, 1.0 - np.abs(dq) / _SLOW),
                 self.gain * np.abs(momentum - self._lagging),
-                late * self.gain * np.maximum(np.abs(change - self._change), impulse),
+                timing * self.gain * np.maximum(np.abs(change - self._change), impulse),
             ]
         )
         self._momentum, self._change, self._torque = momentum, change, tau
         self._held = np.maximum(now, np.exp(-0.5 * self.gain * dt) * self._held)
-        creeping, slow, acceleration, jerk = self._held.T
+        delayed = self._decaying + share * (self._held - self._decaying)
+        self._decaying = np.maximum(self._held, delayed)
+        creeping, slow, acceleration, jerk = self._decaying.T
         features = np.column_stack(
             [np.ones(self.n), creeping, slow, np.abs(dq), np.abs(load), acceleration, jerk]
         )
