@@ -36,7 +36,8 @@ help:
 	@echo 'make energy      energy of 100 random moves: planned, quintic and trapezoidal'
 	@echo 'make flight      hover error caused by arm motion, per feed-forward, with a replay'
 	@echo '                 (DRONES="hexarotor tilted_hexarotor": a drone with tilted rotors as well;'
-	@echo '                 AUTOPILOT=px4 PX4=<folder of a build> or AUTOPILOT=betaflight: flown by that firmware)'
+	@echo '                 AUTOPILOT=px4 PX4=<folder of a build>, AUTOPILOT=ardupilot ARDUPILOT=<folder>'
+	@echo '                 or AUTOPILOT=betaflight: flown by that firmware)'
 	@echo 'make calibration tool error of emulated arms on held-out postures, nominal and calibrated'
 	@echo 'make world       tool error in the world while wind moves the drone, with a replay'
 	@echo 'make view        show the running arm in a browser'
@@ -88,7 +89,7 @@ calibration: setup
 	$(BIN)/python benchmarks/calibration.py
 
 flight: setup
-	$(if $(filter-out px4 betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT) is unknown: set px4 or betaflight, or omit AUTOPILOT for flight_control))
+	$(if $(filter-out px4 ardupilot betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT) is unknown: set px4, ardupilot or betaflight, or omit AUTOPILOT for flight_control))
 	$(BIN)/python benchmarks/$(or $(AUTOPILOT),flight).py $(if $(DRONES),--drones $(DRONES)) --out output/flight
 
 world: setup

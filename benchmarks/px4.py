@@ -11,8 +11,8 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -73,8 +73,8 @@ def flight_case(
     )
     holds = drone.is_fully_actuated if options.hold_heading is None else options.hold_heading
     flight = {
-        'loops': 'px4_sitl', 'px4_instance': instance, 'mpc_xy_p': xy, 'mc_att_p': attitude,
-        'mc_rate_k': rate, 'px4_sensors': options.sensors, 'hold_heading': holds,
+        'loops': 'px4_sitl', 'autopilot_instance': instance, 'mpc_xy_p': xy, 'mc_att_p': attitude,
+        'mc_rate_k': rate, 'autopilot_sensors': options.sensors, 'hold_heading': holds,
         'tilt_ahead': _LEANS.get(way, True), **POSITION, **WAYS[way].switches,
         **(_FULL_YAW if drone.is_fully_actuated else {}),
     }  # fmt: skip
@@ -102,10 +102,16 @@ def flying(
         yield bench, program.log
 
 
+Flying = Callable[
+    [Node, Path, DroneConfig, str, ArmModel, argparse.Namespace, int],
+    AbstractContextManager[tuple[FlightBench, Path]],
+]
+
+
 def fly(
-    node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace
+    node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace, flying: Flying
 ) -> dict[str, FlightRecord | str]:
-    """Return the record of each method, or the reason of a failure; each starts a new PX4."""
+    """Return the record of each method, or the reason of a failure; each starts the firmware."""
     found: dict[str, FlightRecord | str] = {}
     for number, way in enumerate(options.ways):
         begin = time.monotonic()
@@ -141,6 +147,22 @@ def options_of(parser: argparse.ArgumentParser) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options_of(parser)
+    build = find_px4()
+    if build is None:
+        flight_options(parser)
+        print(HOW)
+        return 1
+    options = flight_options(parser)
+    note = (
+        f'PX4 in lockstep, position from {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
+        f'{", ".join(f"{gain:g}" for gain in options.gains)}.'
+    )
+    return fly_all(build, options, flying, note, 'flight_px4.html')
+
+
+def flight_options(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """Parse the options, with those of every benchmark that flies a firmware."""
     parser.add_argument('--drones', nargs='*', default=['hexarotor'], choices=list(DRONES))
     parser.add_argument('--ways', nargs='*', default=['integral', 'posture, motion, lead'],
                         choices=list(WAYS))  # fmt: skip
@@ -148,31 +170,28 @@ def main() -> int:
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=list(PARTS))
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
-    options_of(parser)
-    options = parser.parse_args()
-    build = find_px4()
-    if build is None:
-        print(HOW)
-        return 1
+    return parser.parse_args()
+
+
+def fly_all(build: Path, options: argparse.Namespace, flying: Flying, by: str, page: str) -> int:
+    """Fly all drones and methods, print the table and write the page."""
     arm = ArmModel.true()
     with tempfile.TemporaryDirectory() as folder:
         if options.model == 'identified':
             arm = identify(os.getpid(), Path(folder), options.arm_seed)
         node = open_ros(os.getpid())
         try:
-            records = {name: fly(node, build, name, arm, options) for name in options.drones}
+            records = {
+                name: fly(node, build, name, arm, options, flying) for name in options.drones
+            }
         finally:
             rclpy.try_shutdown()
         flown = FlightProgram(parts=options.parts)
         results = FlightResults(flown, records, arm.law.get('urdf'))
-    note = (
-        f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by PX4 in lockstep, '
-        f'position from {options.sensors}; MPC_XY_P, MC_ROLL_P, MC_ROLLRATE_K '
-        f'{", ".join(f"{gain:g}" for gain in options.gains)}.'
-    )
+    note = f'Drones of 3 kg with an arm of 1.5 kg (model {arm.name}), flown by {by}'
     print(f'{note}\n{results.text()}')
     if options.out:
-        write_page(options.out / 'flight_px4.html', results, note)
+        write_page(options.out / page, results, note)
     return 0
 
 

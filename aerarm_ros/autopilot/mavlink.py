@@ -26,6 +26,8 @@ _DEFINITIONS = """
     servo7_raw, uint16_t servo8_raw; uint16_t servo9_raw, uint16_t servo10_raw, uint16_t
     servo11_raw, uint16_t servo12_raw, uint16_t servo13_raw, uint16_t servo14_raw, uint16_t
     servo15_raw, uint16_t servo16_raw
+48 SET_GPS_GLOBAL_ORIGIN: uint8_t target_system, int32_t latitude, int32_t longitude, int32_t
+    altitude; uint64_t time_usec
 76 COMMAND_LONG: uint8_t target_system, uint8_t target_component, uint16_t command, uint8_t
     confirmation, float param1, float param2, float param3, float param4, float param5, float
     param6, float param7

@@ -2,6 +2,7 @@
 
 import time
 from enum import Enum
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -9,11 +10,9 @@ from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.px4 import ned
 from aerarm_ros.autopilot.px4_link import Companion, Controls, Simulator, companion_writer
 from aerarm_ros.autopilot.px4_sensors import SensorFrames
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
 from aerarm_ros.autopilot.px4_setup import GPS, Px4Setup
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
-from aerarm_ros.flight.flight_control import FlightGains
 from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
 
@@ -39,7 +38,7 @@ _TEXTS = 50  # number of stored messages from PX4
 class FlightStage(Enum):
     """Progress of PX4's start and take-off."""
 
-    BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same px4_instance'
+    BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same autopilot_instance'
     SETTLE = "PX4's estimator is settling"
     ARM = 'PX4 is arming'
     SPOOL = "PX4's rotors are spooling up"
@@ -67,6 +66,8 @@ class Px4Firmware:
         Messages of PX4, the newest last, such as rejections of set points.
     origin : (3,) ndarray
         Origin of PX4's local frame in the world, north-east-down [m].
+    rise : float
+        Height [m] above the held drone to which the first set points lead it.
     """
 
     def __init__(
@@ -87,6 +88,7 @@ class Px4Firmware:
         self.stage = FlightStage.BOOT
         self.texts: list[str] = []
         self.origin = np.zeros(3)
+        self.rise = _ABOVE
 
     @property
     def problem(self) -> str:
@@ -97,6 +99,16 @@ class Px4Firmware:
             return self._loss()
         texts = [text for text in self.texts[-3:] if 'Arming denied' in text or 'Preflight' in text]
         return '; '.join([self.stage.value, *texts])
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether the drone has been released."""
+        return self.stage is FlightStage.FLY
+
+    @property
+    def wants_set_points(self) -> bool:
+        """Whether the held drone's firmware needs set points: PX4 arms only while it gets them."""
+        return self.stage in (FlightStage.ARM, FlightStage.SPOOL)
 
     @property
     def is_led(self) -> bool:
@@ -220,21 +232,69 @@ class Px4Firmware:
         return ''
 
 
-class Px4FirmwareFlight:
-    """Flight control by set points for PX4's firmware on this host, as a `FlightControl`.
+class Firmware(Protocol):
+    """Interface of an autopilot's firmware on this host, in lockstep with the simulation.
+
+    Attributes
+    ----------
+    origin : (3,) ndarray
+        Origin of the firmware's local frame in the world, north-east-down [m].
+    rise : float
+        Height [m] above the held drone to which the first set points lead it.
+    """
+
+    origin: Array
+    rise: float
+
+    @property
+    def problem(self) -> str:
+        """Reason why the firmware does not fly; empty if it flies."""
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether the drone has been released."""
+
+    @property
+    def wants_set_points(self) -> bool:
+        """Whether the held drone's firmware needs set points."""
+
+    @property
+    def time_ms(self) -> int:
+        """Firmware's time [ms]."""
+
+    def send(self, name: str, **values: object) -> None:
+        """Send a MAVLink message."""
+
+    def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
+        """Advance the firmware by `dt` [s]; return its thrust fractions, None without an answer."""
+
+    def hold(self, state: FlightState, lift: float) -> Array | None:
+        """Advance the firmware while the drone is held; return its thrust fractions."""
+
+
+class SetPoints(Protocol):
+    """Interface of what creates set point messages with the arm's feedforward."""
+
+    def reset(self) -> None:
+        """Reset the integral of the position loop."""
+
+    def message(
+        self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
+    ) -> tuple[str, dict[str, Any]]:
+        """Return name and fields of the set point message, without its time stamp."""
+
+
+class FirmwareFlight:
+    """Flight control by set points for an autopilot's firmware on this host, as a `FlightControl`.
 
     Parameters
     ----------
     body : MassProperties
         Mass properties of drone and arm at rest.
-    setup : Px4Setup
-        Setup of the firmware.
-    gains : FlightGains
-        Gains of this package's own position loop, used only for a drone with tilted rotors.
-    tilts_ahead : bool
-        Whether set points tilt the drone ahead of the arm's force, by the inverse of PX4's loops.
-    holds_heading : bool
-        Whether set points contain a heading; without one PX4 does not control the heading.
+    firmware : Firmware
+        Connection to the firmware.
+    set_points : SetPoints
+        Creates the set points.
 
     Attributes
     ----------
@@ -245,23 +305,15 @@ class Px4FirmwareFlight:
     """
 
     def __init__(
-        self,
-        drone: DroneConfig,
-        body: MassProperties,
-        firmware: Px4Firmware,
-        setup: Px4Setup,
-        gains: FlightGains | None = None,
-        tilts_ahead: bool = True,
-        holds_heading: bool = True,
+        self, drone: DroneConfig, body: MassProperties, firmware: Firmware, set_points: SetPoints
     ) -> None:
         self._firmware = firmware
         self._thrust_max = drone.column('thrust_max')
         self._at_rest = FeedForward.at_rest(body)
         self._lift = body.mass * GRAVITY / float(np.mean(self._thrust_max * drone.allocation[2]))
-        self._above = _ABOVE
+        self._above = firmware.rise
         self._held: FlightState | None = None
-        tilt = setup.gains if tilts_ahead else None
-        self._set_points = Px4SetPoints(drone, gains, tilt, holds_heading)
+        self._set_points = set_points
         self._shares = np.zeros(drone.n)
 
     @property
@@ -272,25 +324,25 @@ class Px4FirmwareFlight:
     @property
     def is_settling(self) -> bool:
         """Whether the firmware is starting, so that `settle` must be called."""
-        return self._held is not None and self._firmware.stage is not FlightStage.FLY
+        return self._held is not None and not self._firmware.is_flying
 
     def reset(self) -> None:
         """Reset the integral of the position loop."""
         self._set_points.reset()
 
     def settle(self) -> None:
-        """Advance PX4's time while the drone is held at its last position."""
+        """Advance the firmware's time while the drone is held at its last position."""
         if self._held is None:
             return
-        if self._firmware.stage in (FlightStage.ARM, FlightStage.SPOOL):
+        if self._firmware.wants_set_points:
             self._lead(self._held, FlightTarget.here(self._held), 0.0, self._at_rest)
         self._note(self._firmware.hold(self._held, self._lift))
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Advance PX4 by `dt` [s]; return the rotors' commanded thrusts (n,) [N]."""
-        if self._firmware.stage is not FlightStage.FLY:
+        """Advance the firmware by `dt` [s]; return the rotors' commanded thrusts (n,) [N]."""
+        if not self._firmware.is_flying:
             self._held = state
             self.settle()
             return self._thrusts()

@@ -208,5 +208,5 @@ def companion_writer() -> FrameWriter:
 def _taken(kind: str, port: int, error: OSError) -> str:
     return (
         f"{kind} port {port} of loops 'px4_sitl' cannot be opened ({error.strerror}): stop the "
-        'other flight_control or simulator, or set another px4_instance'
+        'other flight_control or simulator, or set another autopilot_instance'
     )

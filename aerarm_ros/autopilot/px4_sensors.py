@@ -17,7 +17,10 @@ _ORIGIN = 47.397742, 8.545594, 488.0
 _FIELD = np.array([0.2152, 0.0120, 0.4306])
 _EARTH = 6371000.0  # [m], as in PX4's projection
 _IMU_FIELDS, _MAG_FIELDS, _BARO_FIELDS = 0x3F, 0x1C0, 0x1A00
-_FRAME_LOCAL_NED, _FRAME_BODY_FRD, _ESTIMATOR_VISION = 1, 12, 2
+FRAME_LOCAL_NED, FRAME_LOCAL_FRD = 1, 20
+"""MAV_FRAME of an odometry: PX4 accepts the first, ArduPilot only the second."""
+
+_FRAME_BODY_FRD, _ESTIMATOR_VISION = 12, 2
 _GPS_EVERY, _SLOW_EVERY = 25, 5  # in HIL_SENSOR messages: 10 Hz, 50 Hz
 _MAG_NOISE, _PRESSURE_NOISE = 0.002, 0.02  # [gauss], [hPa]
 _VARIANCES = (1e-4, 1e-4, 1e-4)  # position [m^2], attitude [rad^2], velocity [m^2/s^2] of vision
@@ -67,7 +70,7 @@ class SensorFrames:
         frames = []
         if before is not None and is_placed:
             if not self._is_gps:
-                frames.append(self._odometry(before))
+                frames.append(odometry_frame(self._writer, self._before_us, before))
             elif self._count % _GPS_EVERY == 0:
                 frames.append(self._gps(before))
         frames.append(self._sensors(time_us, state, is_held))
@@ -100,20 +103,6 @@ class SensorFrames:
             fields |= _MAG_FIELDS | _BARO_FIELDS
         return self._writer.pack('HIL_SENSOR', time_usec=time_us, fields_updated=fields, **values)
 
-    def _odometry(self, state: FlightState) -> bytes:
-        x, y, z = ned(state.position).tolist()
-        qx, qy, qz, qw = pin.Quaternion(frd_rotation(state.rotation)).coeffs().tolist()
-        vx, vy, vz = frd_to_flu(state.rotation.T @ state.velocity).tolist()
-        p, q, r = frd_to_flu(state.rate).tolist()
-        place, turn, speed = _VARIANCES
-        return self._writer.pack(
-            'ODOMETRY', time_usec=self._before_us, frame_id=_FRAME_LOCAL_NED,
-            child_frame_id=_FRAME_BODY_FRD, x=x, y=y, z=z, q=(qw, qx, qy, qz), vx=vx, vy=vy,
-            vz=vz, rollspeed=p, pitchspeed=q, yawspeed=r,
-            pose_covariance=_diagonal(place, turn), velocity_covariance=_diagonal(speed, speed),
-            estimator_type=_ESTIMATOR_VISION, quality=100,
-        )  # fmt: skip
-
     def _gps(self, state: FlightState) -> bytes:
         place, speed = self._gps_noise
         north, east, down = (ned(state.position) + self._noise(place)).tolist()
@@ -128,6 +117,23 @@ class SensorFrames:
             epv=round(100 * max(place, 0.01)), vel=int(np.hypot(vn, ve)), vn=int(vn), ve=int(ve),
             vd=int(vd), cog=65535, satellites_visible=20,
         )  # fmt: skip
+
+
+def odometry_frame(
+    writer: FrameWriter, time_us: int, state: FlightState, frame: int = FRAME_LOCAL_NED
+) -> bytes:
+    """Return an ODOMETRY frame: pose in a MAV_FRAME, velocity in body axes (FRD)."""
+    x, y, z = ned(state.position).tolist()
+    qx, qy, qz, qw = pin.Quaternion(frd_rotation(state.rotation)).coeffs().tolist()
+    vx, vy, vz = frd_to_flu(state.rotation.T @ state.velocity).tolist()
+    p, q, r = frd_to_flu(state.rate).tolist()
+    place, turn, speed = _VARIANCES
+    return writer.pack(
+        'ODOMETRY', time_usec=time_us, frame_id=frame, child_frame_id=_FRAME_BODY_FRD, x=x, y=y,
+        z=z, q=(qw, qx, qy, qz), vx=vx, vy=vy, vz=vz, rollspeed=p, pitchspeed=q, yawspeed=r,
+        pose_covariance=_diagonal(place, turn), velocity_covariance=_diagonal(speed, speed),
+        estimator_type=_ESTIMATOR_VISION, quality=100,
+    )  # fmt: skip
 
 
 def _diagonal(first: float, second: float) -> list[float]:

@@ -19,7 +19,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_ros.autopilot.px4_flight import Px4FirmwareFlight
+from aerarm_ros.autopilot.px4_flight import FirmwareFlight
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, OdometrySample
@@ -118,9 +118,9 @@ class FlightControlNode:
         self.node.destroy_node()
 
     def _is_settling(self) -> bool:
-        """Let PX4's simulated firmware settle before flight; return whether it still settles."""
+        """Let the autopilot's firmware settle before flight; return whether it still settles."""
         law = self._law
-        if not isinstance(law, Px4FirmwareFlight) or not law.is_settling:
+        if not isinstance(law, FirmwareFlight) or not law.is_settling:
             return False
         law.settle()
         self._doing = law.problem

@@ -7,16 +7,18 @@ it needs mavros_msgs. The autopilot's hover thrust carries the arm's weight.
 import copy
 import sys
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import Imu
 
+from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop, LoopMotion, LoopOffset
+from aerarm_ros.autopilot.ardupilot_setup import moment_unit
 from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
-from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'mavros_feedforward'
@@ -25,9 +27,14 @@ PARAMETERS = set_point_parameters(
     'setpoint_raw/local',
     '/mavros/setpoint_raw/local',
     '/mavros/imu/data',
-    Parameter('firmware', PX4, 'firmware of the autopilot, which decides the rules for set '
-                               'points; with ardupilot the node does not tilt ahead, because its '
-                               'loops are unknown', choices=(PX4, ARDUPILOT)),
+    Parameter('firmware', PX4, 'firmware of the autopilot, which decides the rules for set points',
+              choices=(PX4, ARDUPILOT)),
+    *grouped(
+        "ArduCopter's position loop",
+        Parameter('position_p', ArduPilotLoop.position_p, 'PSC_POSXY_P', '1/s', 0.0, 20.0),
+        Parameter('velocity_p', ArduPilotLoop.velocity_p, 'PSC_VELXY_P', '1/s', 0.0, 20.0),
+        Parameter('velocity_i', ArduPilotLoop.velocity_i, 'PSC_VELXY_I', '1/s^2', 0.0, 20.0),
+    ),
 )  # fmt: skip
 
 # Frames of mavros_msgs/PositionTarget, and bits of type_mask in the order x, y, z.
@@ -37,7 +44,7 @@ _FRAMES = {
 }
 _POSITION, _VELOCITY, _ACCELERATION = (np.array([1, 2, 4]) * 8**i for i in range(3))
 _IS_FORCE = 512
-_ZERO = np.zeros(3)
+_ZERO, _ALL = np.zeros(3), np.full(3, True)
 
 
 class MavrosFeedforward(SetPointNode):
@@ -45,7 +52,11 @@ class MavrosFeedforward(SetPointNode):
 
     def __init__(self) -> None:
         advice = 'install it (apt: ros-jazzy-mavros-msgs), or use px4_feedforward'
+        self._last_ns = 0
         super().__init__(NAME, PARAMETERS, 'mavros_msgs', advice)
+        values = self.values
+        loop = ArduPilotLoop(values.position_p, values.velocity_p, values.velocity_i)
+        self._offset = LoopOffset(loop)
 
     def message_types(self) -> tuple[Any, Any]:
         """Return the message types of MAVROS's set point and of the IMU."""
@@ -62,11 +73,37 @@ class MavrosFeedforward(SetPointNode):
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
         """Return a PositionTarget with an acceleration added; raises RejectedInputError."""
-        return add_acceleration(set_point, acceleration, now_ns, self.values.firmware)
+        if self.values.firmware == PX4:
+            return add_acceleration(set_point, acceleration, now_ns)
+        dt, self._last_ns = 1e-9 * max(now_ns - self._last_ns, 0), now_ns
+        return add_to_loop(set_point, acceleration, self._offset.update(acceleration, dt), now_ns)
 
-    def tilts_ahead(self, values: SimpleNamespace) -> bool:
-        """Return whether the autopilot is PX4, whose cascade tilts ahead."""
-        return bool(values.firmware == PX4)
+    def moment_unit(self, drone: DroneConfig) -> float:
+        """Return the roll moment [Nm] of the autopilot's normalized torque 1, 0 if unknown."""
+        if self.values.firmware == PX4:
+            return super().moment_unit(drone)
+        try:
+            return moment_unit(drone)
+        except ValueError as error:
+            self.node.get_logger().warning(f'the tilt ignores inertia and moment: {error}')
+            return 0.0
+
+
+def add_to_loop(
+    set_point: Any, acceleration: NDArray[np.float64], moved: LoopMotion, now_ns: int
+) -> Any:
+    """Return a PositionTarget for ArduCopter with an acceleration (3,), east-north-up [m/s^2].
+
+    A position moves by the offset for which ArduCopter's loop commands the acceleration; without a
+    position the acceleration is added. Raises RejectedInputError as `add_acceleration` does.
+    """
+    has_position = not set_point.type_mask & _POSITION.sum()
+    push = moved.acceleration if has_position else acceleration
+    added = add_acceleration(set_point, push, now_ns, ARDUPILOT)
+    if has_position:
+        _fill(added.position, _ALL, moved.offset)
+        _fill(added.velocity, _ALL, moved.speed)
+    return added
 
 
 def add_acceleration(

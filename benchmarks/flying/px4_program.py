@@ -19,7 +19,7 @@ _PROGRAM = 'bin/px4'
 _ENDING = 5.0  # [s]
 # Ends PX4 together with the process that starts it, because PX4 runs on without its simulator. The
 # guard is a separate process, since code between fork and exec may hang with threads.
-_GUARD = """
+GUARD = """
 import ctypes, os, signal, sys
 parent = int(sys.argv[1])
 ctypes.CDLL(None).prctl(1, signal.SIGKILL, 0, 0, 0)
@@ -78,7 +78,7 @@ class Px4Program:
         program = str(self._build / _PROGRAM)
         command = [program, '-d', '-i', str(self._instance), str(self._build / 'etc')]
         command += ['-w', str(self._folder)]
-        guard = [sys.executable, '-c', _GUARD, str(os.getpid())]
+        guard = [sys.executable, '-c', GUARD, str(os.getpid())]
         environment = {
             **os.environ,
             'PATH': f'{self._build / "bin"}:{os.environ["PATH"]}',

@@ -20,8 +20,9 @@ import numpy as np
 
 from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, Message
 from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight
+from aerarm_ros.autopilot.px4_flight import FirmwareFlight, Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
+from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
 from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
@@ -45,9 +46,10 @@ def pushed(step: int) -> FeedForward:
 
 def flight(
     simulator: SimulatorLink, companion: CompanionLink, setup: Px4Setup = SETUP
-) -> Px4FirmwareFlight:
+) -> FirmwareFlight:
     """Return the flight that is recorded and replayed."""
-    return Px4FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, setup), setup)
+    set_points = Px4SetPoints(DRONE, None, setup.gains)
+    return FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, setup), set_points)
 
 
 @dataclass
@@ -253,7 +255,7 @@ def record() -> None:
     print(f'{len(steps)} steps, {RECORDING.stat().st_size // 1024} KiB')
 
 
-def fly(control: Px4FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> None:
+def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> None:
     """Fly PX4 through take-off and some steps in flight."""
     target = FlightTarget.here(STILL)
 

@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from px4_recording import BODY, DRONE, FLOWN, SETUP, STILL, ScriptedPx4, flight, fly, load
+from px4_recording import BODY, DRONE, FLOWN, STILL, ScriptedPx4, flight, fly, load
 
 from aerarm_ros.autopilot import px4_flight
-from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight
+from aerarm_ros.autopilot.px4_flight import FirmwareFlight
 from aerarm_ros.autopilot.px4_link import CompanionLink, SimulatorLink
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightTarget
@@ -17,7 +17,7 @@ STEPS = load()
 AIR = len(STEPS) - FLOWN  # the first step in the air
 TARGET = FlightTarget.here(STILL)
 
-Stage = Callable[..., tuple[Px4FirmwareFlight, ScriptedPx4, SimulatorLink]]
+Stage = Callable[..., tuple[FirmwareFlight, ScriptedPx4, SimulatorLink]]
 
 
 def free_port(kind: socket.SocketKind) -> int:
@@ -31,7 +31,7 @@ def staged() -> Stage:
     """Return a function that starts a scripted PX4 and its connections."""
     links = []
 
-    def start(**faults: int) -> tuple[Px4FirmwareFlight, ScriptedPx4, SimulatorLink]:
+    def start(**faults: int) -> tuple[FirmwareFlight, ScriptedPx4, SimulatorLink]:
         tcp = free_port(socket.SOCK_STREAM)
         udp, own = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)
         simulator, companion = SimulatorLink(tcp), CompanionLink(own, udp)
@@ -109,7 +109,7 @@ def test_a_damaged_answer_is_counted_and_the_thrust_before_it_holds(
 def test_a_port_that_is_taken_is_named() -> None:
     port = free_port(socket.SOCK_STREAM)
     first = SimulatorLink(port)
-    with pytest.raises(ValueError, match=f'TCP port {port}.*px4_instance'):
+    with pytest.raises(ValueError, match=f'TCP port {port}.*autopilot_instance'):
         SimulatorLink(port)
     first.close()
     port = free_port(socket.SOCK_DGRAM)
@@ -122,7 +122,7 @@ def test_a_port_that_is_taken_is_named() -> None:
 def test_without_a_firmware_it_waits_and_says_so() -> None:
     simulator = SimulatorLink(free_port(socket.SOCK_STREAM))
     companion = CompanionLink(free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM))
-    control = Px4FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, SETUP), SETUP)
+    control = flight(simulator, companion)
     control.update(STILL, TARGET, 0.004)
     control.settle()
     assert control.is_settling

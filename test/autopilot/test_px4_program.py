@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
-from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight
+from aerarm_ros.autopilot.px4_flight import FirmwareFlight, Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, SimulatorLink
+from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
 from aerarm_ros.autopilot.px4_setup import Px4Setup, force_unit, hover_share
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
 from aerarm_ros.description.resources import resource
@@ -158,7 +159,7 @@ def test_a_link_that_is_lost_for_a_second_is_borne_and_then_the_failsafe_acts(
     with Px4Program(build, tmp_path, DRONE, BODY, SETUP, 8) as program:
         simulator, companion = SimulatorLink(4568), CompanionLink(14548, 14588)
         firmware = Px4Firmware(simulator, companion, SETUP)
-        control = Px4FirmwareFlight(DRONE, BODY, firmware, SETUP)
+        control = FirmwareFlight(DRONE, BODY, firmware, Px4SetPoints(DRONE, None, SETUP.gains))
         fly(control)
         for _ in range(225):  # 0.9 s without set points
             firmware.step(STILL, 0.004)

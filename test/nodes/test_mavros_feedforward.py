@@ -8,6 +8,7 @@ import pytest
 from geometry_msgs.msg import Vector3
 from std_msgs.msg import Header
 
+from aerarm_ros.autopilot.ardupilot_loop import LoopMotion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.nodes import mavros_feedforward
 
@@ -87,6 +88,21 @@ def test_what_takes_no_acceleration_is_refused(
 ) -> None:
     with pytest.raises(RejectedInputError, match=reason):
         mavros_feedforward.add_acceleration(unfit, ADDED, 0, autopilot)
+
+
+def test_a_position_moves_for_ardupilot_and_an_acceleration_stays() -> None:
+    moved = LoopMotion(np.array([0.1, 0.2, 0.0]), np.array([0.3, 0.4, 0.0]), np.array([5, 6, 0.0]))
+    before = set_point(IGNORE_VELOCITY | IGNORE_ACCELERATION)
+    before.position = Vector3(x=1.0, y=2.0, z=3.0)
+    after = mavros_feedforward.add_to_loop(before, ADDED, moved, 0)
+    assert values(after.position) == pytest.approx([1.1, 2.2, 3.0])
+    assert values(after.velocity) == pytest.approx([0.3, 0.4, 0.0])
+    assert values(after.acceleration_or_force) == pytest.approx([5.0, 6.0, 0.0])
+    without = mavros_feedforward.add_to_loop(
+        set_point(IGNORE_POSITION | IGNORE_ACCELERATION), ADDED, moved, 0
+    )
+    np.testing.assert_allclose(values(without.acceleration_or_force), ADDED)
+    assert values(without.velocity) == [0.4, 0.5, 0.6]
 
 
 def test_an_offset_is_one_for_ardupilot() -> None:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from aerarm_ros.autopilot import ardupilot_link
+from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware
+from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
+from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
 from aerarm_ros.autopilot.betaflight_flight import BetaflightFlight
 from aerarm_ros.autopilot.betaflight_link import BetaflightLink
 from aerarm_ros.autopilot.px4 import Px4Gains
-from aerarm_ros.autopilot.px4_flight import Px4Firmware, Px4FirmwareFlight
+from aerarm_ros.autopilot.px4_flight import FirmwareFlight, Px4Firmware
 from aerarm_ros.autopilot.px4_link import (
     COMPANION_PORT,
     OFFBOARD_PORT,
@@ -16,7 +20,9 @@ from aerarm_ros.autopilot.px4_link import (
     SimulatorLink,
 )
 from aerarm_ros.autopilot.px4_loops import Px4Flight
+from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
 from aerarm_ros.autopilot.px4_setup import SENSORS, VISION, Px4Setup
+from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import ArmFeedForward, MassProperties
 from aerarm_ros.flight.disturbances import Disturbance, DisturbanceObserver, IncrementalEstimate
@@ -24,7 +30,8 @@ from aerarm_ros.flight.flight_control import FlightControl, FlightGains
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
 OWN, PX4, PX4_SITL, BETAFLIGHT = 'own', 'px4', 'px4_sitl', 'betaflight'
-FlightLaw = FlightControl | Px4Flight | Px4FirmwareFlight | BetaflightFlight
+ARDUPILOT_SITL = 'ardupilot_sitl'
+FlightLaw = FlightControl | Px4Flight | FirmwareFlight | BetaflightFlight
 INTEGRAL, OBSERVER, INDI = 'integral', 'observer', 'indi'
 
 _GAINS = FlightGains()
@@ -78,14 +85,17 @@ FLIGHT_PARAMETERS = (
         'Control loops of PX4',
         Parameter(
             'loops', OWN, "control loops of the drone: this node's; px4, an imitation of PX4's "
-                          'loops; px4_sitl or betaflight, the firmware as a program on this host',
-            choices=(OWN, PX4, PX4_SITL, BETAFLIGHT),
+                          'loops; px4_sitl, ardupilot_sitl or betaflight, the firmware as a '
+                          'program on this host',
+            choices=(OWN, PX4, PX4_SITL, ARDUPILOT_SITL, BETAFLIGHT),
         ),
         Parameter(
-            'px4_instance', 0, 'instance number of the PX4 program (its option -i)', '', 0, 250
+            'autopilot_instance', 0, 'instance number of the PX4 program (its option -i) or of the '
+                'ArduPilot program (its option -I)', '', 0, 250
         ),
         Parameter(
-            'px4_sensors', VISION, "source of PX4's position: external odometry or satellites",
+            'autopilot_sensors', VISION,
+            "source of the firmware's position: external odometry or satellites",
             choices=SENSORS,
         ),
         Parameter(
@@ -164,6 +174,8 @@ def flight_control(values: SimpleNamespace, drone: DroneConfig, body: MassProper
                 'tilted rotors for that: choose other loops'
             )
         return Px4Flight(drone, body, px4, values.tilt_ahead, values.hold_heading)
+    if values.loops == ARDUPILOT_SITL:
+        return _ardupilot_firmware(values, drone, body)
     if values.loops == BETAFLIGHT:
         return BetaflightFlight(drone, body, BetaflightLink(), FlightGains(**gains))
     estimate: Disturbance | None = None
@@ -182,14 +194,30 @@ def _px4_firmware(
     body: MassProperties,
     px4: Px4Gains,
     gains: FlightGains,
-) -> Px4FirmwareFlight:
-    setup, number = Px4Setup(px4, values.px4_sensors), values.px4_instance
+) -> FirmwareFlight:
+    setup, number = Px4Setup(px4, values.autopilot_sensors), values.autopilot_instance
     simulator = SimulatorLink(SIMULATOR_PORT + number)
     companion = CompanionLink(COMPANION_PORT + number, OFFBOARD_PORT + number)
-    firmware = Px4Firmware(simulator, companion, setup)
-    return Px4FirmwareFlight(
-        drone, body, firmware, setup, gains, values.tilt_ahead, values.hold_heading
-    )
+    tilt = px4 if values.tilt_ahead else None
+    set_points = Px4SetPoints(drone, gains, tilt, values.hold_heading)
+    return FirmwareFlight(drone, body, Px4Firmware(simulator, companion, setup), set_points)
+
+
+def _ardupilot_firmware(
+    values: SimpleNamespace, drone: DroneConfig, body: MassProperties
+) -> FirmwareFlight:
+    setup = ArduPilotSetup(sensors=values.autopilot_sensors)
+    setup.parameters(drone, body)  # checks that ArduPilot can fly the drone
+    more = ardupilot_link.PORT_STEP * values.autopilot_instance
+    simulator = ardupilot_link.SimulatorLink(ardupilot_link.SIMULATOR_PORT + more)
+    companion = ardupilot_link.CompanionLink(ardupilot_link.COMPANION_PORT + more)
+    firmware = ArduPilotFirmware(simulator, companion, motors_of(drone), setup.sensors)
+    acceleration = SetPointAcceleration()
+    if values.tilt_ahead:
+        lasting = setup.rate_i / setup.rate_p
+        acceleration = SetPointAcceleration(setup.att_p, setup.rate_gain(drone), lasting)
+    set_points = ArduPilotSetPoints(setup.loop, acceleration, values.hold_heading)
+    return FirmwareFlight(drone, body, firmware, set_points)
 
 
 def arm_feed_forward(

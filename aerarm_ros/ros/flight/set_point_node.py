@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import HOLD, ArmFeedForward
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
@@ -60,7 +60,8 @@ def set_point_parameters(
         *grouped(
             "The autopilot's loops, for the preview of the tilt",
             Parameter('attitude_gain', Px4Gains.mc_att_p, 'angular velocity per attitude error '
-                                                          '(MC_ROLL_P, default as in PX4); 0 for '
+                                                          '(MC_ROLL_P, default as in PX4; '
+                                                          'ATC_ANG_RLL_P); 0 for '
                                                           'no preview of the tilt', '1/s', 0.0,
                       50.0),
             Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque '
@@ -113,12 +114,10 @@ class SetPointNode:
         self.values = values = parameters.declare(self.node, self._on_parameter)
         config, drone, body = load_flown_drone(values)
         self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
-        self._acceleration = SetPointAcceleration()
-        if self.tilts_ahead(values):
-            rate_gain = values.rate_gain * float(torque_unit(drone)[0])
-            self._acceleration = SetPointAcceleration(
-                values.attitude_gain, rate_gain, values.integral_rate
-            )
+        rate_gain = values.rate_gain * self.moment_unit(drone)
+        self._acceleration = SetPointAcceleration(
+            values.attitude_gain, rate_gain, values.integral_rate
+        )
         self._set_point: Any = None
         self._set_point_time = self._attitude_time = self._rejected_at = -np.inf
         self._rotation = np.eye(3)
@@ -153,9 +152,9 @@ class SetPointNode:
         """Return a message's attitude (x, y, z, w), forward-left-up in east-north-up."""
         raise NotImplementedError
 
-    def tilts_ahead(self, values: SimpleNamespace) -> bool:
-        """Return whether the autopilot uses PX4's cascade, whose inverse is known."""
-        return True
+    def moment_unit(self, drone: DroneConfig) -> float:
+        """Return the roll moment [Nm] of the autopilot's normalized torque 1, 0 if unknown."""
+        return float(torque_unit(drone)[0])
 
     def publish(self, set_point: Any, now_ns: int) -> None:
         """Publish a set point for the autopilot."""

@@ -1,0 +1,204 @@
+"""UDP connections to an ArduPilot program on this host (SITL).
+
+This package acts as ArduPilot's simulator over its JSON interface (`libraries/SITL/SIM_JSON.cpp`):
+ArduPilot sends the pulses of its motors, waits for one line of sensor data, and advances its clock
+to the line's time. So both run in lockstep.
+"""
+
+import json
+import select
+import socket
+import struct
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from aerarm_ros.autopilot.mavlink import FrameReader, Message
+from aerarm_ros.autopilot.px4 import frd_rotation, ned
+from aerarm_ros.control.base.base_motion import frd_to_flu
+from aerarm_ros.description.drone_config import GRAVITY
+from aerarm_ros.flight.flight_state import FlightState
+from aerarm_ros.motion.signals import Array
+
+SIMULATOR_PORT, COMPANION_PORT, PORT_STEP = 9002, 14550, 10
+"""UDP ports of this program, and what ArduPilot's option -I adds per instance."""
+
+_HOST = '127.0.0.1'
+_MOTORS = struct.Struct('<HHI16H')
+_MAGIC = 18458
+_LOW, _RANGE = 1000.0, 1000.0  # [us]
+_CHUNK = 65536
+_BOOT = 0.02  # [s] to wait for ArduPilot's first packet
+_PATIENCE = 2.0  # [s] after which a silent ArduPilot counts as ended
+
+
+def sensor_line(time_s: float, state: FlightState) -> bytes:
+    """Return the line of sensor data for a state: IMU, attitude, position and velocity.
+
+    Without a measured specific force the drone counts as resting.
+    """
+    level = GRAVITY * state.rotation[2]
+    force = level if state.specific_force is None else state.specific_force
+    x, y, z, w = pin.Quaternion(frd_rotation(state.rotation)).coeffs().tolist()
+    values = {
+        'timestamp': time_s,
+        'imu': {'gyro': frd_to_flu(state.rate).tolist(), 'accel_body': frd_to_flu(force).tolist()},
+        'position': ned(state.position).tolist(),
+        'quaternion': [w, x, y, z],
+        'velocity': ned(state.velocity).tolist(),
+    }
+    return f'\n{json.dumps(values)}\n'.encode()
+
+
+def motor_shares(packet: bytes) -> tuple[int, Array] | None:
+    """Return number and thrust fractions (16,) of a motor packet, None for another packet."""
+    if len(packet) != _MOTORS.size:
+        return None
+    magic, _, number, *pulses = _MOTORS.unpack(packet)
+    if magic != _MAGIC:
+        return None
+    return number, np.clip((np.array(pulses) - _LOW) / _RANGE, 0.0, 1.0)
+
+
+class Simulator(Protocol):
+    """Interface of the connection that sends sensor data to ArduPilot."""
+
+    is_lost: bool
+
+    def step(self, lines: Sequence[bytes]) -> Array | None:
+        """Send lines of sensor data; return the thrust fractions (16,) after the last one."""
+
+    def close(self) -> None:
+        """Close the connection."""
+
+
+class Companion(Protocol):
+    """Interface of the MAVLink connection of a companion computer."""
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame."""
+
+    def messages(self) -> list[Message]:
+        """Return the new messages."""
+
+    def close(self) -> None:
+        """Close the connection."""
+
+
+class SimulatorLink:
+    """UDP server to which ArduPilot connects as to its simulator (`--model JSON`).
+
+    Parameters
+    ----------
+    port : int
+        UDP port.
+
+    Attributes
+    ----------
+    is_lost : bool
+        Whether ArduPilot has answered before and is silent now.
+
+    Raises
+    ------
+    ValueError
+        If the port is in use.
+    """
+
+    def __init__(self, port: int = SIMULATOR_PORT) -> None:
+        self.is_lost = False
+        self._number = -1  # of the last motor packet
+        self._shares: Array | None = None
+        self._autopilot: tuple[str, int] | None = None
+        self._line = _bound(port)
+
+    def step(self, lines: Sequence[bytes]) -> Array | None:
+        """Send lines of sensor data; return the thrust fractions (16,), None without an answer.
+
+        ArduPilot asks first, so the first call only waits for its first packet.
+        """
+        for line in lines:
+            if self._autopilot is None and not self._receive(_BOOT):
+                return None
+            assert self._autopilot is not None
+            self._line.sendto(line, self._autopilot)
+            if not self._receive(_PATIENCE):
+                self.is_lost, self._autopilot = True, None
+                return None
+            self.is_lost = False
+        return self._shares
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._line.close()
+
+    def _receive(self, patience: float) -> bool:
+        """Wait for the next motor packet; ArduPilot repeats a packet to which nothing answers."""
+        deadline = time.monotonic() + patience
+        while select.select([self._line], [], [], max(deadline - time.monotonic(), 0.0))[0]:
+            packet, sender = self._line.recvfrom(_CHUNK)
+            motors = motor_shares(packet)
+            is_new = motors is not None and (
+                self._autopilot is None or sender != self._autopilot or motors[0] != self._number
+            )
+            if motors is not None and is_new:
+                self._number, self._shares = motors
+                self._autopilot = sender
+                return True
+        return False
+
+
+class CompanionLink:
+    """UDP server for ArduPilot's first MAVLink connection (`--serial0 udpclient:127.0.0.1:PORT`).
+
+    Parameters
+    ----------
+    port : int
+        UDP port.
+
+    Raises
+    ------
+    ValueError
+        If the port is in use.
+    """
+
+    def __init__(self, port: int = COMPANION_PORT) -> None:
+        self._reader = FrameReader()
+        self._autopilot: tuple[str, int] | None = None
+        self._line = _bound(port)
+        self._line.setblocking(False)
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame; before ArduPilot's first message it is lost."""
+        if self._autopilot is not None:
+            self._line.sendto(frame, self._autopilot)
+
+    def messages(self) -> list[Message]:
+        """Return the new messages."""
+        found: list[Message] = []
+        while True:
+            try:
+                data, self._autopilot = self._line.recvfrom(_CHUNK)
+            except (BlockingIOError, ConnectionRefusedError):
+                return found
+            found += self._reader.feed(data)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._line.close()
+
+
+def _bound(port: int) -> socket.socket:
+    line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        line.bind((_HOST, port))
+    except OSError as error:
+        line.close()
+        raise ValueError(
+            f"UDP port {port} of loops 'ardupilot_sitl' cannot be opened ({error.strerror}): stop "
+            'the other flight_control, simulator or ground station, or set another '
+            'autopilot_instance'
+        ) from None
+    return line
