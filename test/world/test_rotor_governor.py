@@ -14,17 +14,24 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import JointReference
+from aerarm_ros.world.heading import HeadingControl
 from aerarm_ros.world.rotor_governor import RotorGovernor
 
 HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
 OUT = HANGING + np.array([1.2, -1.2, 0.8, -1.0])
 
 
-def governor_of(drone: DroneConfig, share: float = 0.7) -> RotorGovernor:
+LIMIT = np.radians(5.0)
+BESIDE, TURNED = HANGING - [0.0, 0.6, 0.0, 0.0], HANGING + [1.5, -0.6, 0.0, 0.0]
+
+
+def governor_of(
+    drone: DroneConfig, share: float = 0.7, heading: HeadingControl | None = None
+) -> RotorGovernor:
     robot = load_robot(gravity_in_base=drone.gravity_in_base)
     rotors = load_arm_config().column('reflected_inertia')
     whole = WholeBodyDynamics(robot, rotors, carrier_parameters(drone))
-    return RotorGovernor(whole, drone, drone.gravity_in_base, share)
+    return RotorGovernor(whole, drone, drone.gravity_in_base, share, heading)
 
 
 @pytest.fixture(params=['drone.yaml', 'drones/tilted_hexarotor.yaml'])
@@ -104,3 +111,42 @@ def test_a_posture_that_the_drone_cannot_hover_under_is_rejected() -> None:
     governor = governor_of(weak, 0.5)
     with pytest.raises(RejectedInputError, match='could not hover'):
         governor.govern(PolynomialPath.rest_to_rest(HANGING, OUT, 2.0))
+
+
+def test_a_motion_about_the_vertical_is_slowed_until_the_heading_stays(drone: DroneConfig) -> None:
+    """Without the heading's limit, the rotors of both drones can give the moment."""
+    motion = PolynomialPath.rest_to_rest(BESIDE, TURNED, 2.0)
+    assert governor_of(drone).govern(motion) is motion
+    governor = governor_of(drone, heading=HeadingControl(LIMIT))
+    slowed = governor.govern(motion)
+    assert governor.last_stretch > 1.2
+    assert slowed.duration == pytest.approx(governor.last_stretch * 2.0)
+    assert governor.govern(slowed) is slowed, 'the slowed motion respects the limits'
+    fed = governor_of(drone, heading=HeadingControl(LIMIT, is_fed=True))
+    assert fed.govern(motion) is motion
+
+
+def test_an_excitation_gets_one_factor(drone: DroneConfig) -> None:
+    motion = PolynomialPath.rest_to_rest(HANGING, OUT, 0.6)
+    governor = governor_of(drone, heading=HeadingControl(LIMIT))
+    factor = governor.slowdown(motion)
+    assert factor > 1.2
+    slower = PolynomialPath.rest_to_rest(HANGING, OUT, 0.6 * factor)
+    assert governor.slowdown(slower) == pytest.approx(1.0, abs=0.02)
+    assert governor.slowdown(PolynomialPath.rest_to_rest(HANGING, OUT, 20.0)) == 1.0
+
+
+def test_a_heading_that_no_pace_holds_is_rejected() -> None:
+    tight = HeadingControl(1e-6, frequency=0.1)
+    motion = PolynomialPath.rest_to_rest(BESIDE, TURNED, 1.0)
+    with pytest.raises(RejectedInputError, match='heading'):
+        governor_of(load_drone_config(), heading=tight).slowdown(motion)
+
+
+def test_a_drone_with_rotors_in_one_plane_needs_thrust_to_tilt() -> None:
+    """Quick motion across the drone: the tilt alone takes the rotors beyond their share."""
+    drone = load_drone_config()
+    governor = governor_of(drone)
+    swing = PolynomialPath.rest_to_rest(HANGING, HANGING + [0.0, 0.5, 0.0, 0.0], 0.5)
+    assert usages(governor, swing).max() < 0.7
+    assert governor.govern(swing).duration > 0.55
