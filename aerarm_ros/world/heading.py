@@ -13,6 +13,7 @@ _SLOPE = _DAMPING / sqrt(1.0 - _DAMPING**2)
 # Largest deviation of the heading, times frequency, per bounded rate L / I: twice the sum of the
 # extrema of the response to a step of L / I.
 _GAIN = 2.0 * exp(-_SLOPE * acos(_DAMPING)) / (1.0 - exp(-pi * _SLOPE))
+_TURN_SHARE = 0.4
 _STEP = 0.2  # largest step of the integration, relative to 1 / frequency
 _TAIL = 3.0  # observed time after the motion, relative to 1 / frequency
 
@@ -54,10 +55,10 @@ class HeadingControl:
     def turn_max(self) -> float:
         """Largest |L| / I [rad/s] with which no motion exceeds the limit; infinite if fed forward.
 
-        The bound is that of a linear system, without the limited moment (integral of the magnitude
-        of the impulse response).
+        The bound is 0.4 times that of a linear system (integral of the magnitude of the impulse
+        response). The fraction covers the limited moment of the rotors.
         """
-        return np.inf if self._is_fed else self._frequency * self.limit / _GAIN
+        return np.inf if self._is_fed else _TURN_SHARE * self._frequency * self.limit / _GAIN
 
     def excursion(
         self, times: Array, momentum: Array, inertia: Array, low: Array, high: Array

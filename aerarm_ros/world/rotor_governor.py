@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from aerarm_ros.control.base.rotor_wrench import wrench_per_thrust
 from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.references.reference_chase import MotionLimit
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
@@ -19,6 +20,9 @@ _SMOOTHED = 0.2  # [s] over which the pace changes
 _SLOWEST = 0.02  # of the motion's own pace
 _LEAST_SLOWER, _MOST_SLOWER = 0.97, 0.7  # per attempt
 _ATTEMPTS = 30
+_LEAST_SHARE = 0.02  # of the joints' own accelerations, which always stays for braking
+_LASTING = 0.1  # [s]
+_TILT_RATE = 10.0  # [rad/s]
 _DOUBLINGS, _HALVINGS = 6, 7
 _LOOKS = 250  # largest number, because a controller checks between two states
 _ROUNDING = 1e-9
@@ -209,6 +213,61 @@ class RotorGovernor:
             low, high = (low, middle) if is_held(middle) else (middle, high)
         return high
 
+    def limited(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return an acceleration (n,) [rad/s^2], shortened until the thrusts are in their share.
+
+        If the thrusts are beyond their share without acceleration, a fraction of it stays, with
+        which the arm can brake.
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) ndarray
+            Posture [rad], velocity [rad/s] and wanted acceleration [rad/s^2].
+        """
+        coupling, com, _, still = self._hovering(q, dq)
+        moved = self._mixer @ self._given(coupling @ ddq, com)
+        left = self._share * self._half - np.sign(moved) * still
+        share = float((left / np.maximum(np.abs(moved), _ROUNDING)).min())
+        return min(max(share, _LEAST_SHARE), 1.0) * ddq
+
+    def motion_limits(self, q: Array, dq: Array, most: Array) -> MotionLimit:
+        """Return limits for a stream, a motion whose path is unknown.
+
+        The thrusts stay within their share, whatever signs the accelerations of the joints have.
+        Each joint may use an equal part of the rotors' range beside hovering and the moment that
+        the velocity needs; what a joint at its own limit leaves is for the others. A drone with
+        rotors in one plane tilts for a horizontal force that may change at 10 rad/s.
+
+        Parameters
+        ----------
+        q, dq, most : (n,) ndarray
+            Posture [rad], velocity [rad/s] and own limits of acceleration [rad/s^2].
+        """
+        coupling, com, inertia, still = self._hovering(q, dq)
+        room = np.maximum(self._share * self._half - np.abs(still), 0.0)
+        direct = [self._mixer @ self._given(column, com) for column in coupling.T]
+        force = (coupling[:3] - self._project @ coupling[:3]).T  # (n, 3)
+        lever = _TILT_RATE**2 / self._weight
+        tilting = np.cross(self._up, force) @ inertia @ self._mixer[:, 3:].T * lever
+        moved = np.abs(direct) + np.abs(tilting)
+        room = np.maximum(self._share * self._half - np.abs(still), 0.0)
+        acceleration = np.maximum(_shared(room, moved, most), _LEAST_SHARE * most)
+        turning = self._up @ (coupling[3:] - np.cross(com, coupling[:3], axisb=0, axisc=0))
+        turning = turning / float(self._up @ inertia @ self._up)
+        turn_max = np.inf if self._heading is None else self._heading.turn_max
+        return MotionLimit(acceleration, turning, turn_max)
+
+    def _hovering(self, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
+        """Return `M_bj` (6, n), centre of mass, inertia, and thrusts at constant velocity (m,).
+
+        The thrusts [N] are those from the middle of each rotor's range.
+        """
+        coupling = self.whole.inertia_matrix(q)[:6, 6:].copy()
+        _, com, inertia = self.whole.composite_inertia(q)
+        zero = np.zeros(self.whole.n)
+        wrench = self.whole.forces(q, dq, zero, zero[:3], self._felt)[:6]
+        return coupling, com, inertia, self._mixer @ self._given(wrench, com) - self._middle
+
     def _course(self, motion: PacedMotion, most: int | None = None) -> _Course:
         """Return the motion at points every 20 ms, `most` at most; checks that the drone hovers."""
         count = max(2, int(np.ceil(motion.duration / _STEP)) + 1)
@@ -221,7 +280,7 @@ class RotorGovernor:
         if np.any(left < 0.0):
             raise RejectedInputError(
                 f'trajectory rejected, because {times[np.argmin(left)]:.1f} s after its start the '
-                f"drone could not hover under the arm with {100.0 * self._share:.0f} % of its "
+                f'drone could not hover under the arm with {100.0 * self._share:.0f} % of its '
                 "rotors' range: choose another posture"
             )
         sideways = np.swapaxes(sideways, 0, 1)
@@ -310,6 +369,41 @@ class RotorGovernor:
             for point, r, c in zip(course.points, pace, change, strict=True)
         ]
         return PolynomialPath.quintic(stretched, *map(np.array, zip(*rows, strict=True)))
+
+
+class ReactionLimit:
+    """Limit the lasting part of a control law's reaction to the drone.
+
+    The drone itself moves against a short acceleration of the joints, without its rotors. So the
+    mean over 0.1 s (first-order low-pass) must keep the thrusts within their share, and the
+    remainder passes.
+
+    Parameters
+    ----------
+    governor : RotorGovernor
+        Limits of the rotors.
+    """
+
+    def __init__(self, governor: RotorGovernor) -> None:
+        self._governor = governor
+        self._lasting = np.zeros(governor.whole.n)
+
+    def __call__(self, q: Array, dq: Array, ddq: Array, dt: float) -> Array:
+        """Return the accepted acceleration (n,) [rad/s^2] of a cycle of `dt` [s]."""
+        lasting = self._lasting + min(dt / _LASTING, 1.0) * (ddq - self._lasting)
+        self._lasting = lasting
+        return ddq - lasting + self._governor.limited(q, dq, lasting)
+
+
+def _shared(room: Array, moved: Array, most: Array) -> Array:
+    """Return accelerations (n,), at most `most`, whose thrusts `moved` (n, m) add up to `room`."""
+    given = np.zeros(len(most))
+    for _ in range(len(most)):
+        is_open = given < most
+        left = np.maximum(room - given @ moved, 0.0) / max(int(is_open.sum()), 1)
+        more = (left / (moved + _ROUNDING)).min(axis=1)
+        given = np.where(is_open, np.minimum(given + more, most), given)
+    return given
 
 
 def _factor_of(square: float) -> float:

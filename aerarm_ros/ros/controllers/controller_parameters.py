@@ -31,6 +31,7 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
 from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.references.reference_chase import ReferenceChase
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
@@ -456,14 +457,17 @@ class ControlledArm:
         governor = self.governor(values)
         if governor is None:
             return TrajectoryFollower(self.limits, tolerances, values.interpolation)
-        return TrajectoryFollower(self.limits, tolerances, values.interpolation, governor.govern)
+        chase = ReferenceChase(self.limits, governor.motion_limits)
+        return TrajectoryFollower(
+            self.limits, tolerances, values.interpolation, governor.govern, chase
+        )
 
     def governor(self, values: SimpleNamespace) -> RotorGovernor | None:
         """Return the governor of the values of `ROTOR_PARAMETERS`; None without drone or check."""
         if self.drone is None or values.rotor_share == 0.0:
             return None
         heading = None
-        if values.heading_max:
+        if getattr(values, 'heading_max', 0.0):
             heading = HeadingControl(
                 values.heading_max, values.heading_frequency, values.heading_feedforward
             )
