@@ -13,6 +13,7 @@ _SLOPE = _DAMPING / sqrt(1.0 - _DAMPING**2)
 # Largest deviation of the heading, times frequency, per bounded rate L / I: twice the sum of the
 # extrema of the response to a step of L / I.
 _GAIN = 2.0 * exp(-_SLOPE * acos(_DAMPING)) / (1.0 - exp(-pi * _SLOPE))
+_FED = 0.8  # known fraction of the arm's moment; an unknown payload adds to it
 _TURN_SHARE = 0.4
 _STEP = 0.2  # largest step of the integration, relative to 1 / frequency
 _TAIL = 3.0  # observed time after the motion, relative to 1 / frequency
@@ -25,11 +26,11 @@ class HeadingControl:
     arm's own momentum L and the inertia I of drone and arm about the vertical, the heading psi is::
 
         dpsi = (p - L) / I
-        dp   = u = dL (if fed forward) - I_0 (2 zeta w dpsi + w^2 psi),    low <= u <= high
+        dp   = u = 0.8 dL (if fed forward) - I_0 (2 zeta w dpsi + w^2 psi),    low <= u <= high
 
     Without a moment of the rotors the heading depends on the path of the arm alone and not on its
     speed. I_0 is the smallest inertia of the motion. zeta is 0.8. Delays of rotors and sensors are
-    neglected.
+    neglected. Of a moment that is fed forward, 20 % count as unknown, for model errors and payloads.
 
     Parameters
     ----------
@@ -53,12 +54,13 @@ class HeadingControl:
 
     @property
     def turn_max(self) -> float:
-        """Largest |L| / I [rad/s] with which no motion exceeds the limit; infinite if fed forward.
+        """Largest |L| / I [rad/s] with which no motion exceeds the limit.
 
         The bound is 0.4 times that of a linear system (integral of the magnitude of the impulse
         response). The fraction covers the limited moment of the rotors.
         """
-        return np.inf if self._is_fed else _TURN_SHARE * self._frequency * self.limit / _GAIN
+        turn_max = _TURN_SHARE * self._frequency * self.limit / _GAIN
+        return turn_max / (1.0 - _FED) if self._is_fed else turn_max
 
     def excursion(
         self, times: Array, momentum: Array, inertia: Array, low: Array, high: Array
@@ -83,7 +85,8 @@ class HeadingControl:
         step = min(float(np.diff(times).min()), _STEP / w)
         grid = np.linspace(0.0, end, ceil(end / step) + 1)
         rows = [np.interp(grid, times, row) for row in (momentum, inertia, low, high)]
-        fed = np.diff(rows[0], append=rows[0][-1]) / grid[1] if self._is_fed else 0.0 * grid
+        known = _FED if self._is_fed else 0.0
+        fed = known * np.diff(rows[0], append=rows[0][-1]) / grid[1]
         least = float(inertia.min())
         return _largest(grid[1], least * w * w, 2.0 * _DAMPING * least * w, [*rows, fed])
 
