@@ -4,11 +4,13 @@ A drone of 3 kg hovers while its arm moves. The joints follow their plan exactly
 controller receives noisy, late sensors (`RigidFlight`). Each motion is flown as requested and with
 the governor, by flight controllers without and with feed-forward of the arm's motion, without and
 with preview. The motions are a slow and a fast swing and a reach of 90 degrees (govern: slowed down
-along the path), and the excitation (one factor). With `--carried`, the arm carries a payload that
-neither governor nor flight controller knows.
+along the path), and the excitation (one factor). With `--stream`, points of the same motions arrive
+at 100 Hz, and the governor limits velocity and acceleration. With `--carried`, the arm carries a
+payload that neither governor nor flight controller knows.
 """
 
 import argparse
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +21,10 @@ from flying.rigid_flight import RigidFlight
 from numpy.typing import ArrayLike
 
 from aerarm_ros.control.base.rotor_wrench import carrier_parameters
+from aerarm_ros.control.checks import JointLimits, RejectedInputError
+from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.reference_chase import ReferenceChase
+from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import load_robot
@@ -30,6 +36,7 @@ from aerarm_ros.motion.signals import JointMotion, JointReference
 from aerarm_ros.world.heading import HeadingControl
 from aerarm_ros.world.rotor_governor import PacedMotion, RotorGovernor
 
+CYCLE = 1e-3  # [s] of the controller
 PARTS = 'slow', 'reach', 'fast', 'excitation'
 # Preview time [s] of the feed-forward.
 WAYS = {'feedback': None, 'feed-forward': 0.0, 'feed-forward, preview': 0.028}
@@ -96,6 +103,42 @@ def governed(governor: RotorGovernor, part: str, motion: JointMotion) -> JointMo
     return motion if found is points else found
 
 
+class Played:
+    """References at every cycle, as a motion."""
+
+    def __init__(self, rows: list[JointReference]) -> None:
+        self._parts = [np.array(part) for part in zip(*rows, strict=True)]
+        self._times = CYCLE * np.arange(len(rows))
+        self.duration = float(self._times[-1])
+
+    def evaluate(self, time: ArrayLike) -> JointReference:
+        """Return the reference (M, n) at times (M,) [s]."""
+        times = np.atleast_1d(time)
+        parts = [
+            np.array([np.interp(times, self._times, row) for row in part.T]).T
+            for part in self._parts
+        ]
+        return JointReference(*parts)
+
+
+def streamed(motion: JointMotion, governor: RotorGovernor | None) -> JointMotion:
+    """Return the motion of an arm whose controller receives points at 100 Hz, and 6 s after it."""
+    limits, points = JointLimits.from_config(load_arm_config()), Points(motion)
+    chase = None if governor is None else ReferenceChase(limits, governor.motion_limits)
+    follower = TrajectoryFollower(limits, FollowerTolerances.uniform(limits.n), chase=chase)
+    follower.take_over(points.evaluate(0.0).q)
+    rows = []
+    for cycle in range(round((motion.duration + 6.0) / CYCLE)):
+        now = cycle * CYCLE
+        if cycle % 10 == 0 and now < motion.duration:
+            point = [[part.tolist()] for part in points.evaluate(now)]
+            # A point beyond the limits is rejected, as by a node.
+            with suppress(RejectedInputError):
+                follower.follow(JointTrajectory(limits, limits.names, [0.0], *point), now)
+        rows.append(follower.update(follower.reference.q, now, CYCLE))
+    return Played(rows)
+
+
 def control(
     way: str, name: str, drone: DroneConfig, flight: RigidFlight
 ) -> tuple[FlightControl, ArmFeedForward | None]:
@@ -125,6 +168,7 @@ def main() -> None:
     parser.add_argument('--heading', type=float, default=5.0, help='heading_max [deg]')
     parser.add_argument('--frequency', type=float, default=2.0, help='heading_frequency [rad/s]')
     parser.add_argument('--carried', type=float, default=0.0, help='mass of a payload [kg]')
+    parser.add_argument('--stream', action='store_true', help='streamed points at 100 Hz')
     options = parser.parse_args()
     place = np.array(PAYLOAD[1:])
     carried = parameters_of_body(options.carried, place, np.zeros((3, 3)))
@@ -140,7 +184,9 @@ def main() -> None:
                 governor = governor_of(drone, options.share, heading)
                 for word in ('off', 'on'):
                     motion = motions[part]
-                    if word == 'on':
+                    if options.stream:
+                        motion = streamed(motion, governor if word == 'on' else None)
+                    elif word == 'on':
                         motion = governed(governor, part, motion)
                     flight = RigidFlight(drone, motion, carried=carried)
                     errors = flight.fly(*control(way, name, drone, flight))

@@ -13,7 +13,7 @@ _SLOPE = _DAMPING / sqrt(1.0 - _DAMPING**2)
 # Largest deviation of the heading, times frequency, per bounded rate L / I: twice the sum of the
 # extrema of the response to a step of L / I.
 _GAIN = 2.0 * exp(-_SLOPE * acos(_DAMPING)) / (1.0 - exp(-pi * _SLOPE))
-_FED = 0.8  # known fraction of the arm's moment; an unknown payload adds to it
+_FED = 0.8  # known fraction of the arm's moment; the model is wrong by the rest
 _TURN_SHARE = 0.4
 _STEP = 0.2  # largest step of the integration, relative to 1 / frequency
 _TAIL = 3.0  # observed time after the motion, relative to 1 / frequency
@@ -30,7 +30,7 @@ class HeadingControl:
 
     Without a moment of the rotors the heading depends on the path of the arm alone and not on its
     speed. I_0 is the smallest inertia of the motion. zeta is 0.8. Delays of rotors and sensors are
-    neglected. Of a moment that is fed forward, 20 % count as unknown, for model errors and payloads.
+    neglected. Of a moment that is fed forward, 20 % count as unknown, for errors of the model.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class HeadingControl:
         response). The fraction covers the limited moment of the rotors.
         """
         turn_max = _TURN_SHARE * self._frequency * self.limit / _GAIN
-        return turn_max / (1.0 - _FED) if self._is_fed else turn_max
+        return 2.0 * turn_max if self._is_fed else turn_max
 
     def excursion(
         self, times: Array, momentum: Array, inertia: Array, low: Array, high: Array

@@ -292,7 +292,7 @@ class RotorGovernor:
         wrenches = self._wrenches(point)
         along, across, still = (self._mixer @ self._given(wrench, com) for wrench in wrenches)
         left_out = np.array([wrench[:3] - self._project @ wrench[:3] for wrench in wrenches[:2]])
-        momentum = self.whole.centroidal_momentum(point.q, point.dq, np.zeros(6))[3:]
+        momentum = wrenches[0][3:] - cross(com, wrenches[0][:3])  # M_bj dq about the centre
         return along, across, still, left_out, inertia, float(self._up @ momentum)
 
     def _static_pace(self, course: _Course) -> Array:
@@ -328,7 +328,7 @@ class RotorGovernor:
         return _factor_of(self._heading.limit / turned)
 
     def _moments(self, wanted: Array, moment: Array) -> tuple[Array, Array]:
-        """Return the range of moments (M,) [Nm] about the vertical beside the other thrusts.
+        """Return the range of moments (M,) [Nm] about the vertical that other thrusts leave.
 
         `wanted` (M, m) are all thrusts from the middle of their range, including those for the
         `moment` (M,) about the vertical. Other thrusts beyond the limits leave no range.

@@ -61,7 +61,7 @@ def test_no_motion_within_turn_max_exceeds_the_limit() -> None:
         worst = max(worst, excursion(control, turn))
     assert 0.35 * LIMIT < worst < 0.41 * LIMIT, 'the remainder covers the limited moment'
     fed = HeadingControl(LIMIT, 4.0, is_fed=True)
-    assert fed.turn_max == pytest.approx(5.0 * control.turn_max)
+    assert fed.turn_max == pytest.approx(2.0 * control.turn_max)
 
 
 @pytest.mark.parametrize('values', [(0.0, 2.0), (LIMIT, 0.0), (np.nan, 2.0)])
