@@ -16,7 +16,9 @@ from aerarm_ros.motion.signals import Array, JointReference
 from aerarm_ros.world.heading import HeadingControl
 
 _STEP = 0.02  # [s] of the motion's own time between two checked points
-_SMOOTHED = 0.2  # [s] over which the pace changes
+_SMOOTHED = 0.4  # [s] over which the pace changes
+_JOINED = 0.2  # [s] over which a running motion reaches the pace
+_TILTED = 0.2  # [s] over which the force that tilts the drone is averaged
 _SLOWEST = 0.02  # of the motion's own pace
 _LEAST_SLOWER, _MOST_SLOWER = 0.97, 0.7  # per attempt
 _ATTEMPTS = 30
@@ -75,7 +77,7 @@ class RotorGovernor:
     used fraction of the distance from the middle of each rotor's thrust range to its limits. The
     remaining thrust is for feedback, wind and an unknown payload.
 
-    The pace is first computed with r' = 0 and smoothed over 0.2 s without exceeding it. In a
+    The pace is first computed with r' = 0 and smoothed over 0.4 s without exceeding it. In a
     second step the pace is lowered everywhere until the whole motion, with its r' and the tilt,
     respects the limits of rotors and heading.
 
@@ -348,7 +350,7 @@ class RotorGovernor:
         count = max(4, round(times[-1] / _STEP))
         grid = np.linspace(0.0, times[-1], count + 1)
         even = np.array([np.interp(grid, times, row) for row in force.T])
-        window = np.hanning(2 * round(_SMOOTHED / (2.0 * grid[1])) + 3)[1:-1]
+        window = np.hanning(2 * round(_TILTED / (2.0 * grid[1])) + 3)[1:-1]
         half = len(window) // 2
         padded = np.pad(even, ((0, 0), (2 * half, 2 * half)))  # no force before and after
         mean = np.array([np.convolve(row, window / window.sum(), 'same') for row in padded])
@@ -419,7 +421,7 @@ def _stretched(times: Array, pace: Array) -> Array:
 
 
 def _smoothed(pace: Array, times: Array) -> Array:
-    """Return a pace that changes over 0.2 s and never exceeds the given one."""
+    """Return a pace that changes over 0.4 s and never exceeds the given one."""
     width = max(1, round(_SMOOTHED / (times[1] - times[0])))
     padded = np.concatenate([np.full(2 * width, pace[0]), pace, np.full(2 * width, pace[-1])])
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1)
@@ -431,7 +433,7 @@ def _smoothed(pace: Array, times: Array) -> Array:
 
 def _joined_to_begin(pace: Array, times: Array) -> Array:
     """Return a pace that begins at 1, as required to replace a running motion."""
-    share = np.clip(times / _SMOOTHED, 0.0, 1.0)
+    share = np.clip(times / _JOINED, 0.0, 1.0)
     share = share**2 * (3.0 - 2.0 * share)
     joined: Array = 1.0 + share * (pace - 1.0)
     return joined
