@@ -41,7 +41,7 @@ from aerarm_ros.excitation.trajectory import (
     transfer,
 )
 from aerarm_ros.motion.polynomial_path import rest_to_rest_duration
-from aerarm_ros.motion.signals import Array
+from aerarm_ros.motion.signals import Array, JointMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +142,13 @@ class RandomTrajectory:
 
 APPROACH, EXCITATION, RETURN = 'approach', 'excitation', 'return'
 
+Slowdown = Callable[[JointMotion], float]
+"""Returns the factor, 1 or more, by which the duration of a motion must grow."""
+
+
+def _unslowed(_: JointMotion) -> float:
+    return 1.0
+
 
 class ExcitationPlanner:
     """Planner of approach, excitation and return, with a check of the complete motion.
@@ -158,6 +165,7 @@ class ExcitationPlanner:
 
     SHORTEST_TRANSFER = 1.0
     """Shortest duration of a transfer between postures [s]."""
+    _SLOWED = 1.001  # factor at which a trajectory counts as slow enough
 
     def __init__(
         self,
@@ -174,12 +182,21 @@ class ExcitationPlanner:
         self._velocity = transfer_share * np.minimum(limits.velocity, 10.0)
         self._acceleration = transfer_share * np.minimum(limits.acceleration, 10.0)
 
+    def slowed(
+        self, trajectory: FourierTrajectory, periods: int, slowdown: Slowdown
+    ) -> FourierTrajectory:
+        """Return a trajectory of the same shape, as slow as its excitation with ramps needs."""
+        while (factor := slowdown(self._excitation(trajectory, periods))) > self._SLOWED:
+            trajectory = trajectory.slowed(factor)
+        return trajectory
+
     def plan(
         self,
         trajectory: FourierTrajectory,
         periods: int,
         start: Array,
         go_back: bool = True,
+        slowdown: Slowdown = _unslowed,
     ) -> MotionSequence:
         """Return a motion from rest at `start` through some periods of the trajectory to rest.
 
@@ -189,6 +206,8 @@ class ExcitationPlanner:
         periods : number of periods, a positive integer.
         start : (n,) present posture [rad].
         go_back : whether to end at `start` instead of the end of the run-out.
+        slowdown : factor by which the duration of approach and return must grow; for the
+            excitation see `slowed`.
 
         Raises
         ------
@@ -199,20 +218,28 @@ class ExcitationPlanner:
             'the trajectory'
         )
         self._transfer_checker.check(standstill(start)).require('the start posture')
-        excitation = RampedExcitation(trajectory, periods, self._ramp_time)
+        excitation = self._excitation(trajectory, periods)
         first = excitation.evaluate(0.0).q
         last = excitation.evaluate(excitation.duration).q
-        stages = self._transfer(APPROACH, start, first, trajectory.q0)
+        stages = self._transfer(APPROACH, (start, first, trajectory.q0), slowdown)
         stages.append(Stage(EXCITATION, excitation))
         if go_back:
-            stages += self._transfer(RETURN, last, start, trajectory.q0)
+            stages += self._transfer(RETURN, (last, start, trajectory.q0), slowdown)
         return MotionSequence(stages)
 
-    def _transfer(self, name: str, start: Array, end: Array, centre: Array) -> list[Stage]:
-        """Return the first feasible one of the candidate paths from `start` to `end`."""
+    def _excitation(self, trajectory: FourierTrajectory, periods: int) -> RampedExcitation:
+        return RampedExcitation(trajectory, periods, self._ramp_time)
+
+    def _transfer(
+        self, name: str, postures: tuple[Array, Array, Array], slowdown: Slowdown
+    ) -> list[Stage]:
+        """Return the first feasible candidate path between start and end of `postures`.
+
+        The third posture is the centre, through which one candidate leads.
+        """
         refused = None
-        for way in _ways(start, end, centre):
-            stages = self._stages(name, way)
+        for way in _ways(*postures):
+            stages = self._stages(name, way, slowdown)
             report = self._transfer_checker.check(MotionSequence(stages), stop_early=True)
             if report.feasible:
                 return stages
@@ -221,13 +248,13 @@ class ExcitationPlanner:
             f'no path was found for the {name} ({refused}): bring the arm to another posture first'
         )
 
-    def _stages(self, name: str, way: Sequence[Array]) -> list[Stage]:
+    def _stages(self, name: str, way: Sequence[Array], slowdown: Slowdown) -> list[Stage]:
         stages = []
         for leg, (a, b) in enumerate(pairwise(way)):
             duration = rest_to_rest_duration(
                 b - a, self._velocity, self._acceleration, self.SHORTEST_TRANSFER
             )
-            way_there = transfer(a, b, duration)
+            way_there = transfer(a, b, duration * slowdown(transfer(a, b, duration)))
             stages.append(Stage(name if leg == 0 else f'{name} {leg + 1}', way_there))
         return stages
 

@@ -80,6 +80,10 @@ class FourierTrajectory:
         """Frequency of the highest harmonic N f0 [Hz]."""
         return self.harmonics * self.f0
 
+    def slowed(self, factor: float) -> 'FourierTrajectory':
+        """Return the same shape with a period that is `factor` times as long."""
+        return FourierTrajectory(self.f0 / factor, self.q0, self.alpha, self.beta)
+
     @cached_property
     def angular_frequencies(self) -> Array:
         """Angular frequencies k w0 of the harmonics [rad/s], (N,)."""

@@ -12,20 +12,22 @@ from typing import Any
 
 import rclpy
 
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.excitation.design_file import TrajectoryFile, describe_margins
 from aerarm_ros.excitation.player import CommandLaw, ExcitationPlayer, FeedForwardLaw, VelocityLaw
 from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.excitation.trajectory import FourierTrajectory
-from aerarm_ros.motion.signals import Array, JointReference
+from aerarm_ros.motion.signals import Array, JointMotion, JointReference
+from aerarm_ros.ros.controllers.controller_parameters import ROTOR_PARAMETERS, ControlledArm
 from aerarm_ros.ros.controllers.state_node import PlanTopic
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
+    DRONE_FILE,
     REAL_TIME_PARAMETERS,
     SURROUNDINGS,
-    load_arm,
     load_setup,
     prepare_thread,
 )
@@ -74,6 +76,8 @@ PARAMETERS = ParameterTable(
     *AT_END_PARAMETERS,
     *REAL_TIME_PARAMETERS,
     *ARM_FILES,
+    DRONE_FILE,
+    *ROTOR_PARAMETERS,
     *SURROUNDINGS,
 )  # fmt: skip
 
@@ -95,11 +99,14 @@ class ExcitationNode:
         self.status = 1
         self._node = rclpy.create_node(NAME)
         self._parameters = PARAMETERS.declare(self._node)
-        arm, robot = load_arm(self._parameters)
+        controlled = ControlledArm.from_parameters(self._parameters)
+        arm, robot = controlled.config, controlled.robot
+        self._governor = controlled.governor(self._parameters)
         self._names = arm.joint_names
         self._own_names = tuple(map(robot.own_name, self._names))  # names in the file
         self._setup = load_setup(self._parameters, arm, robot)
         self._periods = self._parameters.periods or DEFAULT_PERIODS
+        self._slowed = 'no'
         self._trajectory = self._get_trajectory()
         self._diagnostics = StateDiagnostics(
             self._node, lambda: '', self._diagnostic_values, arm.name
@@ -142,6 +149,7 @@ class ExcitationNode:
             self._periods,
             start,
             go_back=self._parameters.return_to_start,
+            slowdown=self._slowdown,
         )
         self._player = ExcitationPlayer(
             motion,
@@ -173,10 +181,33 @@ class ExcitationNode:
                 values.seed, setup.checker, setup.config.ramp_time
             )
             made_with = {'seed': values.seed, 'amplitude': values.amplitude}
+        trajectory = self._within_rotors(trajectory)
         if values.save:
+            if self._slowed != 'no':
+                report = setup.checker.check_trajectory(trajectory, setup.config.ramp_time)
             made_with['margins'] = describe_margins(report)
             TrajectoryFile(trajectory, self._own_names, made_with, self._periods).save(values.save)
         return trajectory
+
+    def _within_rotors(self, trajectory: FourierTrajectory) -> FourierTrajectory:
+        """Return the trajectory, slowed down to the rotors of the drone, and report the factor."""
+        slowed = self._setup.planner.slowed(trajectory, self._periods, self._slowdown)
+        factor = slowed.period / trajectory.period
+        if factor > 1.0:
+            self._slowed = f'{factor:.2f} times'
+            print(
+                f'{NAME}: the periods take {factor:.2f} times as long ({slowed.period:.1f} s '
+                f'instead of {trajectory.period:.1f} s), because the rotors of the drone limit '
+                'the motion (rotor_share, heading_max)',
+                flush=True,
+            )
+        return slowed
+
+    def _slowdown(self, motion: JointMotion) -> float:
+        try:
+            return 1.0 if self._governor is None else self._governor.slowdown(motion)
+        except RejectedInputError as error:
+            raise ExcitationError(str(error)) from None
 
     def _law(self) -> CommandLaw:
         if self._parameters.mode == FULL:
@@ -214,6 +245,7 @@ class ExcitationNode:
         return {
             'stage': player.stage,
             'played [%]': round(100.0 * player.progress, 1),
+            'slowed down for the rotors': self._slowed,
             'largest tracking error [rad]': round(float(player.largest_error.max()), 4),
         }
 

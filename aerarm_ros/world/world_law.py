@@ -1,5 +1,6 @@
 """Control law that holds the tool in the world on a base that responds to the arm."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,10 @@ class WorldLaw:
     posture : (n,) ndarray
         Posture in the null space of the tool [rad]; may be replaced.
     acceleration_max : (n,) ndarray
-        Limits of the joints [rad/s^2]; a governor may replace them.
+        Limits of the joints [rad/s^2].
+    limited : callable
+        Returns the accepted acceleration (n,) [rad/s^2] for position, velocity, wanted
+        acceleration and time step, such as `ReactionLimit`. Braking at a joint's limit is exempt.
     error : (3,) ndarray
         Error of the tool, along the base's axes [m].
     least_singular_value : float
@@ -150,6 +154,7 @@ class WorldLaw:
         self._keeps = posture is not None
         self.posture = finite('posture', 0.0 if posture is None else posture, limits.n)
         self.acceleration_max = limits.acceleration_max.copy()
+        self.limited: Callable[[Array, Array, Array, float], Array] = lambda q, dq, ddq, dt: ddq
         self._low = limits.position_min + _LIMIT_MARGIN
         self._high = limits.position_max - _LIMIT_MARGIN
         self.least_singular_value = np.inf
@@ -246,7 +251,7 @@ class WorldLaw:
         ddq, self.least_singular_value = resolve_within(
             self._inverse, task, wanted - drift, preferred, low, high
         )
-        return ddq
+        return np.minimum(np.maximum(self.limited(q, dq, ddq, dt), low), high)
 
     def _drift(self, q: Array, dq: Array, base: BaseMotion) -> tuple[Array, Array, Array]:
         """Return the base's acceleration (6,) at ddq = 0, and its reduction per ddq (6, n).

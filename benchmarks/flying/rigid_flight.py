@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from flying.grown_motion import HANGING
 from scipy.spatial.transform import Rotation
 
@@ -11,7 +12,7 @@ from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.flight.arm_load import ArmFeedForward, ArmLoadModel, MassProperties
 from aerarm_ros.flight.flight_control import FlightControl
-from aerarm_ros.flight.flight_state import FlightState, FlightTarget
+from aerarm_ros.flight.flight_state import FlightState, FlightTarget, yaw_of
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.signals import JointMotion, JointReference
 
@@ -35,12 +36,16 @@ _POWERS = np.array([_powers(turn) for turn in _TURNS])
 
 
 class FlightErrors(NamedTuple):
-    """Position and tilt errors of a flight, RMS and maximum [mm], [deg]."""
+    """Position and tilt errors of a flight, RMS and maximum [mm], [deg].
+
+    `heading_max` is the largest rotation about the vertical [deg].
+    """
 
     position: float
     position_max: float
     tilt: float
     tilt_max: float
+    heading_max: float
 
 
 class RigidFlight:
@@ -56,6 +61,8 @@ class RigidFlight:
         Delay of the controller's measurements in cycles.
     seed : int
         Seed of the noise.
+    carried : (10,) array_like, optional
+        Inertial parameters of a payload that the flight controller does not know.
 
     Attributes
     ----------
@@ -63,10 +70,18 @@ class RigidFlight:
         Fraction of the last flight completed before the drone was lost.
     """
 
-    def __init__(self, drone: DroneConfig, motion: JointMotion, latency: int = 2, seed: int = 0):
+    def __init__(
+        self,
+        drone: DroneConfig,
+        motion: JointMotion,
+        latency: int = 2,
+        seed: int = 0,
+        carried: npt.ArrayLike = (0.0,) * 10,
+    ) -> None:
         self.drone, self._latency = drone, latency
         self._robot = load_robot(gravity_in_base=drone.gravity_in_base)
         self._whole = WholeBodyDynamics(self._robot, carrier=carrier_parameters(drone))
+        self._whole.carry(carried)
         self._loads = ArmLoadModel(self._robot)
         self._seed = seed
         self._step = CYCLE / STEPS
@@ -133,10 +148,11 @@ class RigidFlight:
                 return None
             if now > SETTLED:
                 tilt = np.degrees(np.arccos(min(1.0, rotation[2, 2])))
-                errors.append((1e3 * float(np.linalg.norm(position)), float(tilt)))
+                heading = np.degrees(abs(yaw_of(rotation)))
+                errors.append((1e3 * float(np.linalg.norm(position)), float(tilt), heading))
         rows = np.array(errors)
         rms, largest = np.sqrt((rows**2).mean(axis=0)), rows.max(axis=0)
-        return FlightErrors(rms[0], largest[0], rms[1], largest[1])
+        return FlightErrors(rms[0], largest[0], rms[1], largest[1], largest[2])
 
 
 def _hover(body: MassProperties) -> np.ndarray:

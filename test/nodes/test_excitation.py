@@ -88,6 +88,39 @@ def test_plays_the_trajectory_and_comes_back(tmp_path: Path, environment) -> Non
     assert_holds_a_period(seen['trace'][:, 0] - seen['trace'][0, 0], q, trajectory)
 
 
+def test_the_rotors_of_a_drone_slow_the_excitation_down(tmp_path: Path, environment) -> None:
+    """The file holds the slowed trajectory, which the arm then plays."""
+    saved = tmp_path / 'played.yaml'
+    drone = {'drone_file': 'config/drone.yaml', 'heading_feedforward': True}
+    with ideal_arm(tmp_path, environment) as seen:
+        status, log = run(tmp_path, seed=4, save=saved, **drone)
+    assert status == 0, log
+    found = re.search(r'the periods take ([0-9.]+) times as long', log)
+    assert found, log
+    trajectory = TrajectoryFile.load(saved).for_joints(NAMES)
+    assert trajectory.period == pytest.approx(2.0 * float(found[1]), rel=0.01)
+    assert_holds_a_period(
+        seen['trace'][:, 0] - seen['trace'][0, 0], seen['trace'][:, 1:5], trajectory
+    )
+
+
+@pytest.mark.parametrize(
+    ('values', 'reason'),
+    [
+        ({'drone_file': 'missing.yaml'}, 'missing.yaml'),
+        ({'drone_file': 'config/drone.yaml', 'rotor_share': 0.1}, 'could not hover'),
+    ],
+)
+def test_a_drone_that_cannot_carry_the_motion_is_one_error(
+    tmp_path: Path, environment, values: dict[str, object], reason: str
+) -> None:
+    status, log = run(tmp_path, **values)
+    assert status != 0
+    assert reason in log
+    assert 'Traceback' not in log
+    assert log.strip().count('\n') == 0, log
+
+
 def assert_no_jump(seen: dict, most: ArrayLike = 15.0) -> None:
     """Acceleration stays below `most` [rad/s^2] through run-in, periods, run-out and return."""
     step = np.diff(seen['answered'])[:, np.newaxis]

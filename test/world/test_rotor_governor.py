@@ -1,6 +1,7 @@
 """Motions slowed along their path so that rotors stay within their limits."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,17 +15,24 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import JointReference
-from aerarm_ros.world.rotor_governor import RotorGovernor
+from aerarm_ros.world.heading import HeadingControl
+from aerarm_ros.world.rotor_governor import ReactionLimit, RotorGovernor
 
 HANGING = np.array([0.0, np.pi / 2, 0.0, 0.0])
 OUT = HANGING + np.array([1.2, -1.2, 0.8, -1.0])
 
 
-def governor_of(drone: DroneConfig, share: float = 0.7) -> RotorGovernor:
+LIMIT = np.radians(5.0)
+BESIDE, TURNED = HANGING - [0.0, 0.6, 0.0, 0.0], HANGING + [1.5, -0.6, 0.0, 0.0]
+
+
+def governor_of(
+    drone: DroneConfig, share: float = 0.7, heading: HeadingControl | None = None
+) -> RotorGovernor:
     robot = load_robot(gravity_in_base=drone.gravity_in_base)
     rotors = load_arm_config().column('reflected_inertia')
     whole = WholeBodyDynamics(robot, rotors, carrier_parameters(drone))
-    return RotorGovernor(whole, drone, drone.gravity_in_base, share)
+    return RotorGovernor(whole, drone, drone.gravity_in_base, share, heading)
 
 
 @pytest.fixture(params=['drone.yaml', 'drones/tilted_hexarotor.yaml'])
@@ -104,3 +112,90 @@ def test_a_posture_that_the_drone_cannot_hover_under_is_rejected() -> None:
     governor = governor_of(weak, 0.5)
     with pytest.raises(RejectedInputError, match='could not hover'):
         governor.govern(PolynomialPath.rest_to_rest(HANGING, OUT, 2.0))
+
+
+def test_a_motion_about_the_vertical_is_slowed_until_the_heading_stays(drone: DroneConfig) -> None:
+    """Without the heading's limit, the rotors of both drones can give the moment."""
+    motion = PolynomialPath.rest_to_rest(BESIDE, TURNED, 2.0)
+    assert governor_of(drone).govern(motion) is motion
+    governor = governor_of(drone, heading=HeadingControl(LIMIT))
+    slowed = governor.govern(motion)
+    assert governor.last_stretch > 1.2
+    assert slowed.duration == pytest.approx(governor.last_stretch * 2.0)
+    assert governor.govern(slowed) is slowed, 'the slowed motion respects the limits'
+    fed = governor_of(drone, heading=HeadingControl(LIMIT, is_fed=True))
+    assert fed.govern(motion) is motion
+
+
+def test_an_excitation_gets_one_factor(drone: DroneConfig) -> None:
+    motion = PolynomialPath.rest_to_rest(HANGING, OUT, 0.6)
+    governor = governor_of(drone, heading=HeadingControl(LIMIT))
+    factor = governor.slowdown(motion)
+    assert factor > 1.2
+    slower = PolynomialPath.rest_to_rest(HANGING, OUT, 0.6 * factor)
+    assert governor.slowdown(slower) == pytest.approx(1.0, abs=0.02)
+    assert governor.slowdown(PolynomialPath.rest_to_rest(HANGING, OUT, 20.0)) == 1.0
+
+
+def test_a_heading_that_no_pace_holds_is_rejected() -> None:
+    tight = HeadingControl(1e-6, frequency=0.1)
+    motion = PolynomialPath.rest_to_rest(BESIDE, TURNED, 1.0)
+    with pytest.raises(RejectedInputError, match='heading'):
+        governor_of(load_drone_config(), heading=tight).slowdown(motion)
+
+
+def test_a_drone_with_rotors_in_one_plane_needs_thrust_to_tilt() -> None:
+    """Quick motion across the drone: the tilt alone takes the rotors beyond their share."""
+    drone = load_drone_config()
+    governor = governor_of(drone)
+    swing = PolynomialPath.rest_to_rest(HANGING, HANGING + [0.0, 0.5, 0.0, 0.0], 0.5)
+    assert usages(governor, swing).max() < 0.7
+    assert governor.govern(swing).duration > 0.55
+
+
+def test_an_acceleration_is_shortened_to_the_rotors(drone: DroneConfig) -> None:
+    governor = governor_of(drone)
+    dq = np.array([0.3, -0.2, 0.5, 0.4])
+    gentle, hard = np.array([0.2, 0.3, -0.4, 0.5]), np.array([40.0, -15.0, 30.0, 30.0])
+    np.testing.assert_array_equal(governor.limited(HANGING, dq, gentle), gentle)
+    posture = HANGING - [0.0, 0.4, 0.0, -1.0]
+    limited = governor.limited(posture, dq, hard)
+    assert governor.usage(JointReference(posture, dq, hard)) > 0.8
+    assert governor.usage(JointReference(posture, dq, limited)) == pytest.approx(0.7, abs=1e-6)
+    np.testing.assert_allclose(limited / limited[0], hard / hard[0])
+
+
+def test_no_signs_of_accelerations_within_the_limits_exceed_the_share(drone: DroneConfig) -> None:
+    governor, most = governor_of(drone), np.array([40.0, 15.0, 60.0, 60.0])
+    dq = np.array([0.3, -0.2, 0.5, 0.4])
+    posture = HANGING - [0.0, 0.4, 0.0, -1.0]
+    limit = governor.motion_limits(posture, dq, most).acceleration_max
+    assert (limit <= most).all()
+    assert limit.min() > 0.5
+    for signs in product((-1.0, 1.0), repeat=4):
+        assert governor.usage(JointReference(posture, dq, np.array(signs) * limit)) < 0.7 + 1e-6
+
+
+def test_turning_is_the_rotation_of_a_free_drone(drone: DroneConfig) -> None:
+    governor = governor_of(drone, heading=HeadingControl(LIMIT))
+    dq = np.array([0.3, -0.2, 0.5, 0.4])
+    limit = governor.motion_limits(BESIDE, dq, np.full(4, 20.0))
+    momentum = governor.whole.centroidal_momentum(BESIDE, dq, np.zeros(6))[3:]
+    inertia = governor.whole.composite_inertia(BESIDE)[2]
+    up = -drone.gravity_in_base / 9.81
+    assert limit.turning @ dq == pytest.approx(up @ momentum / (up @ inertia @ up), rel=1e-6)
+    assert limit.turn_max == HeadingControl(LIMIT).turn_max
+
+
+def test_a_reaction_is_limited_only_if_it_lasts(drone: DroneConfig) -> None:
+    governor = governor_of(drone)
+    reaction = ReactionLimit(governor)
+    posture, rest = HANGING - [0.0, 0.4, 0.0, -1.0], np.zeros(4)
+    hard = np.array([40.0, -15.0, 30.0, 30.0])
+    for cycle in range(200):
+        swing = hard * np.sin(2.0 * np.pi * 25.0 * 1e-3 * cycle)
+        np.testing.assert_allclose(reaction(posture, rest, swing, 1e-3), swing, atol=1e-9)
+    for _ in range(1000):
+        lasting = reaction(posture, rest, hard, 1e-3)
+    assert governor.usage(JointReference(posture, rest, hard)) > 0.8
+    assert governor.usage(JointReference(posture, rest, lasting)) == pytest.approx(0.7, abs=1e-3)

@@ -165,3 +165,28 @@ def test_a_drone_feels_less_of_its_inertia_while_the_tool_is_held(
 ) -> None:
     share = felt_share(carried.whole, Kinematics(carried.robot), Q)
     assert 0.0 < share < 0.8
+
+
+def test_a_limit_of_the_reaction_changes_the_acceleration_but_not_braking_at_a_limit(
+    carried: MovingBaseDynamics, limits: JointLimits, pose: BasePose, free: FreeBaseMotion
+) -> None:
+    law = law_of(carried, limits)
+    target = WorldReference(np.array([0.3, 0.1, -0.5]), np.zeros(3), np.zeros(3), None, pose)
+    state = ArmState(np.array([0.1, 1.2, 0.2, 1.4]), np.zeros(4), np.zeros(4))
+    law.update(state, target, 1e-3, free)
+    whole = law.ddq
+    seen = []
+
+    def half(q: Array, dq: Array, ddq: Array, dt: float) -> Array:
+        seen.append(dt)
+        return 0.5 * ddq
+
+    law.limited = half
+    law.update(state, target, 1e-3, free)
+    assert seen == [1e-3]
+    assert law.ddq == pytest.approx(0.5 * whole)
+    q = state.q.copy()
+    q[3] = limits.position_max[3]
+    fast = ArmState(q, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(4))
+    law.update(fast, target, 1e-3, free)
+    assert law.ddq[3] < -30.0, 'it brakes at the position limit all the same'

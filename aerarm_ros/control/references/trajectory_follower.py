@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from aerarm_ros.control.checks import JointLimits, RejectedInputError, non_negative, positive
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
+from aerarm_ros.control.references.reference_chase import ReferenceChase
 from aerarm_ros.control.references.transition import (
     FollowedMotion,
     Posture,
@@ -107,6 +108,9 @@ class TrajectoryFollower:
     govern : callable
         Returns a motion, possibly slowed down along its path, or rejects it (RejectedInputError).
         Streamed points and stops do not pass this function.
+    chase : ReferenceChase, optional
+        Limits the acceleration of a stream, whose path is unknown. The arm then lags behind a
+        stream that is too fast.
 
     Attributes
     ----------
@@ -128,8 +132,9 @@ class TrajectoryFollower:
         tolerances: FollowerTolerances,
         interpolation: str = 'quintic',
         govern: Callable[[FollowedMotion], FollowedMotion] = lambda motion: motion,
+        chase: ReferenceChase | None = None,
     ) -> None:
-        self._govern = govern
+        self._govern, self._chase = govern, chase
         if interpolation not in ('cubic', 'quintic'):
             raise ValueError(f"interpolation = {interpolation!r} must be 'cubic' or 'quintic'")
         self.interpolation = interpolation
@@ -163,6 +168,8 @@ class TrajectoryFollower:
         if self.status != 'holding':
             self.outcome, self.end = 'stopped: the controller was reset', MotionEnd.STOPPED
         self.reference = JointReference.at_rest(q)
+        if self._chase is not None:
+            self._chase.start(self.reference)
         self._begin(Posture(self.reference), 0.0, 0.0, 'holding')
 
     def follow(
@@ -239,9 +246,12 @@ class TrajectoryFollower:
     def update(self, q: Array, now: float, dt: float = 0.0) -> JointReference:
         """Return the reference at `now`, with the arm measured at `q` (n,) [rad].
 
-        `dt` is not used: the reference is a function of time.
+        `dt` [s] since the last update limits the acceleration of streams; otherwise the reference
+        is a function of time.
         """
         self.reference = self._evaluate(now)
+        if self._chase is not None:
+            self.reference = self._chase.update(self.reference, dt, self.status == 'streaming')
         self._elapsed = now - self._zero
         if self.status != 'holding':
             self._watch(q, now)
@@ -250,14 +260,23 @@ class TrajectoryFollower:
     def ahead(self, times: Array) -> JointReference:
         """Return the references (M, n) at times (M,) [s] from now, without new inputs."""
         rows = [self._evaluate(time) for time in times.tolist()]
-        return JointReference(*map(np.array, zip(*rows, strict=True)))
+        followed = JointReference(*map(np.array, zip(*rows, strict=True)))
+        if self._chase is None or not len(times):
+            return followed
+        return self._chase.ahead(followed, times, self.status == 'streaming')
 
     def _evaluate(self, now: float) -> JointReference:
         motion, start = self._under_way
         return motion.evaluate(now - start)
 
+    @property
+    def _lags(self) -> bool:
+        return self._chase is not None and self._chase.is_behind
+
     def _after(self, now: float) -> Callable[[float], JointReference]:
         """Return the reference as a function of the time [s] after `now`, without new inputs."""
+        if self._lags:
+            return brake(self.reference, self._limits.acceleration_max).evaluate
         motion, start = self._under_way
         return lambda time: motion.evaluate(now - start + time)
 
@@ -269,6 +288,8 @@ class TrajectoryFollower:
     def _stop(self, now: float, share: float = 1.0) -> PolynomialPath:
         """Return the stop of the present motion with a fraction of the acceleration limits."""
         acceleration_max = share * self._limits.acceleration_max
+        if self._lags:
+            return brake(self.reference, acceleration_max)
         if self.status == 'streaming':
             return brake(self._evaluate(now), acceleration_max)
         motion = self._after(now)
@@ -297,8 +318,9 @@ class TrajectoryFollower:
                 f'{self._tolerances.stream_timeout:g}); synchronise the clocks, or set the stamp '
                 'to zero ("now")'
             )
-        self._check_start(point.q)
-        motion = StreamedPoint.longest(point, self._evaluate(now), timeout, self._limits)
+        present = self._evaluate(now)
+        self._check_start(point.q, present.q)
+        motion = StreamedPoint.longest(point, present, timeout, self._limits)
         self._silent_stream = 'stopped: no streamed point arrived in time'
         if motion.duration < timeout:
             self._silent_stream = (
@@ -315,7 +337,7 @@ class TrajectoryFollower:
         """
         left = trajectory.times[0] - (now - begin)
         if self.interpolation == 'quintic' and begin <= now and left > 0.0:
-            q, dq, ddq = self._evaluate(now)
+            q, dq, ddq = self._after(now)(0.0)
             # One polynomial from a fast motion to a distant point would overshoot.
             stopping = float((np.abs(dq) / self._limits.acceleration_max).max())
             try:
@@ -329,18 +351,18 @@ class TrajectoryFollower:
             motion = Posture(trajectory.posture())
         else:
             motion = trajectory.path(self.reference.q, self.interpolation)
-        self._check_start(motion.evaluate(now - begin).q)
+        self._check_start(motion.evaluate(now - begin).q, self.reference.q)
         way = self._transition(motion, now, begin)
         return way, now + way.delay
 
-    def _check_start(self, q: Array) -> None:
-        distance = np.abs(q - self.reference.q)
+    def _check_start(self, q: Array, present: Array) -> None:
+        distance = np.abs(q - present)
         far = distance > self._tolerances.start
         if np.any(far):
             joint = int(np.argmax(far))
             raise RejectedInputError(
                 f'trajectory: it starts {distance[joint]:.3g} rad away from '
-                f'{self._limits.names[joint]} at {self.reference.q[joint]:.4g} rad (allowed '
+                f'{self._limits.names[joint]} at {present[joint]:.4g} rad (allowed '
                 f'{self._tolerances.start[joint]:.3g}); start at the present position, or give '
                 'the first point time to move there'
             )

@@ -24,6 +24,7 @@ from aerarm_ros.ros.controllers.controller_node import ControllerNode, controlle
 from aerarm_ros.ros.controllers.controller_parameters import (
     FRICTION_PARAMETERS,
     REACHING_COMPENSATION,
+    ROTOR_PARAMETERS,
     observer_parameters,
 )
 from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
@@ -34,6 +35,7 @@ from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.states.flight_stream import to_odometry_sample
 from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
 from aerarm_ros.world.reach import ArmReach
+from aerarm_ros.world.rotor_governor import ReactionLimit
 from aerarm_ros.world.world_law import WorldGains, WorldLaw
 from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
 
@@ -51,6 +53,7 @@ PARAMETERS = controller_parameters(
     Parameter('friction_fraction', 0.9, 'fraction of friction that is compensated', '', 0.0, 0.95),
     *observer_parameters(REACHING_COMPENSATION),
     *HAND_OVER_PARAMETERS,
+    *(p for p in ROTOR_PARAMETERS if p.name == 'rotor_share'),
     *grouped(
         'Tool position in the world',
         Parameter('kp', _GAINS.kp,
@@ -149,6 +152,8 @@ class WorldControlNode(ControllerNode):
             values.error_max,
         )
         self._planning = Kinematics(arm.robot, values.frame)
+        if (governor := arm.governor(values)) is not None:
+            self.law.limited = ReactionLimit(governor)
         observer = arm.observer(values, dynamics, friction)
         limit = arm.compensation_max(values)
         return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)

@@ -31,6 +31,7 @@ from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.base.rotor_wrench import RotorWrench, carrier_parameters
 from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.control.compensation import FrictionCompensation, MomentumObserver
+from aerarm_ros.control.references.reference_chase import ReferenceChase
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drone_config import DroneConfig
@@ -47,6 +48,7 @@ from aerarm_ros.ros.parameters.shared_parameters import (
     load_arm,
     load_drone,
 )
+from aerarm_ros.world.heading import HeadingControl
 from aerarm_ros.world.rotor_governor import RotorGovernor
 
 
@@ -182,7 +184,25 @@ def observer_parameters(compensation: float) -> tuple[Parameter, ...]:
 # benchmarks/goals.py compares this compensation with integral action.
 REACHING_COMPENSATION = 0.2
 
-FOLLOWER_PARAMETERS = grouped(
+# For every node that plans or limits motions, with the drone of drone_file.
+ROTOR_PARAMETERS = grouped(
+    "Drone's limits",
+    Parameter('rotor_share', 0.7,
+        "fraction of each rotor's thrust range that a motion may use, with the drone of "
+        'drone_file; faster motions are slowed down. 0 for no check of rotors and heading',
+        '', 0.0, 1.0),
+    Parameter('heading_max', 0.0873,
+        "largest rotation of the drone's heading by a motion of the arm (default 5 degrees), with "
+        'the drone of drone_file; 0 for no check', 'rad', 0.0, 3.2),
+    Parameter('heading_frequency', 2.0,
+        "natural frequency of the drone's heading control, in the prediction of the heading",
+        'rad/s', 0.1, 30.0),
+    Parameter('heading_feedforward', False,
+        "whether the drone's controller feeds the arm's motion forward, as flight_control does "
+        'with base_reaction; motions about the vertical axis can then be faster'),
+)  # fmt: skip
+
+FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
     'Trajectory tracking',
     Parameter(
         'interpolation',
@@ -226,15 +246,6 @@ FOLLOWER_PARAMETERS = grouped(
         'allow_partial_joints_goal',
         True,
         'accept trajectories for some of the joints; the other joints hold their positions',
-    ),
-    Parameter(
-        'rotor_share',
-        0.7,
-        "fraction of each rotor's thrust range that a motion may use, with the drone of "
-        'drone_file; the controller slows faster motions along their path. 0 for no check',
-        '',
-        0.0,
-        1.0,
     ),
     Parameter(
         'stream_timeout',
@@ -443,12 +454,26 @@ class ControlledArm:
             values.goal_time or np.inf,
             values.stream_timeout,
         )
-        if self.drone is None or values.rotor_share == 0.0:
+        governor = self.governor(values)
+        if governor is None:
             return TrajectoryFollower(self.limits, tolerances, values.interpolation)
+        chase = ReferenceChase(self.limits, governor.motion_limits)
+        return TrajectoryFollower(
+            self.limits, tolerances, values.interpolation, governor.govern, chase
+        )
+
+    def governor(self, values: SimpleNamespace) -> RotorGovernor | None:
+        """Return the governor of the values of `ROTOR_PARAMETERS`; None without drone or check."""
+        if self.drone is None or values.rotor_share == 0.0:
+            return None
+        heading = None
+        if getattr(values, 'heading_max', 0.0):
+            heading = HeadingControl(
+                values.heading_max, values.heading_frequency, values.heading_feedforward
+            )
         whole = self.whole_body(values, self.drone)
         gravity = self.robot.gravity_in_base
-        governor = RotorGovernor(whole, self.drone, gravity, values.rotor_share)
-        return TrajectoryFollower(self.limits, tolerances, values.interpolation, governor.govern)
+        return RotorGovernor(whole, self.drone, gravity, values.rotor_share, heading)
 
 
 def payload_problem(changes: Mapping[str, Any]) -> str:

@@ -48,6 +48,8 @@ SURROUNDINGS = (
 def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> ExcitationSetup:
     """Return the motion checks that the values of `SURROUNDINGS` describe.
 
+    Under a drone (`DRONE_FILE`) no ground is in reach.
+
     Raises
     ------
     ValueError
@@ -57,6 +59,8 @@ def load_setup(values: SimpleNamespace, config: ArmConfig, robot: Robot) -> Exci
     from aerarm_ros.excitation.settings import load_excitation_config
 
     surroundings = load_excitation_config(values.excitation_config or None)
+    if getattr(values, 'drone_file', ''):
+        surroundings = replace(surroundings, ground_height=None)
     folders = [Path(folder) for folder in values.package_directories if folder]
     return ExcitationSetup.of_arm(robot, config, surroundings, folders)
 

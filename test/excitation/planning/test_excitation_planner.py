@@ -8,6 +8,7 @@ from aerarm_ros.excitation.excitation_setup import EXCITATION, ExcitationPlanner
 from aerarm_ros.excitation.feasibility import FeasibilityChecker
 from aerarm_ros.excitation.settings import InfeasibleError, MotionLimits
 from aerarm_ros.excitation.trajectory import FourierTrajectory, MotionSequence
+from aerarm_ros.motion.signals import JointMotion
 
 RAMP = 2.0
 
@@ -81,3 +82,32 @@ def test_an_infeasible_trajectory_is_never_planned(planner: ExcitationPlanner) -
     wild = FourierTrajectory(0.1, np.array([0.0, 1.5, 0.0, 0.0]), *np.full((2, 4, 5), 0.7))
     with pytest.raises(InfeasibleError, match='the trajectory is infeasible: '):
         planner.plan(wild, 1, np.array([0.0, 1.5, 0.0, 0.0]))
+
+
+def test_a_slowed_trajectory_keeps_its_shape(
+    planner: ExcitationPlanner, trajectory: FourierTrajectory
+) -> None:
+    """The factor applies until the motion with its ramps is slow enough."""
+    fastest = 0.8 * np.abs(trajectory.evaluate(np.linspace(0.0, 10.0, 500)).dq).max()
+
+    def slowdown(motion: JointMotion) -> float:
+        speed = np.abs(motion.evaluate(np.linspace(0.0, motion.duration, 2000)).dq).max()
+        return max(1.0, float(speed) / fastest)
+
+    slowed = planner.slowed(trajectory, 2, slowdown)
+    assert slowed.period == pytest.approx(1.25 * trajectory.period, rel=1e-2)
+    times = np.linspace(0.0, trajectory.period, 50)
+    np.testing.assert_allclose(
+        slowed.evaluate(times * slowed.period / trajectory.period).q,
+        trajectory.evaluate(times).q,
+        atol=1e-12,
+    )
+    start = np.array([0.5, 1.0, -0.5, 0.3])
+    full, half = (
+        planner.plan(slowed, 2, start, slowdown=lambda _, factor=factor: factor)
+        for factor in (1.0, 2.0)
+    )
+    durations = np.diff(full.boundaries)
+    names = np.array([stage.name for stage in full.stages])
+    twice = np.where(names == EXCITATION, durations, 2.0 * durations)
+    np.testing.assert_allclose(np.diff(half.boundaries), twice)
