@@ -86,7 +86,9 @@ def _check_plain(text: str) -> None:
         if depth > _DEEPEST:
             raise ValueError(f'nested more than {_DEEPEST} levels deep')
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
-            raise ValueError(f'the file has a number of {len(event.value)} characters')
+            raise ValueError(
+                f'the file contains a number that is {len(event.value)} characters long'
+            )
 
 
 def _is_long_number(event: Any) -> bool:

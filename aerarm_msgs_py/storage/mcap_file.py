@@ -243,7 +243,7 @@ class McapFile:
         budget: ReadBudget,
         topics: Collection[str] | None,
     ) -> Iterator[RecordRun]:
-        """Yield the records of a required, valid chunk."""
+        """Yield the records of a chunk that passed its checks."""
         if not self._is_wanted(indexes, topics):
             return
         place = f'the chunk at byte {record.start}'

@@ -131,7 +131,7 @@ class DesignCriterion(Protocol):
     """Design criterion to minimize."""
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return value and derivative (M, n, p) for the regressor (M, n, p) of one period."""
+        """Return the criterion of one period's regressor (M, n, p), and its derivative by it."""
         ...
 
 

@@ -104,7 +104,7 @@ class MotionLimits:
 
     @classmethod
     def of_arm(cls, config: ArmConfig) -> MotionLimits:
-        """Return the motion limits in an arm's configuration."""
+        """Return the motion limits of an arm's configuration file."""
         return cls(
             tuple(config.joint_names),
             config.column('position_min'),

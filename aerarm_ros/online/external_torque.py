@@ -196,7 +196,7 @@ class ExternalTorque:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the observer and its features."""
+        """Reset the observer and the features of the bound."""
         self._observer.reset()
         self._momentum: Array | None = None
         self._residual = self._lagging = self._change = self._torque = np.zeros(self.n)

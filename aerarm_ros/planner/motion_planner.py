@@ -123,7 +123,7 @@ class MotionPlanner:
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
     ) -> MotionPlan:
-        """Return a motion that moves the tool to a point, in the goal posture of least cost.
+        """Return a motion of the tool to a point, which ends in the posture of least cost.
 
         Motions to several goal postures (see `ToolPostures`) are planned, and the one with the
         least cost is returned.

@@ -276,7 +276,7 @@ class JointStateStream:
         slot.stamp_ns = sample.stamp_ns
 
     def take(self) -> Iterator[tuple[int, bytes]]:
-        """Yield place and content of each window since the last call."""
+        """Yield number and messages of each window of time that ended since the last call."""
         for key, slot in list(self._slots.items()):
             samples, slot.samples = slot.samples, []
             if samples:
