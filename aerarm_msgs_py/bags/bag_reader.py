@@ -206,7 +206,7 @@ class JointStateBuilder:
             self._fields = [numbers[order] for numbers in self._fields]
 
     def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
-        """Return every k-th message of a block, with reception and sequence number."""
+        """Return every k-th message of a block, with its reception time and sequence number."""
         part = slice(-self._seen % self._stride, None, self._stride)
         self._seen += len(block.payloads)
         if self._stride == 1:

@@ -167,7 +167,7 @@ class Session:
         return self._own.seal(self._peer.session, body)
 
     def open(self, datagram: bytes, now: float, is_up: bool) -> Opened | None:
-        """Open a datagram that arrived at `now` [s]; set `answer` if it is a greeting.
+        """Decrypt a datagram that arrived at `now` [s]; after a handshake, `answer` is the reply.
 
         `is_up` tells whether the other end is present. While its drone is connected, a ground
         answers only greetings that are addressed to its current session; a restarted drone sends

@@ -1,4 +1,4 @@
-"""Choice of each joint's terms, and fit of the resulting model."""
+"""Choice of friction and other terms of each joint, and fit of the resulting model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

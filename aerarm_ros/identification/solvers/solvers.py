@@ -131,7 +131,7 @@ def _solvers(
 
 
 def _drawn_with_friction(fit: ModelFit, limits: PhysicalLimits) -> Array:
-    """Return nominal links and rotors with the friction that fits best.
+    """Return the nominal parameters of links and rotors, with the best-fitting friction.
 
     Friction is fitted because a URDF often has none, which would make the comparison with CAD
     meaningless.
