@@ -63,7 +63,7 @@ def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
         assert len(rows) > 20
         return np.abs(np.mean(rows, axis=0))
 
-    bench.listen(topics.DISTURBANCE.queued(100), keep)  # a busy machine reads them late
+    bench.listen(topics.DISTURBANCE, keep)
     without = unexplained(GOAL)
     with_file = unexplained(HERE, friction_file=estimate(tmp_path))
     assert np.all(with_file < 0.4 * without), (without, with_file)
