@@ -17,7 +17,7 @@ from flying.ardupilot_program import HOW, ArduPilotProgram, find_ardupilot
 from flying.arm_model import ArmModel
 from flying.flight_bench import FlightBench
 from flying.flight_case import FlightCase
-from px4 import IMU_NOISE, ODOMETRY_NOISE, WAYS, at_rest, flight_options, fly_all
+from px4 import WAYS, at_rest, flight_options, fly_all, noisy_case
 from rclpy.node import Node
 
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup
@@ -32,16 +32,12 @@ def flight_case(
     drone: DroneConfig, way: str, instance: int, options: argparse.Namespace
 ) -> FlightCase:
     """Return the flight case of a drone and method."""
-    noise = (('imu_noise', list(IMU_NOISE)), ('odometry_noise', list(ODOMETRY_NOISE)))
     flight = {
         'loops': 'ardupilot_sitl', 'autopilot_instance': instance,
         'autopilot_sensors': options.sensors, 'tilt_ahead': way != 'acceleration',
         **WAYS[way].switches,
     }  # fmt: skip
-    return FlightCase(
-        drone.mass, 'free', drone=drone, sensors=noise, flight=tuple(flight.items()),
-        is_told=WAYS[way].is_told, told=(('rate', 1.0),), is_touched=False,
-    )  # fmt: skip
+    return noisy_case(drone, way, flight)
 
 
 @contextmanager

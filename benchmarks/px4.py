@@ -11,7 +11,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 
@@ -67,10 +67,6 @@ def flight_case(
 ) -> FlightCase:
     """Return the flight case of a drone and method."""
     xy, attitude, rate = options.gains
-    noise = (
-        ('imu_noise', list(options.imu_noise)),
-        ('odometry_noise', list(options.odometry_noise)),
-    )
     holds = drone.is_fully_actuated if options.hold_heading is None else options.hold_heading
     flight = {
         'loops': 'px4_sitl', 'autopilot_instance': instance, 'mpc_xy_p': xy, 'mc_att_p': attitude,
@@ -78,6 +74,15 @@ def flight_case(
         'tilt_ahead': _LEANS.get(way, True), **POSITION, **WAYS[way].switches,
         **(_FULL_YAW if drone.is_fully_actuated else {}),
     }  # fmt: skip
+    return noisy_case(drone, way, flight, options.imu_noise, options.odometry_noise)
+
+
+def noisy_case(
+    drone: DroneConfig, way: str, flight: dict[str, object],
+    imu_noise: Sequence[float] = IMU_NOISE, odometry_noise: Sequence[float] = ODOMETRY_NOISE,
+) -> FlightCase:  # fmt: skip
+    """Return a flight case with parameters of `flight_control` and noise of the sensors."""
+    noise = (('imu_noise', list(imu_noise)), ('odometry_noise', list(odometry_noise)))
     return FlightCase(
         drone.mass, 'free', drone=drone, sensors=noise, flight=tuple(flight.items()),
         is_told=WAYS[way].is_told, told=(('rate', 1.0),), is_touched=False,

@@ -5,10 +5,10 @@ from enum import Enum
 
 import numpy as np
 
-from aerarm_ros.autopilot.ardupilot_link import Companion, Simulator, sensor_line
+from aerarm_ros.autopilot.ardupilot_link import JsonSimulator, sensor_line
 from aerarm_ros.autopilot.mavlink import Message
 from aerarm_ros.autopilot.px4 import ned
-from aerarm_ros.autopilot.px4_link import companion_writer
+from aerarm_ros.autopilot.px4_link import Companion, companion_writer
 from aerarm_ros.autopilot.px4_sensors import FRAME_LOCAL_FRD, odometry_frame
 from aerarm_ros.autopilot.px4_setup import VISION
 from aerarm_ros.flight.flight_state import FlightState
@@ -62,7 +62,7 @@ class ArduPilotFirmware:
 
     def __init__(
         self,
-        simulator: Simulator,
+        simulator: JsonSimulator,
         companion: Companion,
         rotors: Sequence[int],
         sensors: str = VISION,

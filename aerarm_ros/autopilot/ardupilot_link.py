@@ -1,4 +1,4 @@
-"""UDP connections to an ArduPilot program on this host (SITL).
+"""UDP connection to an ArduPilot program on this host (SITL).
 
 This package acts as ArduPilot's simulator over its JSON interface (`libraries/SITL/SIM_JSON.cpp`):
 ArduPilot sends the pulses of its motors, waits for one line of sensor data, and advances its clock
@@ -16,8 +16,8 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from aerarm_ros.autopilot.mavlink import FrameReader, Message
 from aerarm_ros.autopilot.px4 import frd_rotation, ned
+from aerarm_ros.autopilot.px4_link import port_taken
 from aerarm_ros.control.base.base_motion import frd_to_flu
 from aerarm_ros.description.drone_config import GRAVITY
 from aerarm_ros.flight.flight_state import FlightState
@@ -63,7 +63,7 @@ def motor_shares(packet: bytes) -> tuple[int, Array] | None:
     return number, np.clip((np.array(pulses) - _LOW) / _RANGE, 0.0, 1.0)
 
 
-class Simulator(Protocol):
+class JsonSimulator(Protocol):
     """Interface of the connection that sends sensor data to ArduPilot."""
 
     is_lost: bool
@@ -75,20 +75,7 @@ class Simulator(Protocol):
         """Close the connection."""
 
 
-class Companion(Protocol):
-    """Interface of the MAVLink connection of a companion computer."""
-
-    def send(self, frame: bytes) -> None:
-        """Send a frame."""
-
-    def messages(self) -> list[Message]:
-        """Return the new messages."""
-
-    def close(self) -> None:
-        """Close the connection."""
-
-
-class SimulatorLink:
+class JsonLink:
     """UDP server to which ArduPilot connects as to its simulator (`--model JSON`).
 
     Parameters
@@ -112,7 +99,12 @@ class SimulatorLink:
         self._number = -1  # of the last motor packet
         self._shares: Array | None = None
         self._autopilot: tuple[str, int] | None = None
-        self._line = _bound(port)
+        self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._line.bind((_HOST, port))
+        except OSError as error:
+            self._line.close()
+            raise ValueError(port_taken('UDP', port, error)) from None
 
     def step(self, lines: Sequence[bytes]) -> Array | None:
         """Send lines of sensor data; return the thrust fractions (16,), None without an answer.
@@ -148,57 +140,3 @@ class SimulatorLink:
                 self._autopilot = sender
                 return True
         return False
-
-
-class CompanionLink:
-    """UDP server for ArduPilot's first MAVLink connection (`--serial0 udpclient:127.0.0.1:PORT`).
-
-    Parameters
-    ----------
-    port : int
-        UDP port.
-
-    Raises
-    ------
-    ValueError
-        If the port is in use.
-    """
-
-    def __init__(self, port: int = COMPANION_PORT) -> None:
-        self._reader = FrameReader()
-        self._autopilot: tuple[str, int] | None = None
-        self._line = _bound(port)
-        self._line.setblocking(False)
-
-    def send(self, frame: bytes) -> None:
-        """Send a frame; before ArduPilot's first message it is lost."""
-        if self._autopilot is not None:
-            self._line.sendto(frame, self._autopilot)
-
-    def messages(self) -> list[Message]:
-        """Return the new messages."""
-        found: list[Message] = []
-        while True:
-            try:
-                data, self._autopilot = self._line.recvfrom(_CHUNK)
-            except (BlockingIOError, ConnectionRefusedError):
-                return found
-            found += self._reader.feed(data)
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._line.close()
-
-
-def _bound(port: int) -> socket.socket:
-    line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        line.bind((_HOST, port))
-    except OSError as error:
-        line.close()
-        raise ValueError(
-            f"UDP port {port} of loops 'ardupilot_sitl' cannot be opened ({error.strerror}): stop "
-            'the other flight_control, simulator or ground station, or set another '
-            'autopilot_instance'
-        ) from None
-    return line

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop
-from aerarm_ros.autopilot.px4_setup import GPS, SENSORS, VISION, hover_share
+from aerarm_ros.autopilot.px4_setup import GPS, VISION, check_sensors, checked_hover_share
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import MassProperties
 
@@ -68,10 +68,7 @@ class ArduPilotSetup:
 
     def __post_init__(self) -> None:
         """Check the choice of sensors."""
-        if self.sensors not in SENSORS:
-            raise ValueError(
-                f'sensors = {self.sensors!r} is unknown: choose one of {", ".join(SENSORS)}'
-            )
+        check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
         """Return ArduCopter's parameters by name.
@@ -83,12 +80,7 @@ class ArduPilotSetup:
             its thrust.
         """
         motors_of(drone)
-        hover = hover_share(drone, body)
-        if not 0.1 <= hover <= 0.8:
-            raise ValueError(
-                f'the drone hovers at {100.0 * hover:.0f} % of its thrust, but ArduPilot needs 10 '
-                'to 80 % (MOT_THST_HOVER): check mass and thrust_max in the drone file'
-            )
+        hover = checked_hover_share(drone, body, 'ArduPilot needs 10 to 80 % (MOT_THST_HOVER)')
         gains = {f'ATC_ANG_{axis}_P': self.att_p for axis in ('RLL', 'PIT')}
         for axis in ('RLL', 'PIT'):
             for term in 'pid':

@@ -232,7 +232,7 @@ class Px4Firmware:
         return ''
 
 
-class Firmware(Protocol):
+class LockstepFirmware(Protocol):
     """Interface of an autopilot's firmware on this host, in lockstep with the simulation.
 
     Attributes
@@ -291,7 +291,7 @@ class FirmwareFlight:
     ----------
     body : MassProperties
         Mass properties of drone and arm at rest.
-    firmware : Firmware
+    firmware : LockstepFirmware
         Connection to the firmware.
     set_points : SetPoints
         Creates the set points.
@@ -305,7 +305,11 @@ class FirmwareFlight:
     """
 
     def __init__(
-        self, drone: DroneConfig, body: MassProperties, firmware: Firmware, set_points: SetPoints
+        self,
+        drone: DroneConfig,
+        body: MassProperties,
+        firmware: LockstepFirmware,
+        set_points: SetPoints,
     ) -> None:
         self._firmware = firmware
         self._thrust_max = drone.column('thrust_max')

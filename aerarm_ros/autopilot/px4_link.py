@@ -1,4 +1,4 @@
-"""Connections to a PX4 program on this host (SITL).
+"""Connections to an autopilot's program on this host (SITL), and to PX4's simulator interface.
 
 In the TCP connection this package acts as PX4's simulator: it sends sensor data and receives thrust
 fractions. PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In
@@ -52,7 +52,7 @@ class Simulator(Protocol):
 
 
 class Companion(Protocol):
-    """Interface of the UDP connection that sends set points and commands to PX4."""
+    """Interface of the UDP connection that sends set points and commands to an autopilot."""
 
     def send(self, frame: bytes) -> None:
         """Send a frame."""
@@ -96,7 +96,7 @@ class SimulatorLink:
             self._door.listen(1)
         except OSError as error:
             self._door.close()
-            raise ValueError(_taken('TCP', port, error)) from None
+            raise ValueError(port_taken('TCP', port, error)) from None
 
     @property
     def damaged(self) -> int:
@@ -154,12 +154,14 @@ class SimulatorLink:
 
 
 class CompanionLink:
-    """UDP connection to PX4's onboard port.
+    """UDP connection of a companion computer to an autopilot on this host.
 
     Parameters
     ----------
-    port, px4_port : int
-        UDP ports of this program and of PX4.
+    port : int
+        UDP port of this program.
+    autopilot_port : int or None
+        UDP port of the autopilot; None to answer where its messages come from.
 
     Raises
     ------
@@ -167,33 +169,41 @@ class CompanionLink:
         If the port is in use.
     """
 
-    def __init__(self, port: int = COMPANION_PORT, px4_port: int = OFFBOARD_PORT) -> None:
+    def __init__(
+        self, port: int = COMPANION_PORT, autopilot_port: int | None = OFFBOARD_PORT
+    ) -> None:
         self._reader = FrameReader()
-        self._px4 = _HOST, px4_port
+        self._answers_sender = autopilot_port is None
+        self._autopilot = None if autopilot_port is None else (_HOST, autopilot_port)
         self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._line.setblocking(False)
         try:
             self._line.bind((_HOST, port))
         except OSError as error:
             self._line.close()
-            raise ValueError(_taken('UDP', port, error)) from None
+            raise ValueError(port_taken('UDP', port, error)) from None
 
     def send(self, frame: bytes) -> None:
-        """Send a frame; if PX4 does not listen, the frame is lost."""
+        """Send a frame; if the autopilot does not listen, the frame is lost."""
+        if self._autopilot is None:
+            return
         try:
-            self._line.sendto(frame, self._px4)
+            self._line.sendto(frame, self._autopilot)
         except (ConnectionRefusedError, BlockingIOError):
             return
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         """Return the new messages, after waiting up to `patience` [s] for the first."""
-        found = []
+        found: list[Message] = []
         select.select([self._line], [], [], patience)
         while True:
             try:
-                found += self._reader.feed(self._line.recv(_CHUNK))
+                data, sender = self._line.recvfrom(_CHUNK)
             except (BlockingIOError, ConnectionRefusedError):
                 return found
+            found += self._reader.feed(data)
+            if self._answers_sender:
+                self._autopilot = sender
 
     def close(self) -> None:
         """Close the line."""
@@ -205,8 +215,10 @@ def companion_writer() -> FrameWriter:
     return FrameWriter(_SYSTEM, _COMPONENT)
 
 
-def _taken(kind: str, port: int, error: OSError) -> str:
+def port_taken(kind: str, port: int, error: OSError) -> str:
+    """Return the message of a port that cannot be opened."""
     return (
-        f"{kind} port {port} of loops 'px4_sitl' cannot be opened ({error.strerror}): stop the "
-        'other flight_control or simulator, or set another autopilot_instance'
+        f"{kind} port {port} for the autopilot's program cannot be opened ({error.strerror}): stop "
+        'the other flight_control, simulator or ground station, or set another '
+        'autopilot_instance'
     )

@@ -64,10 +64,7 @@ class Px4Setup:
 
     def __post_init__(self) -> None:
         """Check the choice of sensors."""
-        if self.sensors not in SENSORS:
-            raise ValueError(
-                f'sensors = {self.sensors!r} is unknown: choose one of {", ".join(SENSORS)}'
-            )
+        check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
         """Return PX4's parameters by name.
@@ -88,12 +85,7 @@ class Px4Setup:
                 f'{drone.name} has {drone.n} rotors, but PX4 controls {ROTORS} at most: use '
                 'a drone file with fewer rotors'
             )
-        hover = hover_share(drone, body)
-        if not 0.1 <= hover <= 0.8:
-            raise ValueError(
-                f'the drone hovers at {100.0 * hover:.0f} % of its thrust, but PX4 accepts 10 to '
-                '80 % (MPC_THR_HOVER): check mass and thrust_max in the drone file'
-            )
+        hover = checked_hover_share(drone, body, 'PX4 accepts 10 to 80 % (MPC_THR_HOVER)')
         by_sensors = {VISION: _VISION_PARAMETERS, GPS: _GPS_PARAMETERS}[self.sensors]
         return {
             **_BENCH_PARAMETERS,
@@ -103,6 +95,23 @@ class Px4Setup:
             **_gains(self.gains),
             **self.others,
         }
+
+
+def check_sensors(sensors: str) -> None:
+    """Raise ValueError if the sensors are unknown."""
+    if sensors not in SENSORS:
+        raise ValueError(f'sensors = {sensors!r} is unknown: choose one of {", ".join(SENSORS)}')
+
+
+def checked_hover_share(drone: DroneConfig, body: MassProperties, rule: str) -> float:
+    """Return the hover thrust as `hover_share` does; raises ValueError if not 10 to 80 %."""
+    hover = hover_share(drone, body)
+    if not 0.1 <= hover <= 0.8:
+        raise ValueError(
+            f'the drone hovers at {100.0 * hover:.0f} % of its thrust, but {rule}: check mass and '
+            'thrust_max in the drone file'
+        )
+    return hover
 
 
 def hover_share(drone: DroneConfig, body: MassProperties) -> float:

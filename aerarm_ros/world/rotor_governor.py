@@ -247,17 +247,18 @@ class RotorGovernor:
         """
         coupling, com, inertia, still = self._hovering(q, dq)
         room = np.maximum(self._share * self._half - np.abs(still), 0.0)
-        direct = [self._mixer @ self._given(column, com) for column in coupling.T]
-        force = (coupling[:3] - self._project @ coupling[:3]).T  # (n, 3)
         lever = _TILT_RATE**2 / self._weight
-        tilting = np.cross(self._up, force) @ inertia @ self._mixer[:, 3:].T * lever
-        moved = np.abs(direct) + np.abs(tilting)
-        room = np.maximum(self._share * self._half - np.abs(still), 0.0)
-        acceleration = np.maximum(_shared(room, moved, most), _LEAST_SHARE * most)
-        turning = self._up @ (coupling[3:] - np.cross(com, coupling[:3], axisb=0, axisc=0))
-        turning = turning / float(self._up @ inertia @ self._up)
+        moved, turning = [], []
+        for column in coupling.T:  # numpy.cross is slower than all the rest
+            direct = self._mixer @ self._given(column, com)
+            sideways = column[:3] - self._project @ column[:3]
+            tilting = self._mixer[:, 3:] @ (inertia @ cross(self._up, sideways)) * lever
+            moved.append(np.abs(direct) + np.abs(tilting))
+            turning.append(float(self._up @ (column[3:] - cross(com, column[:3]))))
+        acceleration = np.maximum(_shared(room, np.array(moved), most), _LEAST_SHARE * most)
+        turned = np.array(turning) / float(self._up @ inertia @ self._up)
         turn_max = np.inf if self._heading is None else self._heading.turn_max
-        return MotionLimit(acceleration, turning, turn_max)
+        return MotionLimit(acceleration, turned, turn_max)
 
     def _hovering(self, q: Array, dq: Array) -> tuple[Array, Array, Array, Array]:
         """Return `M_bj` (6, n), centre of mass, inertia, and thrusts at constant velocity (m,).

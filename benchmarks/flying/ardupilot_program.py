@@ -1,13 +1,9 @@
 """ArduCopter as a program on this host, configured for a drone."""
 
 import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
-from types import TracebackType
 
-from flying.px4_program import GUARD
+from flying.firmware_program import FirmwareProgram
 
 from aerarm_ros.autopilot.ardupilot_link import COMPANION_PORT, PORT_STEP
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup
@@ -20,7 +16,6 @@ HOW = (
     'build/sitl/bin/arducopter'
 )
 _PROGRAM = 'build/sitl/bin/arducopter'
-_ENDING = 5.0  # [s]
 
 
 def find_ardupilot() -> Path | None:
@@ -30,7 +25,7 @@ def find_ardupilot() -> Path | None:
     return program if given and program.is_file() else None
 
 
-class ArduPilotProgram:
+class ArduPilotProgram(FirmwareProgram):
     """Context manager that runs ArduCopter in a separate folder, configured for a drone.
 
     Parameters
@@ -63,39 +58,17 @@ class ArduPilotProgram:
         self, program: Path, folder: Path, drone: DroneConfig, body: MassProperties,
         setup: ArduPilotSetup, instance: int = 0,
     ) -> None:  # fmt: skip
-        self._program, self._folder = program.resolve(), folder
-        self._instance = instance
+        super().__init__(folder, 'ardupilot.log')
+        self._program, self._instance = program.resolve(), instance
         self._parameters = setup.parameters(drone, body)
-        self._process: subprocess.Popen[bytes] | None = None
-        self.log = folder / 'ardupilot.log'
 
-    def __enter__(self) -> 'ArduPilotProgram':
-        defaults = self._folder / 'drone.parm'
+    def command(self) -> tuple[list[str], dict[str, str]]:
+        """Write the parameters; return command line and environment."""
+        defaults = self.folder / 'drone.parm'
         lines = [f'{name} {value:.7g}\n' for name, value in self._parameters.items()]
         defaults.write_text(''.join(lines))
         port = COMPANION_PORT + PORT_STEP * self._instance
         command = [str(self._program), '--model', 'JSON:127.0.0.1', '-I', str(self._instance)]
         command += ['--wipe', '--defaults', str(defaults), '--speedup', '100']
         command += ['--serial0', f'udpclient:127.0.0.1:{port}']
-        guard = [sys.executable, '-c', GUARD, str(os.getpid())]
-        with self.log.open('ab') as log:
-            self._process = subprocess.Popen(
-                [*guard, *command], cwd=self._folder, stdin=subprocess.DEVNULL, stdout=log,
-                stderr=log, start_new_session=True,
-            )  # fmt: skip
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._process is None:
-            return
-        self._process.send_signal(signal.SIGTERM)
-        try:
-            self._process.wait(_ENDING)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        return command, dict(os.environ)

@@ -1,11 +1,9 @@
 """PX4 as a program on this host, configured for a drone."""
 
 import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
-from types import TracebackType
+
+from flying.firmware_program import FirmwareProgram
 
 from aerarm_ros.autopilot.px4_setup import AIRFRAME, Px4Setup
 from aerarm_ros.description.drone_config import DroneConfig
@@ -16,16 +14,6 @@ HOW = (
     "PX4=<folder of the build>'. The folder contains bin/px4 and etc"
 )
 _PROGRAM = 'bin/px4'
-_ENDING = 5.0  # [s]
-# Ends PX4 together with the process that starts it, because PX4 runs on without its simulator. The
-# guard is a separate process, since code between fork and exec may hang with threads.
-GUARD = """
-import ctypes, os, signal, sys
-parent = int(sys.argv[1])
-ctypes.CDLL(None).prctl(1, signal.SIGKILL, 0, 0, 0)
-if os.getppid() == parent:
-    os.execv(sys.argv[2], sys.argv[2:])
-"""
 
 
 def find_px4() -> Path | None:
@@ -35,7 +23,7 @@ def find_px4() -> Path | None:
     return next((place for place in places if given and (place / _PROGRAM).is_file()), None)
 
 
-class Px4Program:
+class Px4Program(FirmwareProgram):
     """Context manager that runs PX4 in a separate folder, configured for a drone.
 
     Parameters
@@ -68,17 +56,15 @@ class Px4Program:
         self, build: Path, folder: Path, drone: DroneConfig, body: MassProperties,
         setup: Px4Setup, instance: int = 0,
     ) -> None:  # fmt: skip
-        self._build, self._folder = build.resolve(), folder
-        self._instance = instance
+        super().__init__(folder, 'px4.log')
+        self._build, self._instance = build.resolve(), instance
         self._parameters = setup.parameters(drone, body)
-        self._process: subprocess.Popen[bytes] | None = None
-        self.log = folder / 'px4.log'
 
-    def __enter__(self) -> 'Px4Program':
+    def command(self) -> tuple[list[str], dict[str, str]]:
+        """Return command line and environment."""
         program = str(self._build / _PROGRAM)
         command = [program, '-d', '-i', str(self._instance), str(self._build / 'etc')]
-        command += ['-w', str(self._folder)]
-        guard = [sys.executable, '-c', GUARD, str(os.getpid())]
+        command += ['-w', str(self.folder)]
         environment = {
             **os.environ,
             'PATH': f'{self._build / "bin"}:{os.environ["PATH"]}',
@@ -87,30 +73,4 @@ class Px4Program:
             **{f'PX4_PARAM_{name}': f'{value:.7g}' for name, value in self._parameters.items()},
         }
         environment.pop('PX4_SIM_MODEL', None)
-        with self.log.open('ab') as log:
-            self._process = subprocess.Popen(
-                [*guard, *command], cwd=self._folder, stdin=subprocess.DEVNULL, stdout=log,
-                stderr=log, env=environment, start_new_session=True,
-            )  # fmt: skip
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._process is None:
-            return
-        self._process.send_signal(signal.SIGTERM)
-        try:
-            self._process.wait(_ENDING)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-
-    @property
-    def pid(self) -> int:
-        """Process id of PX4."""
-        assert self._process is not None
-        return self._process.pid
+        return command, environment

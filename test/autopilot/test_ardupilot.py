@@ -12,12 +12,13 @@ import pytest
 
 from aerarm_ros.autopilot import ardupilot_link
 from aerarm_ros.autopilot.ardupilot_flight import ArduPilotFirmware, ArduPilotStage
-from aerarm_ros.autopilot.ardupilot_link import CompanionLink, SimulatorLink, motor_shares
+from aerarm_ros.autopilot.ardupilot_link import JsonLink, motor_shares
 from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop, ArduPilotSetPoints
 from aerarm_ros.autopilot.ardupilot_setup import ArduPilotSetup, motors_of
 from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter
 from aerarm_ros.autopilot.px4 import ned
 from aerarm_ros.autopilot.px4_flight import FirmwareFlight
+from aerarm_ros.autopilot.px4_link import CompanionLink
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import GRAVITY, load_drone_config
 from aerarm_ros.description.resources import resource
@@ -114,13 +115,13 @@ class ScriptedArduPilot:
 
 
 @pytest.fixture
-def links() -> Iterator[tuple[SimulatorLink, CompanionLink, int, int]]:
+def links() -> Iterator[tuple[JsonLink, CompanionLink, int, int]]:
     ports = []
     for _ in range(2):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(('127.0.0.1', 0))
             ports.append(free.getsockname()[1])
-    simulator, companion = SimulatorLink(ports[0]), CompanionLink(ports[1])
+    simulator, companion = JsonLink(ports[0]), CompanionLink(ports[1], None)
     yield simulator, companion, *ports
     simulator.close()
     companion.close()
@@ -177,7 +178,7 @@ def test_other_packets_are_no_motors() -> None:
 def test_a_taken_port_is_named(links) -> None:
     port = links[2]
     with pytest.raises(ValueError, match=f'UDP port {port}.*autopilot_instance'):
-        SimulatorLink(port)
+        JsonLink(port)
 
 
 def test_rotors_are_found_by_angle_and_direction() -> None:

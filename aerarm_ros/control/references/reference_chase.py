@@ -52,6 +52,7 @@ _BRAKE_SHARE = 0.5  # of the acceleration, for braking at the followed reference
 _BRAKE_TIME = 0.4  # [s] in which each joint can brake
 _JOINED = 1e-4, 2e-3  # [rad], [rad/s] at which the followed reference is reached
 _LIMIT_MARGIN = 1e-3  # [rad]
+_REFRESHED = 0.01  # [s] after which limits are computed again; they take 0.1 ms of the loop
 
 
 class ReferenceChase:
@@ -91,6 +92,8 @@ class ReferenceChase:
         """Continue from a reference."""
         self._now = reference
         self.is_behind = False
+        self._present: MotionLimit | None = None
+        self._age = 0.0
 
     def update(self, followed: JointReference, dt: float, is_limited: bool) -> JointReference:
         """Return the reference, (n,) each, `dt` [s] after the last one.
@@ -102,6 +105,7 @@ class ReferenceChase:
         is_limited : bool
             Whether the followed reference may exceed the limits.
         """
+        self._age += dt
         if not self.is_behind and not (is_limited and self._is_beyond(followed)):
             self._now = followed
             return followed
@@ -119,19 +123,21 @@ class ReferenceChase:
 
         The first time is that of the last update.
         """
-        now, is_behind = self._now, self.is_behind
+        kept = self._now, self.is_behind, self._present, self._age
         steps = np.diff(times, prepend=times[0]).tolist()
         rows = [
             self.update(JointReference(*row), step, is_limited)
             for step, row in zip(steps, zip(*followed, strict=True), strict=True)
         ]
-        self._now, self.is_behind = now, is_behind
+        self._now, self.is_behind, self._present, self._age = kept
         return JointReference(*map(np.array, zip(*rows, strict=True)))
 
     def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array, MotionLimit]:
         """Return the largest acceleration and velocity (n,) of each joint, and all limits."""
-        most = _SHARE * self._limits.acceleration_max
-        limit = self._limit(q, dq, most)
+        if self._present is None or self._age >= _REFRESHED:
+            self._present = self._limit(q, dq, _SHARE * self._limits.acceleration_max)
+            self._age = 0.0
+        limit = self._present
         fastest = np.minimum(_BRAKE_TIME * limit.acceleration_max, self._limits.velocity_max)
         return limit.acceleration_max, fastest, limit
 

@@ -209,8 +209,8 @@ def _ardupilot_firmware(
     setup = ArduPilotSetup(sensors=values.autopilot_sensors)
     setup.parameters(drone, body)  # checks that ArduPilot can fly the drone
     more = ardupilot_link.PORT_STEP * values.autopilot_instance
-    simulator = ardupilot_link.SimulatorLink(ardupilot_link.SIMULATOR_PORT + more)
-    companion = ardupilot_link.CompanionLink(ardupilot_link.COMPANION_PORT + more)
+    simulator = ardupilot_link.JsonLink(ardupilot_link.SIMULATOR_PORT + more)
+    companion = CompanionLink(ardupilot_link.COMPANION_PORT + more, None)
     firmware = ArduPilotFirmware(simulator, companion, motors_of(drone), setup.sensors)
     acceleration = SetPointAcceleration()
     if values.tilt_ahead:

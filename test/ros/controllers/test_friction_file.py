@@ -1,6 +1,6 @@
 """A controller compensates the friction of `friction_file`, which the URDF cannot hold."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,23 +47,36 @@ def estimate(folder: Path) -> Path:
 def test_the_disturbance_of_a_slow_motion_contains_no_stribeck_friction(
     bench: ControllerBench, tmp_path: Path
 ) -> None:
-    rows: list[list[float]] = []
+    efforts: dict[int, list[float]] = {}
+    velocities: dict[int, list[float]] = {}
 
-    def keep(message: JointState) -> None:
+    def keep(message: JointState, values: dict[int, list[float]], row: Sequence[float]) -> None:
         assert list(message.name) == NAMES
-        if np.abs(bench.dq).min() > 0.02:
-            rows.append(list(message.effort))
+        stamp = message.header.stamp
+        values[10**9 * stamp.sec + stamp.nanosec] = list(row)
 
-    def unexplained(goal: list[float], **given: object) -> np.ndarray:
-        rows.clear()
+    def unexplained(direction: float) -> np.ndarray:
+        """Return the mean disturbance while all joints move and joint1 moves in a direction."""
+        # A busy machine reads both topics late, so the stamps tell what belongs together.
+        times = sorted(velocities)
+        columns = np.array([velocities[time] for time in times]).T
+        dq = np.array([np.interp(list(efforts), times, column) for column in columns]).T
+        moves = (np.abs(dq).min(axis=1) > 0.02) & (direction * dq[:, 0] > 0.0)
+        rows = np.array(list(efforts.values()))[moves]
+        assert len(rows) > 20
+        return np.abs(rows.mean(axis=0))
+
+    def move(goal: list[float], **given: object) -> None:
         with bench.controller('computed_torque', compensation=0.0, **given) as process:
             goals, motion = bench.publisher(topics.JOINT_TRAJECTORY), trajectory(goal, 4.0)
             bench.wait_for_posture(goal, 0.05, lambda: goals.publish(motion))
             assert process.stop() == 0, process.tail()
-        assert len(rows) > 20
-        return np.abs(np.mean(rows, axis=0))
+        # All states have arrived, up to the newest disturbance.
+        bench.wait(lambda: max(velocities) >= max(efforts), 'the last state')
 
-    bench.listen(topics.DISTURBANCE, keep)
-    without = unexplained(GOAL)
-    with_file = unexplained(HERE, friction_file=estimate(tmp_path))
+    bench.listen(topics.DISTURBANCE.queued(1000), lambda m: keep(m, efforts, m.effort))
+    bench.listen(topics.JOINT_STATES.queued(20_000), lambda m: keep(m, velocities, m.velocity))
+    move(GOAL)
+    move(HERE, friction_file=estimate(tmp_path))
+    without, with_file = unexplained(1.0), unexplained(-1.0)
     assert np.all(with_file < 0.4 * without), (without, with_file)
