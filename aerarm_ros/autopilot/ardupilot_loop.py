@@ -116,6 +116,8 @@ class ArduPilotSetPoints:
         Whether set points contain a heading.
     """
 
+    needs_state = False
+
     def __init__(
         self, loop: ArduPilotLoop, acceleration: SetPointAcceleration, holds_heading: bool = True
     ) -> None:
@@ -141,7 +143,7 @@ class ArduPilotSetPoints:
         ax, ay, az = ned(target.acceleration + moved.acceleration).tolist()
         mask = _TAKES_YAW if self._holds_heading else _TAKES_NO_YAW
         return 'SET_POSITION_TARGET_LOCAL_NED', {
-            'target_system': 1, 'coordinate_frame': _FRAME_LOCAL_NED, 'type_mask': mask,
+            'coordinate_frame': _FRAME_LOCAL_NED, 'type_mask': mask,
             'x': x, 'y': y, 'z': z, 'vx': vx, 'vy': vy, 'vz': vz, 'afx': ax, 'afy': ay, 'afz': az,
             'yaw': heading(target.yaw),
         }  # fmt: skip

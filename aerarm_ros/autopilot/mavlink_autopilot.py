@@ -24,22 +24,30 @@ _HEARTBEAT, _ASK = 1.0, 2.0  # [s] between heartbeats, and between requests of s
 _ARM, _SET_MODE, _SET_INTERVAL = 400, 176, 511  # MAV_CMD
 _CUSTOM_MODE, _ARMED = 1, 128
 _COMPANION = {'type': 18, 'autopilot': 8, 'system_status': 4, 'mavlink_version': 3}
-_PX4 = 12  # MAV_AUTOPILOT_PX4
+PX4, ARDUPILOT = 'px4', 'ardupilot'
+_FIRMWARES = {3: ARDUPILOT, 12: PX4}  # MAV_AUTOPILOT
 _PX4_MODES = {
     1: 'manual', 2: 'altitude', 3: 'position', 4: 'auto', 5: 'acro', 6: 'offboard',
     7: 'stabilized', 8: 'rattitude', 9: 'simple', 10: 'termination',
 }  # fmt: skip
 _PX4_AUTO = {1: 'ready', 2: 'takeoff', 3: 'hold', 4: 'mission', 5: 'return', 6: 'land'}
-_OFFBOARD = 6
+_ARDUCOPTER_MODES = {
+    0: 'stabilize', 1: 'acro', 2: 'altitude hold', 3: 'auto', 4: 'guided', 5: 'loiter',
+    6: 'return', 7: 'circle', 9: 'land', 16: 'position hold', 17: 'brake', 20: 'guided without GPS',
+    21: 'smart return',
+}  # fmt: skip
+_LED = {PX4: 6, ARDUPILOT: 4}  # custom mode that follows set points: offboard, guided
 _RESULTS = (
     'accepted', 'temporarily rejected', 'denied', 'unsupported', 'failed', 'in progress',
     'cancelled',
 )  # fmt: skip
-_STREAMS = {31: 'attitude', 32: 'place', 105: 'imu', 375: 'outputs'}  # by message number
-_NAMES = {
-    'ATTITUDE_QUATERNION': 31, 'LOCAL_POSITION_NED': 32, 'HIGHRES_IMU': 105,
-    'ACTUATOR_OUTPUT_STATUS': 375,
+_NUMBERS = {'attitude': 31, 'place': 32, 'imu': 105}  # message id of each stream
+_OUTPUTS = {PX4: 375, ARDUPILOT: 36}
+_STREAMS = {
+    'ATTITUDE_QUATERNION': 'attitude', 'LOCAL_POSITION_NED': 'place', 'HIGHRES_IMU': 'imu',
+    'ACTUATOR_OUTPUT_STATUS': 'outputs', 'SERVO_OUTPUT_RAW': 'outputs',
 }  # fmt: skip
+_SERVOS = [f'servo{number}_raw' for number in range(1, 17)]
 _WORRYING = 4  # MAV_SEVERITY_WARNING; lower values are more severe
 
 
@@ -75,8 +83,9 @@ class MavlinkAutopilot:
         None before the first.
     imu : ImuReading
         Newest IMU reading; None before the first.
-    outputs : (32,) ndarray
-        Outputs of the motors in the autopilot's order; None before the first.
+    outputs : (32,) or (16,) ndarray
+        Outputs of the motors in the autopilot's order, 32 of PX4 and 16 of ArduPilot; None before
+        the first.
     text : str
         Last warning or error of the autopilot.
     reply : str
@@ -88,7 +97,7 @@ class MavlinkAutopilot:
         self._writer = FrameWriter(_SYSTEM, _COMPONENT)
         self._system = 0
         self._heard = self._beat = self._asked = -np.inf
-        self._times: dict[int, float] = {}
+        self._times: dict[str, float] = {}  # of the newest message of each stream
         self._base_mode = self._custom_mode = self._make = 0
         self._place, self._velocity = np.zeros(3), np.zeros(3)
         self.attitude: Array | None = None
@@ -101,6 +110,7 @@ class MavlinkAutopilot:
             'LOCAL_POSITION_NED': self._on_place,
             'HIGHRES_IMU': self._on_imu,
             'ACTUATOR_OUTPUT_STATUS': self._on_outputs,
+            'SERVO_OUTPUT_RAW': self._on_servos,
             'STATUSTEXT': self._on_text,
             'COMMAND_ACK': self._on_answer,
         }
@@ -113,8 +123,8 @@ class MavlinkAutopilot:
         if self._system not in (0, message.system):
             return False  # from another vehicle on the same line
         handler(message, now)
-        if message.name in _NAMES:
-            self._times[_NAMES[message.name]] = now
+        if message.name in _STREAMS:
+            self._times[_STREAMS[message.name]] = now
         return True
 
     def tick(self, now: float) -> None:
@@ -126,9 +136,10 @@ class MavlinkAutopilot:
             self._asked = -np.inf  # The autopilot may have restarted and lost the rates.
         elif now - self._asked >= _ASK:
             is_first, self._asked = self._asked == -np.inf, now
-            for number, name in _STREAMS.items():
+            numbers = {**_NUMBERS, 'outputs': _OUTPUTS.get(self.firmware, _OUTPUTS[PX4])}
+            for name, number in numbers.items():
                 rate = self._rates.get(name, 0.0)
-                if rate > 0.0 and (is_first or now - self._times.get(number, -np.inf) > _ASK):
+                if rate > 0.0 and (is_first or self._age(name, now) > _ASK):
                     self._command(_SET_INTERVAL, float(number), 1e6 / rate)
 
     def send(self, name: str, **values: object) -> None:
@@ -151,8 +162,8 @@ class MavlinkAutopilot:
         self._request(_ARM, 0.0)
 
     def offboard(self) -> None:
-        """Request the mode that follows set points (PX4's offboard mode)."""
-        self._request(_SET_MODE, _CUSTOM_MODE, _OFFBOARD)
+        """Request the mode that follows set points: PX4's offboard, ArduCopter's guided."""
+        self._request(_SET_MODE, _CUSTOM_MODE, _LED.get(self.firmware, _LED[PX4]))
 
     def is_linked(self, now: float) -> bool:
         """Return whether heartbeats arrive."""
@@ -164,33 +175,39 @@ class MavlinkAutopilot:
         return bool(self._base_mode & _ARMED)
 
     @property
+    def firmware(self) -> str:
+        """Firmware that the heartbeats report: `PX4`, `ARDUPILOT`, or the number of another."""
+        return _FIRMWARES.get(self._make, f'MAV_AUTOPILOT {self._make}')
+
+    @property
     def mode(self) -> str:
-        """Flight mode of the autopilot: PX4's name of the mode, else the custom mode's number."""
+        """Flight mode of the autopilot; the number of the custom mode if its name is unknown."""
+        unknown = f'custom mode {self._custom_mode}'
+        if self.firmware == ARDUPILOT:
+            return _ARDUCOPTER_MODES.get(self._custom_mode, unknown)
+        if self.firmware != PX4:
+            return unknown
         main, sub = self._custom_mode >> 16 & 0xFF, self._custom_mode >> 24 & 0xFF
-        if self._make != _PX4:
-            return f'custom mode {self._custom_mode}'
         name = _PX4_MODES.get(main, f'mode {main}')
         return f'{name} {_PX4_AUTO[sub]}' if sub in _PX4_AUTO and name == 'auto' else name
 
     def state(self, now: float) -> FlightState | None:
         """Return position, attitude and motion, None if attitude or position is missing or old."""
-        fresh = [now - self._times.get(number, -np.inf) < FRESH for number in (31, 32)]
-        if not all(fresh) or self.attitude is None:
+        if not self.has_attitude(now) or self._age('place', now) > FRESH or self.attitude is None:
             return None
         rotation = rotation_matrix(self.attitude)
         return FlightState(self._place, self._velocity, rotation, self._rate)
 
     def has_attitude(self, now: float) -> bool:
         """Return whether the last attitude message is recent enough to be used."""
-        return now - self._times.get(31, -np.inf) < FRESH
+        return self._age('attitude', now) < FRESH
 
     def silent(self, now: float) -> list[str]:
         """Return the requested streams that do not arrive."""
-        return [
-            name
-            for number, name in _STREAMS.items()
-            if self._rates.get(name, 0.0) and now - self._times.get(number, -np.inf) > _ASK
-        ]
+        return [name for name, rate in self._rates.items() if rate and self._age(name, now) > _ASK]
+
+    def _age(self, stream: str, now: float) -> float:
+        return now - self._times.get(stream, -np.inf)
 
     def _request(self, command: int, *parameters: float) -> None:
         self.reply = ''
@@ -231,6 +248,10 @@ class MavlinkAutopilot:
 
     def _on_outputs(self, message: Message, now: float) -> None:
         self.outputs = np.array(message['actuator'])
+
+    def _on_servos(self, message: Message, now: float) -> None:
+        if message['port'] == 0:  # the other groups of outputs follow in separate messages
+            self.outputs = np.array([message[name] for name in _SERVOS], dtype=float)
 
     def _on_text(self, message: Message, now: float) -> None:
         if message['severity'] <= _WORRYING:

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerarm_ros.autopilot.px4 import Px4Gains, frd_rotation, heading, ned, torque_unit
+from aerarm_ros.autopilot.px4_set_points import tilt_ahead
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import frd_to_flu, quaternion
 from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
@@ -228,11 +229,7 @@ class Px4Flight:
         self._torque_unit = torque_unit(drone)
         self._body = body
         self._loops = Px4Loops(gains, body.mass * GRAVITY / self._thrust_max)
-        self._acceleration = SetPointAcceleration()
-        if knows_loops:
-            rate_gain = gains.mc_rate_k * gains.mc_rate_p * float(self._torque_unit[0])
-            lasting = gains.mc_rate_i / gains.mc_rate_p
-            self._acceleration = SetPointAcceleration(gains.mc_att_p, rate_gain, lasting)
+        self._acceleration = tilt_ahead(gains, drone) if knows_loops else SetPointAcceleration()
 
     def reset(self) -> None:
         """Reset the integrals."""

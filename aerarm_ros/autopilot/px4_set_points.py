@@ -24,6 +24,21 @@ _INTEGRAL = 3.0  # [m/s^2] largest integral action
 _STEP_MAX = 0.05  # [s]
 
 
+def tilt_ahead(gains: Px4Gains, drone: DroneConfig) -> SetPointAcceleration:
+    """Return the acceleration whose anticipatory tilt inverts PX4's loops.
+
+    Raises
+    ------
+    ValueError
+        If the rotors give no moment about one of the axes.
+    """
+    unit = torque_unit(drone)
+    rate_gain = gains.mc_rate_k * gains.mc_rate_p * float(unit[0])
+    yaw_gain = gains.mc_yaw_p * gains.mc_yawrate_p * float(unit[2])
+    lasting = gains.mc_rate_i / gains.mc_rate_p
+    return SetPointAcceleration(gains.mc_att_p, rate_gain, lasting, yaw_gain)
+
+
 class Px4SetPoints:
     """Create the set point message for a target and a state of the drone.
 
@@ -37,36 +52,25 @@ class Px4SetPoints:
     ----------
     gains : FlightGains, optional
         Gains of this package's own position loop.
-    tilt : Px4Gains, optional
-        PX4's gains, with which set points tilt the drone ahead of the arm's force; by default they
-        do not.
+    acceleration : SetPointAcceleration, optional
+        Acceleration that compensates the arm's motion; by default without anticipatory tilt.
     holds_heading : bool
         Whether set points contain a heading; without one PX4 does not control the heading.
 
-    Raises
-    ------
-    ValueError
-        If the rotors give no moment about one of the axes.
     """
 
     def __init__(
         self,
         drone: DroneConfig,
         gains: FlightGains | None = None,
-        tilt: Px4Gains | None = None,
+        acceleration: SetPointAcceleration | None = None,
         holds_heading: bool = True,
     ) -> None:
         self._gains = FlightGains() if gains is None else gains
+        self._acceleration = acceleration or SetPointAcceleration()
         self._holds_heading = holds_heading
         self._is_full = drone.is_fully_actuated
         self._force_unit = force_unit(drone)
-        self._acceleration = SetPointAcceleration()
-        if tilt is not None:
-            unit = torque_unit(drone)
-            rate_gain = tilt.mc_rate_k * tilt.mc_rate_p * float(unit[0])
-            yaw_gain = tilt.mc_yaw_p * tilt.mc_yawrate_p * float(unit[2])
-            lasting = tilt.mc_rate_i / tilt.mc_rate_p
-            self._acceleration = SetPointAcceleration(tilt.mc_att_p, rate_gain, lasting, yaw_gain)
         self.reset()
 
     @property

@@ -12,6 +12,7 @@ from aerarm_ros.motion.signals import Array
 
 _UP = np.array([0.0, 0.0, 1.0])
 _TURN_MAX = 0.5  # [rad] largest correction of the heading
+_LIFT_MIN = 0.3  # of the weight; less lift would need a larger tilt
 _LEAN_MAX = 0.35  # [rad] largest tilt in addition to that of the force
 
 
@@ -19,8 +20,11 @@ class SetPointAcceleration:
     """Acceleration feedforward for an autopilot that accepts an acceleration only.
 
     The acceleration against the force f of the joints' motion is `-f / m`; the autopilot's hover
-    thrust carries the weight. The autopilot tilts the drone for this acceleration with the delay of
-    its attitude loop, and accepts no moment. If the gains of its attitude and angular-velocity
+    thrust carries the weight. The autopilot tilts the drone by `atan(a / g)` for a horizontal
+    acceleration a, whatever the vertical thrust T is (PX4's MPC_ACC_DECOUPLE, ArduCopter). The
+    horizontal acceleration is therefore multiplied by `m g / T`, so that the tilted thrust has the
+    horizontal part `m a`. The autopilot tilts with the delay of its attitude loop, and accepts no
+    moment. If the gains of its attitude and angular-velocity
     loops are known, the set point adds the tilt `delta`, the inverse of these loops::
 
         delta = (w + (J dw/dt + M) / k) / p
@@ -72,11 +76,11 @@ class SetPointAcceleration:
             Time since the last call [s].
         """
         level = pin.exp3(yaw_of(rotation) * _UP)
-        acceleration = -level @ arm.wrench[:3] / arm.body.mass
-        if self._attitude_gain == 0.0:
-            return np.asarray(acceleration)
-        lean = self._lean(arm, dt)
-        return np.asarray(acceleration + GRAVITY * level @ cross(lean, _UP))
+        tilt = -arm.wrench[:3] / _lift(arm)
+        if self._attitude_gain > 0.0:
+            tilt = tilt + cross(self._lean(arm, dt), _UP)
+        x, y, _ = GRAVITY * level @ tilt
+        return np.array([x, y, -arm.wrench[2] / arm.body.mass])
 
     def turn(self, arm: FeedForward, dt: float) -> Array:
         """Return the attitude offset (3,) [rad] that makes the autopilot give the moment M.
@@ -97,14 +101,16 @@ class SetPointAcceleration:
 
     def _lean(self, arm: FeedForward, dt: float) -> Array:
         """Return the additional tilt `delta` (3,) [rad], in level axes."""
-        body = arm.body
-        weight = body.mass * GRAVITY
-        rate = cross(_UP, -arm.force_rate) / weight
+        body, lift = arm.body, _lift(arm)
+        # Derivatives of the tilt u = -f / T, with T' = -f_z'.
+        tilt = -arm.wrench[:3] / lift
+        speed = (tilt * arm.force_rate[2] - arm.force_rate) / lift
+        rate = cross(_UP, speed)
         if self._rate_gain > 0.0:
-            spin = cross(_UP, -arm.force_curvature) / weight
-            thrust = weight * _UP - arm.wrench[:3] * _UP
+            change = tilt * arm.force_curvature[2] + 2.0 * speed * arm.force_rate[2]
+            spin = cross(_UP, change - arm.force_curvature) / lift
             about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
-            moment = cross(body.centre, thrust) - about_centre
+            moment = cross(body.centre, lift * _UP) - about_centre
             rate = rate + (body.inertia @ spin + self._passing(moment, dt)) / self._rate_gain
         return _bounded(rate / self._attitude_gain)
 
@@ -115,6 +121,12 @@ class SetPointAcceleration:
         share = 1.0 - np.exp(-self._integral_rate * dt)
         self._lasting = self._lasting + share * (moment - self._lasting)
         return moment - self._lasting
+
+
+def _lift(arm: FeedForward) -> float:
+    """Return the rotors' vertical thrust [N] that carries the weight and the arm's motion."""
+    weight = arm.body.mass * GRAVITY
+    return float(max(weight - arm.wrench[2], _LIFT_MIN * weight))
 
 
 def _bounded(turn: Array) -> Array:

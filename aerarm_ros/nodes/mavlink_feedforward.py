@@ -3,7 +3,7 @@
 The node is for vehicles without MAVROS and without a DDS agent. Set points arrive repeatedly on
 flight_set_point, or once on flight_trajectory. The node publishes the autopilot's odometry, imu and
 rotor_command for the arm. Only the services ~/arm, ~/disarm and ~/offboard arm the autopilot or
-change its mode.
+change its mode; ~/offboard requests ArduCopter's guided mode.
 """
 
 import sys
@@ -24,20 +24,31 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
+from aerarm_ros.autopilot.ardupilot_loop import ArduPilotSetPoints
+from aerarm_ros.autopilot.ardupilot_setup import motors_of
 from aerarm_ros.autopilot.mavlink import Message
-from aerarm_ros.autopilot.mavlink_autopilot import MavlinkAutopilot
+from aerarm_ros.autopilot.mavlink_autopilot import ARDUPILOT, MavlinkAutopilot
 from aerarm_ros.autopilot.mavlink_line import open_line
-from aerarm_ros.autopilot.px4 import Px4Gains
+from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
 from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
 from aerarm_ros.control.base.base_motion import quaternion
 from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
 from aerarm_ros.flight.arm_load import ArmFeedForward, FeedForward
 from aerarm_ros.flight.flight_state import FlightPath, FlightState, FlightTarget
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone, to_path, to_target
-from aerarm_ros.ros.flight.set_point_node import FEED_PARAMETERS, time_problem
+from aerarm_ros.ros.flight.set_point_node import (
+    FEED_PARAMETERS,
+    FIRMWARE_PARAMETERS,
+    LOOP_PARAMETERS,
+    ardupilot_loop,
+    ardupilot_moment_unit,
+    set_point_acceleration,
+    time_problem,
+)
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
@@ -50,6 +61,7 @@ _LISTEN = 0.002  # [s] longest wait for data on the MAVLink line
 _REMEMBERED = 5.0  # [s] for which a rejection is shown as a warning
 _REPLY = 2.0  # [s] for which a service waits for the autopilot's answer
 _WORLD = 'odom'
+_OUTPUTS = 'ACTUATOR_OUTPUT_STATUS', 'SERVO_OUTPUT_RAW'
 
 PARAMETERS = ParameterTable(
     *ARM_FILES,
@@ -64,15 +76,18 @@ PARAMETERS = ParameterTable(
                   0.0, 1000.0),
         Parameter('state_rate', 100.0, 'requested rate of attitude and position messages', 'Hz',
                   10.0, 500.0),
-        Parameter('output_rate', 100.0, 'requested rate of ACTUATOR_OUTPUT_STATUS messages, for '
-                                        'rotor_command; 0 for none', 'Hz', 0.0, 500.0),
+        Parameter('output_rate', 100.0,
+            'requested rate of the motor outputs (ACTUATOR_OUTPUT_STATUS, of ArduPilot '
+            'SERVO_OUTPUT_RAW), for rotor_command; 0 for none', 'Hz', 0.0, 500.0),
         Parameter('output_range', [1000.0, 2000.0],
             'output values at which a rotor stops and at which it gives thrust_max; thrust is '
-            'proportional between them (THR_MDL_FAC 0)', '', 0.0, 20000.0),
+            'proportional between them (THR_MDL_FAC 0, MOT_THST_EXPO 0)', '', 0.0, 20000.0),
         Parameter('output_channels', [],
-            'output number of each rotor, from 1, in the order of the drone file; the first '
-            'outputs if empty', '', 1, 32, element=int),
+            'output number of each rotor, from 1, in the order of the drone file. If empty: the '
+            "first outputs of PX4, or those of ArduPilot's motors for this frame", '', 1, 32,
+            element=int),
     ),
+    *FIRMWARE_PARAMETERS,
     *grouped(
         'Set points',
         Parameter('rate', 100.0, 'rate of set points', 'Hz', 10.0, 500.0),
@@ -80,14 +95,12 @@ PARAMETERS = ParameterTable(
                                             'that the autopilot detects the loss; 0 keeps '
                                             'sending the last one', 's', 0.0, 60.0),
         Parameter('hold_heading', True, 'send a heading in set points; false leaves yaw open'),
-        Parameter('mc_rate_i', Px4Gains.mc_rate_i, 'MC_ROLLRATE_I', '', 0.0, 10.0),
-        Parameter('mc_rate_p', Px4Gains.mc_rate_p, 'MC_ROLLRATE_P', '', 0.01, 10.0),
-        Parameter('mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K', '', 0.01, 30.0),
-        Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P', '1/s', 0.5, 50.0),
-        Parameter('tilt_ahead', True, "tilt ahead of the arm's motion, by the inverse of PX4's "
-                                      'control loops with these gains'),
     ),
     *FEED_PARAMETERS,
+    *LOOP_PARAMETERS,
+    Parameter('yaw_gain', Px4Gains.mc_yaw_p * Px4Gains.mc_yawrate_p,
+        'normalised torque per heading error (MC_YAW_P times MC_YAWRATE_P), for drones with tilted '
+        'rotors under PX4', '1/rad', 0.0, 50.0, group=LOOP_PARAMETERS[0].group),
 )  # fmt: skip
 
 
@@ -105,19 +118,13 @@ class MavlinkFeedforward:
         self.node = rclpy.create_node(NAME)
         self.values = values = PARAMETERS.declare(self.node, self._on_parameter)
         config, drone, body = load_flown_drone(values)
-        self._channels = _channels(values, drone.n)
+        self._channels = _channels(values, drone)
         self._line = open_line(values.connection)
         rates = {'attitude': values.state_rate, 'place': values.state_rate,
                  'imu': values.imu_rate, 'outputs': values.output_rate}  # fmt: skip
         self._autopilot = MavlinkAutopilot(self._line, rates)
         self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
-        gains = Px4Gains(
-            mc_att_p=values.mc_att_p, mc_rate_k=values.mc_rate_k, mc_rate_p=values.mc_rate_p,
-            mc_rate_i=values.mc_rate_i,
-        )  # fmt: skip
-        self._set_points = Px4SetPoints(
-            drone, tilt=gains if values.tilt_ahead else None, holds_heading=values.hold_heading
-        )
+        self._set_points = self._create_set_points(drone)
         self._thrust_max = drone.column('thrust_max')
         self._cdr = JointStateCdr(drone.rotor_names)
         self._target: FlightTarget | None = None
@@ -150,6 +157,17 @@ class MavlinkFeedforward:
         for name in ('arm', 'disarm', 'offboard'):
             act = partial(self._on_request, getattr(self._autopilot, name))
             node.create_service(Trigger, f'~/{name}', act, callback_group=group)
+
+    def _create_set_points(self, drone: DroneConfig) -> Px4SetPoints | ArduPilotSetPoints:
+        values = self.values
+        if values.firmware == ARDUPILOT:
+            unit = ardupilot_moment_unit(drone, self.node.get_logger().warning)
+            acceleration = set_point_acceleration(values, unit)
+            return ArduPilotSetPoints(ardupilot_loop(values), acceleration, values.hold_heading)
+        torque = torque_unit(drone)
+        yaw_gain = values.yaw_gain * float(torque[2])
+        acceleration = set_point_acceleration(values, float(torque[0]), yaw_gain)
+        return Px4SetPoints(drone, None, acceleration, values.hold_heading)
 
     def run(self) -> None:
         """Forward set points until SIGINT, SIGTERM, SIGHUP or a shutdown."""
@@ -186,7 +204,7 @@ class MavlinkFeedforward:
             self._odometry.publish(_odometry(state, stamp_ns))
         elif message.name == 'HIGHRES_IMU':
             self._publish_imu(stamp_ns, now)
-        elif message.name == 'ACTUATOR_OUTPUT_STATUS' and self._autopilot.outputs is not None:
+        elif message.name in _OUTPUTS and self._autopilot.outputs is not None:
             low, high = self.values.output_range
             shares = (self._autopilot.outputs[self._channels] - low) / (high - low)
             thrust = np.clip(shares, 0.0, 1.0) * self._thrust_max
@@ -212,7 +230,7 @@ class MavlinkFeedforward:
         dt, self._last = now - self._last, now
         arm = self._arm.at(1e-9 * self._clock.now_ns())
         state, target = self._autopilot.state(now), self._wanted(now)
-        if target is None or not self._autopilot.is_linked(now):
+        if target is None or self._link_problem(now):
             self._set_points.reset()
             return
         if state is None:  # Without the vehicle's axes the arm's feedforward cannot be added.
@@ -223,6 +241,17 @@ class MavlinkFeedforward:
         name, values = self._set_points.message(state, target, dt, arm, np.zeros(3))
         self._autopilot.set_point(name, now, **values)
         self._sent += 1
+
+    def _link_problem(self, now: float) -> str:
+        """Return why no set points may be sent over the connection, '' if they may."""
+        found, wanted = self._autopilot.firmware, self.values.firmware
+        if not self._autopilot.is_linked(now):
+            return (
+                f'no heartbeat from the autopilot on {self.values.connection}: check the connection'
+            )
+        if found != wanted:
+            return f'the autopilot reports {found}, but firmware is {wanted}: correct firmware'
+        return ''
 
     def _wanted(self, now: float) -> FlightTarget | None:
         """Return the drone's target, or None without a valid set point."""
@@ -300,22 +329,21 @@ class MavlinkFeedforward:
             self._rejection, self._rejected_at = str(error), time.monotonic()
             self.node.get_logger().warning(f'rejected: {error}', throttle_duration_sec=1.0)
 
+    def _problem(self, now: float) -> str:
+        """Return the first reason for a warning, '' without one."""
+        ahead, self._ahead = self._ahead, None
+        if problem := self._link_problem(now):
+            return problem
+        if silent := self._autopilot.silent(now):
+            return f'the autopilot does not send {", ".join(silent)}'
+        if self._wanted(now) is None:
+            return 'no set points received, so none are sent'
+        if ahead is not None and (late := time_problem(ahead, self.values.feed_lead)):
+            return late
+        return f'rejected: {self._rejection}' if now - self._rejected_at < _REMEMBERED else ''
+
     def _report(self) -> None:
         now, autopilot = time.monotonic(), self._autopilot
-        ahead, self._ahead = self._ahead, None
-        problem = ''
-        if not autopilot.is_linked(now):
-            problem = (
-                f'no heartbeat from the autopilot on {self.values.connection}: check the connection'
-            )
-        elif silent := autopilot.silent(now):
-            problem = f'the autopilot does not send {", ".join(silent)}'
-        elif self._wanted(now) is None:
-            problem = 'no set points received, so none are sent'
-        elif ahead is not None and (late := time_problem(ahead, self.values.feed_lead)):
-            problem = late
-        elif now - self._rejected_at < _REMEMBERED:
-            problem = f'rejected: {self._rejection}'
         values: dict[str, object] = {
             'armed': autopilot.is_armed,
             'mode': autopilot.mode,
@@ -324,18 +352,26 @@ class MavlinkFeedforward:
             'rejected inputs': self._rejections,
             "autopilot's last warning": autopilot.text,
         }
-        self._diagnostics.report(problem, values)
+        self._diagnostics.report(self._problem(now), values)
 
     def _on_stop(self) -> None:
         self._is_stopping = True
 
 
-def _channels(values: Any, count: int) -> list[int]:
+def _channels(values: Any, drone: DroneConfig) -> list[int]:
     """Convert the output numbers to one index per rotor; raises ValueError."""
-    given = list(values.output_channels) or list(range(1, count + 1))
-    if len(given) != count or len(set(given)) != count or not all(0 < x <= 32 for x in given):
+    given, count = list(values.output_channels), drone.n
+    most = 16 if values.firmware == ARDUPILOT else 32
+    if not given and values.firmware == ARDUPILOT:
+        try:
+            given = (np.argsort(motors_of(drone)) + 1).tolist()
+        except ValueError as error:
+            raise ValueError(f'{error}, or set output_channels') from None
+    given = given or list(range(1, count + 1))
+    if len(given) != count or len(set(given)) != count or not all(0 < x <= most for x in given):
         raise ValueError(
-            f'output_channels = {given}: set {count} different numbers from 1 to 32, one per rotor'
+            f'output_channels = {given}: set {count} different numbers from 1 to {most}, one per '
+            'rotor'
         )
     low, high = [*values.output_range, 0.0, 0.0][:2]
     if len(values.output_range) != 2 or not high > low:

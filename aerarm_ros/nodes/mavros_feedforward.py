@@ -13,29 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import Imu
 
-from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop, LoopMotion, LoopOffset
-from aerarm_ros.autopilot.ardupilot_setup import moment_unit
+from aerarm_ros.autopilot.ardupilot_loop import LoopMotion, LoopOffset
+from aerarm_ros.autopilot.mavlink_autopilot import ARDUPILOT, PX4
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
-from aerarm_ros.ros.flight.set_point_node import SetPointNode, set_point_parameters
-from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+from aerarm_ros.ros.flight.set_point_node import (
+    FIRMWARE_PARAMETERS,
+    SetPointNode,
+    ardupilot_loop,
+    ardupilot_moment_unit,
+    set_point_parameters,
+)
 from aerarm_ros.ros.process.node_main import run_node
 
 NAME = 'mavros_feedforward'
-PX4, ARDUPILOT = 'px4', 'ardupilot'
 PARAMETERS = set_point_parameters(
     'setpoint_raw/local',
     '/mavros/setpoint_raw/local',
     '/mavros/imu/data',
-    Parameter('firmware', PX4, 'firmware of the autopilot, which decides the rules for set points',
-              choices=(PX4, ARDUPILOT)),
-    *grouped(
-        "ArduCopter's position loop",
-        Parameter('position_p', ArduPilotLoop.position_p, 'PSC_POSXY_P', '1/s', 0.0, 20.0),
-        Parameter('velocity_p', ArduPilotLoop.velocity_p, 'PSC_VELXY_P', '1/s', 0.0, 20.0),
-        Parameter('velocity_i', ArduPilotLoop.velocity_i, 'PSC_VELXY_I', '1/s^2', 0.0, 20.0),
-    ),
-)  # fmt: skip
+    *FIRMWARE_PARAMETERS,
+)
 
 # Frames of mavros_msgs/PositionTarget, and bits of type_mask in the order x, y, z.
 _FRAMES = {
@@ -54,9 +51,7 @@ class MavrosFeedforward(SetPointNode):
         advice = 'install it (apt: ros-jazzy-mavros-msgs), or use px4_feedforward'
         self._last_ns = 0
         super().__init__(NAME, PARAMETERS, 'mavros_msgs', advice)
-        values = self.values
-        loop = ArduPilotLoop(values.position_p, values.velocity_p, values.velocity_i)
-        self._offset = LoopOffset(loop)
+        self._offset = LoopOffset(ardupilot_loop(self.values))
 
     def message_types(self) -> tuple[Any, Any]:
         """Return the message types of MAVROS's set point and of the IMU."""
@@ -82,11 +77,7 @@ class MavrosFeedforward(SetPointNode):
         """Return the roll moment [Nm] of the autopilot's normalized torque 1, 0 if unknown."""
         if self.values.firmware == PX4:
             return super().moment_unit(drone)
-        try:
-            return moment_unit(drone)
-        except ValueError as error:
-            self.node.get_logger().warning(f'the tilt ignores inertia and moment: {error}')
-            return 0.0
+        return ardupilot_moment_unit(drone, self.node.get_logger().warning)
 
 
 def add_to_loop(

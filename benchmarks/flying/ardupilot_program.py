@@ -42,6 +42,8 @@ class ArduPilotProgram(FirmwareProgram):
         Settings of ArduPilot.
     instance : int
         Instance number, which determines the ports.
+    port : int
+        UDP port to which ArduCopter opens a second MAVLink connection; 0 for none.
 
     Attributes
     ----------
@@ -56,10 +58,10 @@ class ArduPilotProgram(FirmwareProgram):
 
     def __init__(
         self, program: Path, folder: Path, drone: DroneConfig, body: MassProperties,
-        setup: ArduPilotSetup, instance: int = 0,
+        setup: ArduPilotSetup, instance: int = 0, port: int = 0,
     ) -> None:  # fmt: skip
         super().__init__(folder, 'ardupilot.log')
-        self._program, self._instance = program.resolve(), instance
+        self._program, self._instance, self._port = program.resolve(), instance, port
         self._parameters = setup.parameters(drone, body)
 
     def command(self) -> tuple[list[str], dict[str, str]]:
@@ -71,4 +73,6 @@ class ArduPilotProgram(FirmwareProgram):
         command = [str(self._program), '--model', 'JSON:127.0.0.1', '-I', str(self._instance)]
         command += ['--wipe', '--defaults', str(defaults), '--speedup', '100']
         command += ['--serial0', f'udpclient:127.0.0.1:{port}']
+        if self._port:
+            command += ['--serial1', f'udpclient:127.0.0.1:{self._port}']
         return command, dict(os.environ)

@@ -22,7 +22,7 @@ from aerarm_ros.autopilot.mavlink import LAYOUTS, FrameReader, Message
 from aerarm_ros.autopilot.px4 import Px4Gains
 from aerarm_ros.autopilot.px4_flight import FirmwareFlight, Px4Firmware
 from aerarm_ros.autopilot.px4_link import CompanionLink, Controls, SimulatorLink
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
+from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
 from aerarm_ros.autopilot.px4_setup import Px4Setup
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.flight.arm_load import FeedForward, MassProperties
@@ -48,7 +48,7 @@ def flight(
     simulator: SimulatorLink, companion: CompanionLink, setup: Px4Setup = SETUP
 ) -> FirmwareFlight:
     """Return the flight that is recorded and replayed."""
-    set_points = Px4SetPoints(DRONE, None, setup.gains)
+    set_points = Px4SetPoints(DRONE, None, tilt_ahead(setup.gains, DRONE))
     return FirmwareFlight(DRONE, BODY, Px4Firmware(simulator, companion, setup), set_points)
 
 
@@ -137,13 +137,13 @@ class RecordingCompanion(CompanionLink):
                 data = self._line.recv(65536)
             except (BlockingIOError, ConnectionRefusedError):
                 break
-            for frame in _frames(data):
+            for frame in known_frames(data):
                 (now.late if now.length else now.early).append(frame.hex())
                 found += self._reader.feed(frame)
         return found
 
 
-def _frames(data: bytes) -> list[bytes]:
+def known_frames(data: bytes) -> list[bytes]:
     """Return the frames of known messages in a datagram."""
     found, at = [], 0
     while at + 12 <= len(data):
@@ -256,7 +256,7 @@ def record() -> None:
 
 
 def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = FLOWN) -> None:
-    """Fly PX4 through take-off and some steps in flight."""
+    """Fly a firmware through take-off and some steps in flight."""
     target = FlightTarget.here(STILL)
 
     def begin() -> None:
@@ -264,7 +264,7 @@ def fly(control: FirmwareFlight, steps: list[Step] | None = None, flown: int = F
             steps.append(Step())
 
     control.update(STILL, target, 0.004)
-    while control.is_settling and 'closed the connection' not in control.problem:
+    while control.is_settling and 'has ended' not in control.problem:
         begin()
         control.settle()
     for step in range(flown):

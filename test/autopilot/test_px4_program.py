@@ -159,7 +159,7 @@ def test_a_link_that_is_lost_for_a_second_is_borne_and_then_the_failsafe_acts(
     with Px4Program(build, tmp_path, DRONE, BODY, SETUP, 8) as program:
         simulator, companion = SimulatorLink(4568), CompanionLink(14548, 14588)
         firmware = Px4Firmware(simulator, companion, SETUP)
-        control = FirmwareFlight(DRONE, BODY, firmware, Px4SetPoints(DRONE, None, SETUP.gains))
+        control = FirmwareFlight(DRONE, BODY, firmware, Px4SetPoints(DRONE))
         fly(control)
         for _ in range(225):  # 0.9 s without set points
             firmware.step(STILL, 0.004)

@@ -20,7 +20,7 @@ from aerarm_ros.autopilot.px4_link import (
     SimulatorLink,
 )
 from aerarm_ros.autopilot.px4_loops import Px4Flight
-from aerarm_ros.autopilot.px4_set_points import Px4SetPoints
+from aerarm_ros.autopilot.px4_set_points import Px4SetPoints, tilt_ahead
 from aerarm_ros.autopilot.px4_setup import SENSORS, VISION, Px4Setup
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.description.drone_config import DroneConfig
@@ -198,8 +198,8 @@ def _px4_firmware(
     setup, number = Px4Setup(px4, values.autopilot_sensors), values.autopilot_instance
     simulator = SimulatorLink(SIMULATOR_PORT + number)
     companion = CompanionLink(COMPANION_PORT + number, OFFBOARD_PORT + number)
-    tilt = px4 if values.tilt_ahead else None
-    set_points = Px4SetPoints(drone, gains, tilt, values.hold_heading)
+    acceleration = tilt_ahead(px4, drone) if values.tilt_ahead else None
+    set_points = Px4SetPoints(drone, gains, acceleration, values.hold_heading)
     return FirmwareFlight(drone, body, Px4Firmware(simulator, companion, setup), set_points)
 
 

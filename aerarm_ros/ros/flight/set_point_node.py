@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,9 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 
+from aerarm_ros.autopilot.ardupilot_loop import ArduPilotLoop
+from aerarm_ros.autopilot.ardupilot_setup import moment_unit
+from aerarm_ros.autopilot.mavlink_autopilot import ARDUPILOT, PX4
 from aerarm_ros.autopilot.px4 import Px4Gains, torque_unit
 from aerarm_ros.autopilot.set_point_acceleration import SetPointAcceleration
 from aerarm_ros.control.base.base_motion import rotation_matrix
@@ -40,6 +44,56 @@ FEED_PARAMETERS = (
                                  'of base_reaction must be at least this large', 's', 0.0, 0.06,
               live=True),
 )  # fmt: skip
+LOOP_PARAMETERS = grouped(
+    "The autopilot's loops, for the preview of the tilt",
+    Parameter('attitude_gain', Px4Gains.mc_att_p,
+        'angular velocity per attitude error (MC_ROLL_P, default as in PX4; ATC_ANG_RLL_P); 0 for '
+        'no preview of the tilt', '1/s', 0.0, 50.0),
+    Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p,
+        'normalised torque per error of the angular velocity (MC_ROLLRATE_K times MC_ROLLRATE_P; '
+        'ATC_RAT_RLL_P); drone_file determines its unit of torque; 0 ignores inertia and moment',
+        's/rad', 0.0, 10.0),
+    Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p,
+        'ratio of integral gain and rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P; ATC_RAT_RLL_I '
+        'over ATC_RAT_RLL_P)', '1/s', 0.0, 50.0),
+)  # fmt: skip
+FIRMWARE_PARAMETERS = (
+    Parameter('firmware', PX4, 'firmware of the autopilot, which decides the rules for set points',
+              choices=(PX4, ARDUPILOT)),
+    *grouped(
+        "ArduCopter's position loop",
+        Parameter('position_p', ArduPilotLoop.position_p, 'PSC_POSXY_P', '1/s', 0.0, 20.0),
+        Parameter('velocity_p', ArduPilotLoop.velocity_p, 'PSC_VELXY_P', '1/s', 0.0, 20.0),
+        Parameter('velocity_i', ArduPilotLoop.velocity_i, 'PSC_VELXY_I', '1/s^2', 0.0, 20.0),
+    ),
+)  # fmt: skip
+
+
+def ardupilot_loop(values: SimpleNamespace) -> ArduPilotLoop:
+    """Return the gains of ArduCopter's position loop from the values of `FIRMWARE_PARAMETERS`."""
+    return ArduPilotLoop(values.position_p, values.velocity_p, values.velocity_i)
+
+
+def ardupilot_moment_unit(drone: DroneConfig, warn: Callable[[str], object]) -> float:
+    """Return ArduCopter's `moment_unit` [Nm]; warn and return 0 without a frame for the drone."""
+    try:
+        return moment_unit(drone)
+    except ValueError as error:
+        warn(f'the tilt ignores inertia and moment: {error}')
+        return 0.0
+
+
+def set_point_acceleration(
+    values: SimpleNamespace, torque: float, yaw_gain: float = 0.0
+) -> SetPointAcceleration:
+    """Return the acceleration for the values of `LOOP_PARAMETERS`.
+
+    `torque` is the autopilot's unit of torque [Nm], 0 if unknown, and `yaw_gain` as in
+    `SetPointAcceleration`.
+    """
+    return SetPointAcceleration(
+        values.attitude_gain, values.rate_gain * torque, values.integral_rate, yaw_gain
+    )
 
 
 def set_point_parameters(
@@ -57,29 +111,7 @@ def set_point_parameters(
         Parameter('set_point_timeout', 0.5, 'age after which the node stops re-sending a set '
                   'point, so that the autopilot detects the loss', 's', 0.05, 10.0),
         *FEED_PARAMETERS,
-        *grouped(
-            "The autopilot's loops, for the preview of the tilt",
-            Parameter('attitude_gain', Px4Gains.mc_att_p, 'angular velocity per attitude error '
-                                                          '(MC_ROLL_P, default as in PX4; '
-                                                          'ATC_ANG_RLL_P); 0 for '
-                                                          'no preview of the tilt', '1/s', 0.0,
-                      50.0),
-            Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p, 'normalised torque '
-                                                                            'per error of the '
-                                                                            'angular velocity '
-                                                                            '(MC_ROLLRATE_K '
-                                                                            'times '
-                                                                            'MC_ROLLRATE_P); '
-                                                                            'drone_file '
-                                                                            'determines its unit '
-                                                                            'of torque; 0 '
-                                                                            'ignores inertia and '
-                                                                            'moment',
-                      's/rad', 0.0, 10.0),
-            Parameter('integral_rate', Px4Gains.mc_rate_i / Px4Gains.mc_rate_p,
-                'ratio of integral '
-                'gain and rate_gain (MC_ROLLRATE_I over MC_ROLLRATE_P)', '1/s', 0.0, 50.0),
-        ),
+        *LOOP_PARAMETERS,
     )  # fmt: skip
 
 
@@ -114,10 +146,7 @@ class SetPointNode:
         self.values = values = parameters.declare(self.node, self._on_parameter)
         config, drone, body = load_flown_drone(values)
         self._arm = ArmFeedForward(drone, body, lead=values.feed_lead)
-        rate_gain = values.rate_gain * self.moment_unit(drone)
-        self._acceleration = SetPointAcceleration(
-            values.attitude_gain, rate_gain, values.integral_rate
-        )
+        self._acceleration = set_point_acceleration(values, self.moment_unit(drone))
         self._set_point: Any = None
         self._set_point_time = self._attitude_time = self._rejected_at = -np.inf
         self._rotation = np.eye(3)

@@ -1,8 +1,8 @@
-"""Behaviour of a drone under PX4's firmware when a component fails during arm motion.
+"""Behaviour of a drone under an autopilot's firmware when a component fails during arm motion.
 
 Each failure occurs during slow motion of the arm with full feed-forward, in a separate flight. The
 output is the largest distance from the drone's place before and after the failure, and the reports
-of the firmware.
+of the firmware. `PX4=<folder of a build>` or `ARDUPILOT=<folder of ArduPilot>` selects it.
 """
 
 import argparse
@@ -13,16 +13,19 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import ardupilot
 import numpy as np
+import px4
 import rclpy
 from flight import open_ros
+from flying.ardupilot_program import find_ardupilot
 from flying.arm_model import ArmModel
 from flying.arm_swing import ArmSwing
 from flying.flight_bench import FlightBench
 from flying.flight_record import LOST
 from flying.flight_way import load_drone
 from flying.px4_program import HOW, find_px4
-from px4 import flying, options_of
+from px4 import Flying, options_of
 from rclpy.node import Node
 
 from aerarm_ros.ros.requests.arm_client import ArmClientError
@@ -30,7 +33,7 @@ from aerarm_ros.ros.requests.arm_client import ArmClientError
 WAY, DRONE = 'posture, motion, lead', 'hexarotor'
 _WHEN, _LENGTH, _RAMP = 3.0, 10.0, 1.0  # [s]
 _AT_TOOL = [0.1, 0.0, 0.0]  # [m]
-# PX4's messages on a rejected set point or a failsafe.
+# Messages of PX4 or ArduCopter on a rejected set point or a failsafe.
 _TOLD = re.compile(r'invalid|unsupported|not supported|[Ff]ailsafe|denied|rejected')
 
 
@@ -54,10 +57,10 @@ FAILURES: dict[str, Callable[[FlightBench], None]] = {
 
 
 def fail(
-    node: Node, build: Path, arm: ArmModel, options: argparse.Namespace, name: str
+    node: Node, build: Path, flying: Flying, options: argparse.Namespace, name: str
 ) -> str:  # fmt: skip
     """Return a line with the results of one failure."""
-    with flying(node, build, load_drone(DRONE), WAY, arm, options) as (bench, log):
+    with flying(node, build, load_drone(DRONE), WAY, ArmModel.true(), options, 0) as (bench, log):
         motion = ArmSwing('slow', _LENGTH, _RAMP)
         begin, now, is_done = bench.begin(motion), -np.inf, False
         while now < begin + motion.duration and bench.listener.farthest < LOST:
@@ -83,15 +86,18 @@ def main() -> int:
     options_of(parser)
     options = parser.parse_args()
     build = find_px4()
+    flying: Flying = px4.flying
     if build is None:
-        print(HOW)
+        build, flying = find_ardupilot(), ardupilot.flying
+    if build is None:
+        print(f'{HOW}. The same holds for ArduPilot: set ARDUPILOT=<folder of ArduPilot>')
         return 1
     node = open_ros(os.getpid())
     print(f'{"distance [mm]":52} before  after    end  reports')
     try:
         for name in options.failures:
             try:
-                print(fail(node, build, ArmModel.true(), options, name), flush=True)
+                print(fail(node, build, flying, options, name), flush=True)
             except (ValueError, TimeoutError, ArmClientError) as error:
                 print(f'{name}: {" ".join(str(error).split())[:160]}', flush=True)
     finally:
