@@ -50,7 +50,7 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 _INSTANCE = 1 + os.getpid() % 200
-_NODE_PORT = 13280 + _INSTANCE  # PX4's link for a gimbal, which has no other user here
+_NODE_PORT = 18570 + _INSTANCE  # PX4's link for a ground station
 _HELD = 0.004  # [s] of one step while the drone is held
 _LOWERING = 1.0  # [s]
 
@@ -107,9 +107,9 @@ class PacedControl:
     Attributes
     ----------
     begin : float
-        Wall time [s] at which the drone was released.
+        Wall time [s] of the flight's start; later by each delay of the simulation.
     behind : float
-        Largest delay of the simulation behind real time [s].
+        Sum of the simulation's delays behind real time [s].
     """
 
     def __init__(
@@ -137,13 +137,15 @@ class PacedControl:
             self._lead(target.position, rise)
         self._note(self._firmware.step(state, dt))
         self._elapsed += dt
-        self._wait(self.begin + self._elapsed)
+        late = self._wait(self.begin + self._elapsed)
+        self.begin, self.behind = self.begin + late, self.behind + late
         return np.asarray(self._shares * self._most)
 
     def _take_off(self, state: FlightState, target: FlightTarget) -> None:
         until = time.time()
         while not self._firmware.is_flying:
-            self._lead(target.position, self._firmware.rise)
+            if self._firmware.wants_set_points:  # a set point ends ArduCopter's take-off
+                self._lead(target.position, self._firmware.rise)
             self._note(self._firmware.hold(state, self._lift))
             until = max(until, time.time() - _HELD) + _HELD
             self._wait(until)
@@ -157,10 +159,11 @@ class PacedControl:
         if shares is not None:
             self._shares = np.clip(shares[: len(self._most)], 0.0, 1.0)
 
-    def _wait(self, until: float) -> None:
+    def _wait(self, until: float) -> float:
+        """Wait until a wall time [s]; return the delay behind it [s]."""
         left = until - time.time()
-        self.behind = max(self.behind, -left)
         time.sleep(max(left, 0.0))
+        return max(-left, 0.0)
 
 
 def firmware_of(
@@ -181,23 +184,27 @@ def firmware_of(
         parameters: dict[str, object] = {
             'attitude_gain': gains.mc_att_p, 'rate_gain': gains.mc_rate_k * gains.mc_rate_p,
             'integral_rate': gains.mc_rate_i / gains.mc_rate_p, 'hold_heading': False,
+            'connection': f'udp:127.0.0.1:{_NODE_PORT}',
         }  # fmt: skip
         simulator = SimulatorLink(SIMULATOR_PORT + _INSTANCE)
         companion = CompanionLink(COMPANION_PORT + _INSTANCE, OFFBOARD_PORT + _INSTANCE)
+        stack.callback(simulator.close)
         firmware: LockstepFirmware = Px4Firmware(simulator, companion, setup)
     elif (path := find_ardupilot()) is not None:
         plan = ArduPilotSetup()
         program = ArduPilotProgram(path, folder, drone, body, plan, _INSTANCE, _NODE_PORT)
         parameters = {
             'firmware': 'ardupilot', 'attitude_gain': plan.att_p, 'rate_gain': plan.rate_p,
-            'integral_rate': plan.rate_i / plan.rate_p,
+            'integral_rate': plan.rate_i / plan.rate_p, 'connection': f'udp:{_NODE_PORT}',
         }  # fmt: skip
         more = ardupilot_link.PORT_STEP * _INSTANCE
         line = ardupilot_link.JsonLink(ardupilot_link.SIMULATOR_PORT + more)
         companion = CompanionLink(ardupilot_link.COMPANION_PORT + more, None)
+        stack.callback(line.close)
         firmware = ArduPilotFirmware(line, companion, motors_of(drone))
     else:
         raise ValueError('set PX4=<folder of a build> or ARDUPILOT=<folder of ArduPilot>')
+    stack.callback(companion.close)
     stack.enter_context(program)
     return firmware, program, parameters
 
@@ -207,7 +214,7 @@ def fly(node: Node, options: argparse.Namespace, is_told: bool) -> str:
     flight = RigidFlight(load_drone('hexarotor'), ArmSwing(options.motion, options.seconds))
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         firmware, program, parameters = firmware_of(flight, Path(folder), stack)
-        parameters |= {'connection': f'udp:{_NODE_PORT}', 'drone_file': 'config/drone.yaml'}
+        parameters['drone_file'] = 'config/drone.yaml'
         log = Path(folder) / 'node.log'
         stack.enter_context(NodeProcess('mavlink_feedforward', parameters=parameters, log=log))
         silence = options.seconds / 2, options.silence
