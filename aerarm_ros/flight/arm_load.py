@@ -196,11 +196,19 @@ class ArmForecast:
     use_measured : bool
         Whether to extrapolate the measured motion without a plan. Set it to False for a control
         law that reacts to the drone, because feedforward of the reaction would close a loop.
+
+    Attributes
+    ----------
+    is_held : bool
+        Whether the motors hold the arm; may be changed. The measured motion of a damped arm is not
+        used, because such an arm also moves with the drone, as under a law that reacts to it.
     """
 
     def __init__(self, n: int, lead: float = 0.0, use_measured: bool = True) -> None:
         self.lead = lead
+        self.is_held = True
         self._use_measured = use_measured
+        self._seen = Fade(_FADE, share=1.0)
         self._n = n
         self._path: PolynomialPath | None = None
         self._begin = -np.inf
@@ -242,14 +250,16 @@ class ArmForecast:
         """Return the joints' motion, (n,) each, at `now + lead` [s] of an arm measured at `now`."""
         step = now - self._time
         self._time = now
-        seen = measured.q + self.lead * measured.dq, measured.dq, measured.ddq
-        if not self._use_measured:
-            seen = measured.q, np.zeros(self._n), np.zeros(self._n)
+        uses = self._use_measured and self.is_held
         self._trust_problem = self._problem(now, measured)
         if not 0.0 <= step < _TOO_OLD:
             # At first, or after a gap, there is no earlier value to fade from.
             self._fade.share = 0.0 if self._trust_problem else 1.0
+            self._seen.share = float(uses)
             step = 0.0
+        part = self._seen.update(step, uses)
+        speed = part * measured.dq
+        seen = measured.q + self.lead * speed, speed, part * measured.ddq
         share = self._fade.update(step, not self._trust_problem)
         if share == 0.0 or self._path is None:
             return JointReference(*seen)

@@ -13,12 +13,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion_estimator import AccelerationEstimate
 from aerarm_ros.control.base.free_base_estimator import FREE
 from aerarm_ros.control.base.moving_base_dynamics import BaseReaction
 from aerarm_ros.control.control_loop import LONGEST_GAP
+from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.motion.signals import ArmState, JointReference
 from aerarm_ros.ros.controllers.controller_parameters import ENERGY_PARAMETERS
 from aerarm_ros.ros.controllers.reaction_topics import (
@@ -83,6 +85,7 @@ class BaseReactionNode(StateNode):
         self._static = self.advertise(topics.STATIC_WRENCH)
         self._loads = LoadTopics(self.node, self.arm, self.values, self.answers.publish)
         self.listen(topics.PLANNED_MOTION, self._loads.take_plan)
+        self.listen(topics.ARM_MODE, self._on_mode)
         self._contact = ContactTopic(self.node, self.arm, self.values, self.reject, self.act)
         self._energy = EnergyTopic(self.node, self.arm, self.values)
         states = self.node.resolve_topic_name(topics.JOINT_STATES.name)
@@ -129,6 +132,9 @@ class BaseReactionNode(StateNode):
     def warning(self) -> str:
         """Return a warning if the estimate of the base's motion or of contact lacks an input."""
         return super().warning() or self._contact.problem()
+
+    def _on_mode(self, message: String, _: float) -> None:
+        self._loads.forecast.is_held = message.data in HELD
 
     def describe(self) -> dict[str, object]:
         """Return the source of the published motion and the energy, for diagnostics."""

@@ -98,7 +98,7 @@ PARAMETERS = ParameterTable(
     ),
     *FEED_PARAMETERS,
     *LOOP_PARAMETERS,
-    Parameter('yaw_gain', Px4Gains.mc_yaw_p * Px4Gains.mc_yawrate_p,
+    Parameter('yaw_gain', round(Px4Gains.mc_yaw_p * Px4Gains.mc_yawrate_p, 6),
         'normalised torque per heading error (MC_YAW_P times MC_YAWRATE_P), for drones with tilted '
         'rotors under PX4', '1/rad', 0.0, 50.0, group=LOOP_PARAMETERS[0].group),
 )  # fmt: skip

@@ -55,6 +55,19 @@ def test_without_a_plan_the_measured_motion_goes_on(forecast: ArmForecast) -> No
     assert forecast.problem == 'no plan'
 
 
+def test_the_measured_motion_of_an_arm_that_is_not_held_fades(forecast: ArmForecast) -> None:
+    list(run(forecast, 0.0, 0.1, plans=False))
+    forecast.is_held = False
+    rows = [told for _, told in run(forecast, 0.1, 0.2, plans=False)]
+    assert np.abs(np.diff([told.dq for told in rows], axis=0)).max() < 0.1  # no step
+    last = rows[-1]
+    np.testing.assert_allclose(last.q, swing(0.199).q)
+    np.testing.assert_array_equal([last.dq, last.ddq], 0.0)
+    forecast.is_held = True
+    *_, (now, told) = run(forecast, 0.2, 0.3, plans=False)
+    np.testing.assert_allclose(told.ddq, swing(now).ddq)
+
+
 def test_a_plan_that_ends_or_comes_fades(forecast: ArmForecast) -> None:
     rows = [
         told.ddq

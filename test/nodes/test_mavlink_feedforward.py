@@ -22,12 +22,14 @@ from aerarm_ros.ros.process.node_process import NodeProcess
 DRONE = load_drone_config()
 LIMIT = 60.0  # [s] of a busy host
 IGNORE_YAW_RATE = 2048
+ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
 
 
 class Autopilot:
-    """A PX4 on the ground, as its MAVLink shows it."""
+    """An autopilot on the ground, as its MAVLink shows it; PX4 unless `firmware` is ArduPilot's."""
 
     def __init__(self) -> None:
+        self.firmware = PX4
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(('127.0.0.1', 0))
         self.port = int(self._socket.getsockname()[1])
@@ -59,12 +61,16 @@ class Autopilot:
         if now < self._next or self._peer is None or self.is_silent:
             return
         self._next = now + 0.01
-        self._say('HEARTBEAT', type=13, autopilot=12, base_mode=self.base_mode,
+        self._say('HEARTBEAT', type=13, autopilot=self.firmware, base_mode=self.base_mode,
                   custom_mode=self.custom_mode)  # fmt: skip
         self._say('ATTITUDE_QUATERNION', q1=1.0)
         self._say('LOCAL_POSITION_NED', x=1.0, y=2.0, z=-3.0)
         self._say('HIGHRES_IMU', zacc=-9.8)
-        self._say('ACTUATOR_OUTPUT_STATUS', active=6, actuator=[1500.0] * 6 + [0.0] * 26)
+        if self.firmware == PX4:
+            self._say('ACTUATOR_OUTPUT_STATUS', active=6, actuator=[1500.0] * 6 + [0.0] * 26)
+        else:
+            pulses = {f'servo{number}_raw': 1000 + 100 * number for number in range(1, 7)}
+            self._say('SERVO_OUTPUT_RAW', **pulses)
 
     def _say(self, name: str, **values: object) -> None:
         assert self._peer is not None
@@ -127,12 +133,14 @@ class Bench:
 
 
 @pytest.fixture
-def bench(ros_node: Node, tmp_path: Path) -> Iterator[Bench]:
+def bench(request: pytest.FixtureRequest, ros_node: Node, tmp_path: Path) -> Iterator[Bench]:
+    """Return the bench; `firmware` as an indirect parameter is the node's parameter."""
     autopilot = Autopilot()
     parameters = {
         'drone_file': 'config/drone.yaml',
         'connection': f'udp:127.0.0.1:{autopilot.port}',
         'set_point_timeout': 0.5,
+        'firmware': getattr(request, 'param', 'px4'),
     }
     with NodeProcess('mavlink_feedforward', parameters=parameters, log=tmp_path / 'log'):
         yield Bench(ros_node, autopilot)
@@ -190,6 +198,34 @@ def test_a_lost_link_and_damaged_frames_are_on_diagnostics(bench: Bench) -> None
     assert bench.until(lambda: bench.text.startswith('no set points'))
     bench.autopilot.is_silent = True
     assert bench.until(lambda: 'no heartbeat' in bench.text)
+
+
+@pytest.mark.parametrize('bench', ['ardupilot'], indirect=True)
+def test_ardupilot_gets_moving_set_points_and_reports_its_motors(bench: Bench) -> None:
+    autopilot = bench.autopilot
+    # As long as the autopilot is another one than the parameter says, it gets no set points.
+    assert bench.until(lambda: bench.text.startswith('the autopilot reports px4'))
+    bench.lead(0.5)
+    bench.until(lambda: False, 0.5)
+    assert autopilot.of('SET_POSITION_TARGET_LOCAL_NED') == []
+    autopilot.firmware, autopilot.custom_mode = ARDUPILOT, 5
+    assert bench.until(lambda: bench.status.get('mode') == 'loiter')
+    assert bench.until(lambda: 'rotor_command' in bench.received)
+    # Rotors in the order of the drone file; ArduPilot's motors are numbered from the right.
+    share = dict(zip(DRONE.rotor_names, bench.received['rotor_command'].effort, strict=True))
+    most = dict(zip(DRONE.rotor_names, DRONE.column('thrust_max'), strict=True))
+    assert share['right'] / most['right'] == pytest.approx(0.1)
+    assert share['rear_left'] / most['rear_left'] == pytest.approx(0.6)
+    deadline = time.monotonic() + LIMIT
+    while not autopilot.of('SET_POSITION_TARGET_LOCAL_NED') and time.monotonic() < deadline:
+        bench.lead(0.5)
+        bench.until(lambda: False, 0.1)
+    point = autopilot.of('SET_POSITION_TARGET_LOCAL_NED')[-1]
+    assert (point['x'], point['y'], point['z']) == pytest.approx((0.0, 0.5, 0.0), abs=1e-6)
+    assert point['type_mask'] == IGNORE_YAW_RATE  # position, velocity and acceleration
+    assert bench.call('offboard').success
+    request = autopilot.of('COMMAND_LONG')[-1]
+    assert (request['command'], request['param2']) == (176, 4.0)  # guided
 
 
 def test_a_line_that_cannot_be_opened_ends_it_with_one_line(

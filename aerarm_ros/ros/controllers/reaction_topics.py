@@ -53,8 +53,9 @@ LOAD_PARAMETERS = grouped(
         'available: set it to the lag of the rotors plus the delay of the link'
     ), 's', 0.0, 0.09, live=True),
     Parameter('measured_motion', True, (
-        'use measured joint motion if planned_motion is missing. Set it to false under '
-        "world_control, where the arm's reaction to the drone would close a feedback loop"
+        'use measured joint motion if planned_motion is missing and the motors hold the arm. Set '
+        "it to false under world_control, where the arm's reaction to the drone would close a "
+        'feedback loop'
     )),
     Parameter('acceleration_at', MOUNT, (
         "reference point of the acceleration: 'base_link' of the arm, or 'centre' of mass of the "
