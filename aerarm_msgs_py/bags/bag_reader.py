@@ -353,7 +353,7 @@ def lost_messages(sequence: NDArray[np.int64]) -> int | None:
 
 
 def _tell_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
-    """Warn of messages that are missing by their numbers, if the bag has no count."""
+    """Warn about gaps in the sequence numbers, if the bag does not state the number of messages."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
             f'{path}: by their sequence numbers, {lost} messages of {topic} are missing between '

@@ -40,7 +40,7 @@ _MIX_TIME, _MIX_SEQUENCE = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27
 
 
 class RepeatedMessages:
-    """Find repeated messages of one topic: equal reception, number and bytes.
+    """Find repeated messages of one topic: same receipt time, sequence number and bytes.
 
     Eight bytes of each message are stored. The stored bytes are compared only if the time of
     reception does not rise, as it does in every intact bag.
@@ -79,7 +79,7 @@ class RepeatedMessages:
 
 
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
-    """Return a hash of each message; two messages share a hash with a chance of 1 in 2^64."""
+    """Return a hash of each message; two messages share a hash with a probability of 2^-64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
     return keys ^ payloads.hashes()
 

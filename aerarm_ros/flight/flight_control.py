@@ -69,7 +69,7 @@ class Allocation:
         return float(min(most))
 
     def _first(self, lift: Array, tilt: Array) -> Array:
-        """Return lift and tilting moment, as far as the rotors can give them."""
+        """Return lift and tilting moment, limited to what the rotors can produce."""
         if (scale := self._scale(lift, tilt)) is not None:
             return scale * lift + tilt
         thrusts: Array = np.clip(lift, self._min, self._max)

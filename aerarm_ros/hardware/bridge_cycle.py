@@ -225,7 +225,7 @@ class BridgeCycle:
         return self._report.faults(self.mode, self._now)
 
     def way_out(self, emulated: bool) -> str:
-        """Return a hint how to continue from the present mode, '' if none is needed."""
+        """Return a hint on how to continue from the present mode, '' if none is needed."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
         return way_out(self._watch.stopped(self.state, self._enabled and self._aligned), emulated)
@@ -276,7 +276,7 @@ class BridgeCycle:
         return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Make the arm hold its position, instead of damping it, when commands end."""
+        """Request that the bridge holds the arm instead of damping it when commands end."""
         if self.mode not in ('ready', 'running', 'damping'):
             first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
             return Answer(False, f'arm_mode is {self.mode}: run {first} first')

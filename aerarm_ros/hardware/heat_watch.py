@@ -252,7 +252,7 @@ class ThermalLimit:
         return self.effort_limit < self._effort_max
 
     def recall(self, winding: float, housing: float, away: float) -> None:
-        """Use stored temperatures [degC] of a motor off for a time [s], if higher."""
+        """Use stored temperatures [degC], cooled for a time [s] with the motor off, if higher."""
         motor, most = self.motor, self._temperature_max + _KEPT_MAX
         before = motor.winding, motor.housing
         motor.winding, motor.housing = min(winding, most), min(housing, most)

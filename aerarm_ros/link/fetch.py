@@ -1,4 +1,4 @@
-"""Files of the drone, fetched block by block over a radio that loses datagrams and is cut.
+"""Fetch of the drone's files, block by block, over a radio link with losses and interruptions.
 
 The ground requests numbered blocks, and repeats the request for blocks that do not arrive. The
 drone only answers requests. After a cut or a restart of either end, the ground keeps the stored
@@ -39,12 +39,12 @@ _NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 
 
 def is_name(text: str) -> bool:
-    """Tell whether a text can name a bag or a file: no path, no hidden file."""
+    """Return whether a text is a valid name of a bag or file: no path, no hidden file."""
     return _NAME.fullmatch(text) is not None
 
 
 def questions(content: bytes) -> tuple[int, list[bytes]]:
-    """Return the manifest's number and the places of a question; raises struct.error."""
+    """Return the manifest's number and the requested block numbers; raises struct.error."""
     number, count = _QUESTION.unpack_from(content)
     places = content[_QUESTION.size :][: count * _PLACE.size]
     return number, [places[k : k + _PLACE.size] for k in range(0, len(places), _PLACE.size)]
@@ -74,7 +74,7 @@ class FileServer:
         self._open: tuple[int, BinaryIO] | None = None
 
     def answer(self, place: bytes) -> bytes:
-        """Return the block at a place; raises struct.error, OSError, IndexError.
+        """Return the block with a number; raises struct.error, OSError, IndexError.
 
         BlockingIOError means that the disk reads it: try again later. An e-stop must not wait
         behind a busy disk.
@@ -95,7 +95,7 @@ class FileServer:
 
 
 def _cached(file: int, size: int, offset: int) -> bytes:
-    """Return bytes of a file from the page cache; raises BlockingIOError if they are not there."""
+    """Return bytes of a file from the page cache; raises BlockingIOError for uncached bytes."""
     if not hasattr(os, 'RWF_NOWAIT'):  # not Linux
         return os.pread(file, size, offset)
     content = bytearray(size)

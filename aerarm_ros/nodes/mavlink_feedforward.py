@@ -161,7 +161,7 @@ class MavlinkFeedforward:
                 executor.spin_once(timeout_sec=0.0)
 
     def close(self) -> None:
-        """Destroy the node and close the line."""
+        """Destroy the node and close the connection."""
         self.node.destroy_node()
         self._line.close()
 

@@ -405,7 +405,7 @@ class BagFeed:
         self._losses.note_gap(name, news, min(begin, end), end, is_remote)
 
     def _is_remote(self, publisher: bytes | None) -> bool:
-        """Tell whether a publisher is on another host, by the host's part of DDS identifiers."""
+        """Return whether a publisher is on another host, by the host's part of DDS identifiers."""
         if publisher is None:
             return False
         if self._host is None:

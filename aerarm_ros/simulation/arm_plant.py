@@ -364,7 +364,7 @@ class ArmPlant:
         self._effort[:] = effort
 
     def scale_friction(self, factors: Sequence[float]) -> None:
-        """Multiply the dry friction of each joint's gear by one of n factors from now on."""
+        """Scale the dry friction of each joint's gear by a factor (n,) from now on."""
         for row, coulomb, factor in zip(
             self._constants, self.parameters.coulomb.tolist(), factors, strict=True
         ):

@@ -339,8 +339,9 @@ class Homing:
             [joint],
             f'homing found the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
             f'({angle:.3f} rad at the joint) from its expected angle, above the limit of '
-            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again. If the '
-            'arm was there, the encoder, motor or configuration has changed; commission the joint',
+            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and run '
+            "'arm home' again. If the arm was already there, the encoder, motor or "
+            'configuration has changed; commission the joint',
         )
 
     def _turn_and_residual(self, reported: Array) -> tuple[Array, Array]:
@@ -368,7 +369,7 @@ class Homing:
                 [],
                 f'homing was delayed while {self._names[joint]} moved by {moved[joint]:.2f} '
                 f'motor turns, above the limit of {_SAME_PULSE:.2f}: check other processes on '
-                'this computer, and the encoder, then home again',
+                "this computer, and the encoder, then run 'arm home' again",
             )
 
     def _search_again(self, blurred: Mask, position: Array) -> None:
@@ -390,13 +391,13 @@ class Homing:
 
 
 def roomy_side(config: ArmConfig) -> Array:
-    """Return the sides of the home configuration with room for the pulses of each joint.
+    """Return on which sides of home the position limits leave range for each joint's pulses.
 
     Returns
     -------
     (n,) ndarray
-        0 if both sides of the home configuration have room for a turn; 1 or -1 if only the side of
-        the upper or lower limit has room; NaN if neither side has room.
+        0 if both sides of the home configuration have range for a turn; 1 or -1 if only the side of
+        the upper or lower limit has enough range; NaN if neither side has.
     """
     turn = _TURN * config.column('gear.ratio')
     home = np.array(config.rest_position)
@@ -419,7 +420,7 @@ def motion_in_words(config: ArmConfig) -> str:
 
 
 def no_room(config: ArmConfig) -> str:
-    """Return why a joint's position limits leave too little room for homing, or ''."""
+    """Return why a joint's position limits leave too little range for homing, or ''."""
     tight = np.isnan(roomy_side(config))
     if not tight.any():
         return ''

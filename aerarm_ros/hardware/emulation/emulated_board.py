@@ -216,9 +216,9 @@ class EmulatedBoard:
 
     @property
     def has_let_go(self) -> bool:
-        """Whether both motors give no torque until the next command arrives.
+        """Whether both motors stay without torque until the next command arrives.
 
-        The motors give no torque if the board is switched off, or if its time-out has expired
+        The motors have no torque if the board is switched off, or if its time-out has expired
         after a command of zero current (which is not an error of the board).
         """
         is_silent = 0.0 < self._command.timeout < self._silence

@@ -300,7 +300,7 @@ class JointBarrier:
         return self._fastest < self._unhindered or self._allowed < self._unhindered
 
     def give_way(self, interval: float) -> None:
-        """Lower the speed limit for a time [s], as the motion overloads another joint."""
+        """Lower the speed limit for a time [s], because the motion overloads another joint."""
         least = _GIVE_WAY_SHARE * self._unhindered
         self._fastest = max(self._fastest - self._unhindered * interval / _GIVE_WAY_TIME, least)
 

@@ -97,10 +97,12 @@ PARAMETERS = controller_parameters(
     *grouped(
         'Set point for the drone',
         Parameter('request_drone', False,
-            'publish flight_set_point, which keeps the arm in the middle of its reach'),
+            'publish on flight_set_point the drone position at which the arm is in the middle of '
+            'its reach'),
         Parameter('request_speed', 0.05, 'velocity of the set point', 'm/s', 1e-3, 1.0),
         Parameter('request_deadband', 0.03,
-            'distance within which the drone keeps its position', 'm', 1e-3,
+            'distance of the request from the wanted drone position beyond which the request '
+            'begins to move', 'm', 1e-3,
                   1.0),
     ),
 )  # fmt: skip

@@ -72,7 +72,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'stribeck_velocity',
         0.05,
-        'velocity at which a third of it is left',
+        'velocity at which the additional static friction has fallen to 1/e',
         'rad/s',
         1e-3,
         10.0,

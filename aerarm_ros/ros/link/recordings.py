@@ -204,7 +204,7 @@ class DroneRecordings:
         self._node.get_logger().info(f'recording {bag} for the ground')
 
     def _is_recording(self) -> bool:
-        """Tell whether the recorder has begun and found the bridge, which takes a second or two.
+        """Return whether the recorder has begun and found the bridge, which takes a second or two.
 
         Without a bridge it counts as recording after a while.
         """

@@ -419,7 +419,7 @@ def _missing_rest(state: ArmState | None) -> list[str]:
     if state is None:
         return ['no joint_states received: check that the bridge runs in this domain']
     if np.abs(state.dq).max() >= RESTING:
-        return [f'the arm is not at rest (speed below {RESTING} rad/s)']
+        return [f'the arm moves (a joint speed exceeds {RESTING} rad/s): wait until the arm rests']
     return []
 
 

@@ -66,7 +66,7 @@ class RecordingRequest:
         node.create_subscription(report.type, report.name, self._on_report, report.qos)
 
     def is_on_ground(self) -> bool:
-        """Tell whether this host reaches its bridge through ground_link.
+        """Return whether this host reaches its bridge through ground_link.
 
         A node of this host is in the graph, one behind ground_link is not.
         """
