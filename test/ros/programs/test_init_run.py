@@ -120,7 +120,7 @@ def test_an_arm_without_collision_shapes_is_drafted_and_moves(tmp_path: Path, ca
     assert main(['init', urdf, '--out', str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert 'no moving link of the URDF has a <collision> shape' in printed
-    assert 'check_clearance is false, so motions are NOT checked for collisions' in printed
+    assert 'check_clearance: false, so motions are NOT checked for collisions' in printed
     report = _plan(_values(tmp_path, urdf))
     assert 'collisions are not checked' in ' '.join(report.notes)
 
