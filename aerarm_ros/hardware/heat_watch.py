@@ -470,7 +470,7 @@ class HeatWatch:
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
-            if link.is_damped_unheard or link.monitor.mode is BoardMode.ALIGNING:
+            if link.is_damped_without_answer or link.monitor.mode is BoardMode.ALIGNING:
                 current = limit.continuous_current  # a board that aligns reports no current
             elif link.monitor.is_silent:
                 current = 0.0  # the last answer is outdated for a motor that is off

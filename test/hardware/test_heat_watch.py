@@ -83,8 +83,10 @@ def test_an_arm_held_stretched_is_warned_reduced_stopped_and_let_down_before_its
     )
     assert len(news) == len(steps)
     assert all(step in text for step, text in zip(steps, news, strict=True)), news
-    assert 'wait until the motor of joint2 has cooled to 90 degC, ' in rig.bridge.way_out(True)
-    assert rig.bridge.way_out(True).startswith("'arm disable'")
+    assert 'wait until the motor of joint2 has cooled to 90 degC, ' in rig.bridge.recovery_hint(
+        True
+    )
+    assert rig.bridge.recovery_hint(True).startswith("'arm disable'")
 
 
 def test_a_warm_arm_can_be_folded_with_its_payload(config, robot):

@@ -169,7 +169,7 @@ def test_what_a_model_gets_wrong_by_a_percent_is_no_payload(
         np.array([known.viscous, known.coulomb, known.load_friction]),
     ).estimator(EstimatorSettings(tare_mass=0.03))
     assert not any(estimate.carries for estimate in feed(estimator, states))
-    assert estimator.is_tared
+    assert estimator.has_moved_empty
     assert estimator.changes == 0
     assert not estimator.problem
 
@@ -249,7 +249,7 @@ def test_an_arm_at_rest_learns_nothing(run: CarryingRun) -> None:
     states = [(1e-3 * k, still._replace(tau=start.tau + row)) for k, row in enumerate(noise)]
     last = list(feed(estimator, states))[-1]
     assert 'm' in last.unexcited
-    assert not estimator.is_tared
+    assert not estimator.has_moved_empty
 
 
 def test_settings_are_checked() -> None:

@@ -215,7 +215,7 @@ class EmulatedBoard:
         return self._command.enable_system and self.error == 0 and not self.faults.dead
 
     @property
-    def has_let_go(self) -> bool:
+    def is_torque_free(self) -> bool:
         """Whether both motors stay without torque until the next command arrives.
 
         The motors have no torque if the board is switched off, or if its time-out has expired

@@ -325,7 +325,7 @@ class SafetyGate:
             return  # no new measurement, or an unknown motion during a pause
         for barrier in self.barriers:
             if overwhelmed > barrier.is_overwhelmed:
-                barrier.give_way(interval)
+                barrier.lower_speed_limit(interval)
             else:
                 barrier.recover(interval)
 

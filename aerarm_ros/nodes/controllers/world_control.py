@@ -27,7 +27,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     ROTOR_PARAMETERS,
     observer_parameters,
 )
-from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
+from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.world_topics import WorldTopics
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
@@ -52,7 +52,7 @@ PARAMETERS = controller_parameters(
     # Friction compensation by measured velocity stays below one, so that the arm is passive.
     Parameter('friction_fraction', 0.9, 'fraction of friction that is compensated', '', 0.0, 0.95),
     *observer_parameters(REACHING_COMPENSATION),
-    *HAND_OVER_PARAMETERS,
+    *PAYLOAD_COMPENSATION_PARAMETERS,
     *(p for p in ROTOR_PARAMETERS if p.name == 'rotor_share'),
     *grouped(
         'Tool position in the world',
@@ -164,7 +164,7 @@ class WorldControlNode(ControllerNode):
         """Subscribe to targets, and advertise the plan, the tool and the remaining reach."""
         self.topics = WorldTopics(self, self.reference, self.values)
         self.attend(self.topics)
-        self.tell_plan(self._ahead)
+        self.publish_plan(self._ahead)
         self.take_payload()
 
     def take_imu(self, sample: ImuSample, now: float) -> None:

@@ -493,9 +493,9 @@ def _payload(values: Sequence[float]) -> Sequence[float]:
 def load_share(values: SimpleNamespace, robot: Robot) -> npt.NDArray[np.float64]:
     """Return the load-dependent friction [-], by default the URDF's; one value or (n,)."""
     given = values.load_friction
-    return one_or_each(given) if len(given) else robot.load_friction
+    return scalar_or_array(given) if len(given) else robot.load_friction
 
 
-def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:
+def scalar_or_array(values: Sequence[float]) -> npt.NDArray[np.float64]:
     """Return a list parameter as an array, or as a number if the list has only one value."""
     return np.array(values[0] if len(values) == 1 else values, dtype=float)

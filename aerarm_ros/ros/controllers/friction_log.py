@@ -137,7 +137,7 @@ class FrictionLog:
         """Return the changes of friction since the first record."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
-        told = [
+        texts = [
             f'{change.name} {change.old:.4g} -> {change.new:.4g} '
             f'({change.deviations:+.1f} standard deviations)'
             for change in changes
@@ -145,7 +145,7 @@ class FrictionLog:
         ]
         return {
             'friction records': len(records),
-            'friction changed since the first record': '; '.join(told) or 'none',
+            'friction changed since the first record': '; '.join(texts) or 'none',
         }
 
     def _record(self, estimate: OnlineEstimate) -> None:

@@ -243,8 +243,8 @@ class SetPointNode:
             problem = late
         elif now - self._rejected_at < _REMEMBERED:
             problem = f'rejected: {self._rejection}'
-        told = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
-        self._diagnostics.report(problem, told)
+        report = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
+        self._diagnostics.report(problem, report)
 
     def _on_stop(self) -> None:
         self._is_stopping = True

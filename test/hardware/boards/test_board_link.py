@@ -150,7 +150,7 @@ def test_a_board_that_heard_nothing_for_its_time_out_is_not_driven_again(links, 
     wire.boards[0].faults.mute = True
     talk(links, wire, references, 20, enable=True)
     assert link.may_be_damped
-    assert link.is_damped_unheard
+    assert link.is_damped_without_answer
     wire.trouble = 'the bus is gone'  # so nothing left for it
     wire.wait(2.0 * SETTINGS.board_timeout)
     talk(links, wire, references, 1, enable=True)

@@ -244,17 +244,17 @@ def test_who_moves_on_after_a_doubt_tells_where_it_is_but_is_doubted_until_clear
     current = np.array([0.0, 20.0, 0.0, 0.0])
     for cycle in range(1, 80):
         monitor.check(NONE, current, FRESH, cycle * 1e-3)
-    assert monitor.tells_position.tolist() == [True, False, True, True]
+    assert monitor.is_position_reliable.tolist() == [True, False, True, True]
     for cycle, moved in enumerate([0.01, 0.04, 0.06], start=80):
         monitor.check(np.array([0.0, moved, 0.0, 0.0]), current, FRESH, cycle * 1e-3)
-        assert monitor.tells_position[1] == (moved > 0.05)
+        assert monitor.is_position_reliable[1] == (moved > 0.05)
     assert not monitor.trusted[1]
     monitor.check(np.array([0.0, 3.06, 0.0, 0.0]), current, FRESH, 83e-3)
-    assert not monitor.tells_position[1]  # a jump says that it is somewhere else
+    assert not monitor.is_position_reliable[1]  # a jump says that it is somewhere else
     monitor.check(np.array([0.0, 3.0, 0.0, 0.0]), current, FRESH, 84e-3)
-    assert not monitor.tells_position[1]
+    assert not monitor.is_position_reliable[1]
     monitor.clear()
-    assert monitor.tells_position.all()
+    assert monitor.is_position_reliable.all()
 
 
 def test_an_encoder_that_jumps_to_and_fro_is_not_believed_the_third_time(monitor):
@@ -267,7 +267,7 @@ def test_an_encoder_that_was_confirmed_as_stuck_tells_nothing_any_more(monitor):
     for cycle in range(1, 120):
         monitor.check(NONE, current, FRESH, cycle * 1e-3)
     monitor.check(np.array([0.0, 0.1, 0.0, 0.0]), current, FRESH, 120e-3)
-    assert not monitor.tells_position[1]
+    assert not monitor.is_position_reliable[1]
 
 
 @pytest.mark.parametrize('joint', range(4))

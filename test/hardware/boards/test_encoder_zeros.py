@@ -81,4 +81,4 @@ def test_the_rest_posture_is_asked_for_once_the_zeros_are_known(zeros, config):
     )
     assert (
         'homing assumes that the arm is at its home configuration, joint1 0, joint2 1.571'
-    ) in zeros.vouched()
+    ) in zeros.assumed_home()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.boards.homing import Homing, no_room
+from aerarm_ros.hardware.boards.homing import Homing, homing_range_problem
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedEncoder
 from aerarm_ros.model.drive_train import DriveTrain
 
@@ -322,7 +322,7 @@ def with_joint(config, number, **changes):
 def test_a_joint_whose_home_is_near_a_limit_turns_the_other_way_only(config, turn):
     for sign in (1, -1):
         near = with_joint(config, 2, position_min=-0.4 * turn[2], sign=sign)
-        assert not no_room(near)
+        assert not homing_range_problem(near)
         _, error, travels = homed(near, 0.0, 1.0, 1.0)
         assert np.abs(error).max() < 3e-4
         assert travels[:, 2].min() > -2e-3
@@ -359,7 +359,7 @@ def test_an_implausible_pulse_stops_the_arm_whose_zero_is_then_unknown(make_rig,
     assert 'index pulse of joint4 +0.40 motor turns' in rig.bridge.faults[0]
     assert rig.bridge.zeros.are_lost
     assert 'the zero of joint4 is unknown' in rig.bridge.zeros.problem
-    assert "'arm home'" in rig.bridge.way_out(emulated=True)
+    assert "'arm home'" in rig.bridge.recovery_hint(emulated=True)
 
 
 def test_pulses_that_are_commissioned_meanwhile_count_for_the_next_homing(make_rig):

@@ -252,7 +252,7 @@ def test_who_gives_way_gets_slower_to_a_share_and_is_fast_again_later():
     assert not barrier.is_slowed
     speeds = []
     for _ in range(400):
-        barrier.give_way(DT)
+        barrier.lower_speed_limit(DT)
         speeds.append(barrier.speed(2.0))
     assert speeds[0] == pytest.approx(fastest * (1.0 - DT / 0.3))
     assert speeds[-1] == pytest.approx(0.3 * fastest)
@@ -264,14 +264,14 @@ def test_who_gives_way_gets_slower_to_a_share_and_is_fast_again_later():
         barrier.recover(DT)
     assert not barrier.is_slowed
     assert barrier.speed(2.0) == fastest
-    barrier.give_way(0.1)
+    barrier.lower_speed_limit(0.1)
     barrier.restart()
     assert barrier.speed(2.0) == fastest
 
 
 def test_who_is_slowed_is_braked_far_from_its_limits():
     slowed, free = make_barrier(), make_barrier()
-    slowed.give_way(0.15)
+    slowed.lower_speed_limit(0.15)
     for barrier in (slowed, free):
         barrier.update(0.0, 4.0, 0.0, 0.0, INERTIA, DT, DT)
     assert slowed.highest < -2.0

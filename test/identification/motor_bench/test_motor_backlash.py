@@ -5,7 +5,11 @@ import pytest
 from motor_data import swings
 
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_largest, is_told
+from aerarm_ros.identification.motor_bench.motor_backlash import (
+    fit_backlash,
+    is_largest,
+    is_significant,
+)
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorRun
 
 # As of `swings`.
@@ -33,7 +37,7 @@ def test_it_is_found_within_a_tenth() -> None:
 
 def test_a_gear_without_has_none() -> None:
     value, std = found(swings(0.0))
-    assert not is_told((value, std))
+    assert not is_significant((value, std))
     assert value + 3.0 * std < 3e-3
 
 
@@ -43,7 +47,7 @@ def test_more_than_is_looked_for_is_said_to_be() -> None:
 
 def test_a_link_that_gravity_presses_to_one_side_tells_nothing() -> None:
     heavy = (0.1, 0.5)
-    assert not is_told(found(swings(0.02, heavy), heavy))
+    assert not is_significant(found(swings(0.02, heavy), heavy))
 
 
 def test_swings_that_are_too_short_are_refused() -> None:

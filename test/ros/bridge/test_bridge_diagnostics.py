@@ -17,7 +17,7 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import CommandPublishers
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop, SteadyClock
 from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, BridgeTiming, Watched
-from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
+from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
 
 PERIOD = 1e-3
 PIECES = 20  # cycles in which a report is complete
@@ -39,7 +39,7 @@ class Listener:
         publishers = CommandPublishers()
         self.watch = PublisherWatch(node, topics.JOINT_COMMAND, publishers.look)
         timing = BridgeTiming(PeriodicLoop(PERIOD), self.stamps)
-        self.rivals = RivalWatch(node, topics.JOINT_STATES)
+        self.rivals = DuplicatePublisherWatch(node, topics.JOINT_STATES)
         self.watched = Watched(
             config.joint_names,
             self.cycle,

@@ -117,7 +117,7 @@ def test_a_push_is_told_and_what_is_missing_is_named(make) -> None:
     message = drone.wrenches[-1]
     assert message.header.frame_id == 'base_link'
     assert message.header.stamp.nanosec % STEP_NS == 0
-    assert node.describe()['contact'] == 'told'
+    assert node.describe()['contact'] == 'published'
     assert np.hypot(message.wrench.force.x, message.wrench.force.y) < 1e-6
     # It can be zeroed, where there is something to average.
     told = service(node, 'zero_contact')

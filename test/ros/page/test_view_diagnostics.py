@@ -34,7 +34,7 @@ def test_a_level_that_does_not_exist_is_an_error() -> None:
     diagnostics.add('other', ViewStatus(7, 'strange', TIMING, received=1.0))
     for html in (diagnostics.status_html(1.0), diagnostics.timing_html(1.0)):
         assert 'ERROR' in html
-    assert diagnostics.way_out(1.0) == ''
+    assert diagnostics.recovery_hint(1.0) == ''
 
 
 def test_a_newer_status_replaces_the_older() -> None:
@@ -69,11 +69,11 @@ def test_who_has_ended_is_shown_no_more_and_forgotten() -> None:
 
 def test_the_way_out_is_that_of_a_bridge_that_is_there() -> None:
     diagnostics = ViewDiagnostics()
-    assert diagnostics.way_out(0.0) == ''
+    assert diagnostics.recovery_hint(0.0) == ''
     values = {'recovery hint': "'arm clear_fault'"}
     diagnostics.add('arm', ViewStatus(2, 'fault', values, received=10.0))
-    assert diagnostics.way_out(11.0) == "'arm clear_fault'"
-    assert diagnostics.way_out(20.0) == ''
+    assert diagnostics.recovery_hint(11.0) == "'arm clear_fault'"
+    assert diagnostics.recovery_hint(20.0) == ''
 
 
 def test_temperatures_and_the_time_that_is_left_make_a_table():
