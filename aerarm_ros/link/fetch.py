@@ -21,7 +21,7 @@ from typing import BinaryIO
 BLOCK = 1024
 """Bytes of a block."""
 ASKED_MAX = 32
-"""Blocks in one question."""
+"""Blocks per request."""
 _MARKER = '.fetch'  # file with the manifest of an incomplete bag
 PARTIAL = '.part'
 """Suffix of a file that is not complete."""
@@ -51,7 +51,7 @@ def questions(content: bytes) -> tuple[int, list[bytes]]:
 
 
 class FileServer:
-    """Answers questions about the files of one folder.
+    """Serves the blocks of the files of one folder.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class Fetch:
         return self._storing is not None
 
     def question(self, now: float, delay: float, round_trip: float) -> bytes | None:
-        """Return the question that is due at `now` [s], or None; raises OSError.
+        """Return the block request that is due at `now` [s], or None; raises OSError.
 
         Parameters
         ----------

@@ -160,7 +160,8 @@ def make_parser() -> argparse.ArgumentParser:
     _add_calibrate(add('calibrate', _CALIBRATE))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
-        'completion', help='print shell code that completes all executables in bash or zsh'
+        'completion',
+        help='print shell code that completes the options of all executables in bash or zsh',
     )
     return parser
 

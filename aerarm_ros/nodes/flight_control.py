@@ -118,7 +118,7 @@ class FlightControlNode:
         self.node.destroy_node()
 
     def _is_settling(self) -> bool:
-        """Let the autopilot's firmware settle before flight; return whether it still settles."""
+        """Let the autopilot's firmware settle before flight; return True until it has."""
         law = self._law
         if not isinstance(law, FirmwareFlight) or not law.is_settling:
             return False
@@ -145,7 +145,7 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for a late forecast of the arm; after a time-out, wait only after one in time."""
+        """Wait for a late forecast of the arm; after a time-out, only after a forecast in time."""
         if not self._is_forecast_late():
             self._waits_for_arm = True
             return

@@ -79,13 +79,14 @@ PARAMETERS = ParameterTable(
         Parameter('set_point_timeout', 0.5, 'age after which a set point is no longer sent, so '
                                             'that the autopilot detects the loss; 0 keeps '
                                             'sending the last one', 's', 0.0, 60.0),
-        Parameter('hold_heading', True, 'send a heading in set points; false leaves yaw open'),
+        Parameter('hold_heading', True, 'send a heading in set points; if false, the autopilot '
+            'does not control yaw'),
         Parameter('mc_rate_i', Px4Gains.mc_rate_i, 'MC_ROLLRATE_I', '', 0.0, 10.0),
         Parameter('mc_rate_p', Px4Gains.mc_rate_p, 'MC_ROLLRATE_P', '', 0.01, 10.0),
         Parameter('mc_rate_k', Px4Gains.mc_rate_k, 'MC_ROLLRATE_K', '', 0.01, 30.0),
         Parameter('mc_att_p', Px4Gains.mc_att_p, 'MC_ROLL_P', '1/s', 0.5, 50.0),
-        Parameter('tilt_ahead', True, "tilt ahead of the arm's motion, by the inverse of PX4's "
-                                      'control loops with these gains'),
+        Parameter('tilt_ahead', True, "anticipatory tilt for the arm's motion, by inversion of "
+                                      "PX4's control loops with these gains"),
     ),
     *FEED_PARAMETERS,
 )  # fmt: skip

@@ -86,7 +86,8 @@ PLANNER_PARAMETERS = (
         'hold time at a tool goal; a longer time increases the weight of the holding torque',
         's', 0.0, 3600.0, live=True),
     Parameter('lead', 0.0,
-        'delay from the newest state to the start of a motion; 0 to start on arrival',
+        'delay from the newest state to the start of a motion; 0 to start when the controller '
+        'receives it',
               's', 0.0, 10.0, live=True),
     *ENERGY_PARAMETERS,
     *ARM_FILES,

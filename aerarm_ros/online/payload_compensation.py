@@ -83,7 +83,7 @@ class PayloadCompensation:
         return self.carried
 
     def judge(self, residual: Array, share: Array, dt: float) -> bool:
-        """Check whether the payload increases the model's errors; return whether it is now undone.
+        """Check whether the payload increases the model's errors; return whether it was removed.
 
         Parameters
         ----------

@@ -242,7 +242,7 @@ class Replay:
         return changes
 
     def _drop_knock(self, changes: list[LoadChange]) -> None:
-        """Remove the last payload from the changes of a recording unless it had a mass."""
+        """Remove the last payload from the changes of a recording if its mass was insignificant."""
         begin = changes[-2] if len(changes) > 1 else None
         if begin is None:
             return  # The payload is that of an earlier recording.

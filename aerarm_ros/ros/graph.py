@@ -248,7 +248,7 @@ def several_publishers(topic: str, names: Sequence[str], advice: str = OF_AN_ARM
 
 
 class DuplicatePublisherCheck:
-    """Detect a duplicate publisher: with two bridges a node would follow both arms in turns.
+    """Detect a duplicate publisher: with two bridges a node would follow both arms alternately.
 
     Parameters
     ----------

@@ -439,7 +439,7 @@ class ArmPlant:
         return link
 
     def _stribeck(self, dq: float) -> float:
-        """Return dry friction at a velocity over that of a joint that slides fast."""
+        """Return the ratio of dry friction at a velocity to that of a fast joint."""
         share = self.parameters.stribeck
         if share == 0.0:
             return 1.0

@@ -1,4 +1,4 @@
-"""Geometry of a manufactured arm, with deviations from its drawing.
+"""Geometry of a manufactured arm, with deviations from its URDF.
 
 The module shares no code with the calibration: rotations are computed from their formulas, and
 link poses by the physics engine.
@@ -20,7 +20,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class GeometrySpread:
-    """Standard deviations of a manufactured arm's geometry from its drawing.
+    """Standard deviations of a manufactured arm's geometry from its URDF.
 
     Attributes
     ----------

@@ -80,8 +80,8 @@ PARAMETERS = controller_parameters(
             'tool error at which the controller stops the tool in the base frame',
                   'm', 1e-3, 1.0),
         Parameter('trust_min', 0.9, (
-            'smallest used fraction of the predicted base response; wind makes the prediction '
-            'look wrong'
+            'lower limit of the estimated weight of the predicted base response; wind lowers the '
+            'estimated weight'
         ), '', 0.0, 1.0),
     ),
     *grouped(

@@ -120,7 +120,7 @@ _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
 
 class World:
-    """Boards, clock and pace of a bridge's arm in the real world.
+    """Boards, clock and cycle loop of a real arm.
 
     `aerarm_ros/ros/emulation` derives the emulated world from this class. The bridge itself
     therefore does not depend on emulated boards and simulation time.

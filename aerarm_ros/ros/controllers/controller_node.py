@@ -106,7 +106,7 @@ class ControllerNode(StateNode):
         self.attend(self._payload)
 
     def react_to_contact(self, follower: TrajectoryFollower, law: ComplyingLaw) -> ContactReaction:
-        """Subscribe to contacts; return the attendant that reacts as `contact_reaction` states."""
+        """Subscribe to contacts; return the observer that reacts as `contact_reaction` states."""
         values = self.values
         reaction = ContactReaction(
             follower, self.loop, law, values.retreat_time, values.comply_stiffness

@@ -112,8 +112,7 @@ ARM_PARAMETERS = grouped(
         "crossover frequency of a free base's acceleration: measured below, predicted above",
         'Hz', 0.01, 0.5),
     Parameter('accelerometer_bias', 0.2,
-        "largest bias of the IMU's acceleration on a free base, which attributes smaller "
-                'lasting deviations from the weight to the IMU',
+        "largest bias of the IMU's acceleration that the estimator of a free base subtracts",
         'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
@@ -143,8 +142,8 @@ PAYLOAD_PARAMETER = Parameter(
 FRICTION_PARAMETERS = grouped(
     'Model',
     PAYLOAD_PARAMETER,
-    Parameter('friction_file', '', 'estimate.yaml of the identifier with all of its friction, also '
-        'what the URDF cannot hold (Stribeck friction); friction of the URDF if empty'),
+    Parameter('friction_file', '', 'estimate.yaml of the identifier, with friction terms that a '
+        'URDF cannot contain (Stribeck friction); friction of the URDF if empty'),
     Parameter('friction_fraction', 1.0,
         "fraction of the URDF's joint friction that is compensated", '', 0, 1),
     Parameter('friction_width', 0.02,
@@ -271,7 +270,7 @@ REACTION_PARAMETERS = grouped(
     Parameter(
         'retreat_time',
         0.3,
-        'the arm returns to the position of its reference this long before the contact',
+        'time before the contact at which the reference had the position to which the arm retreats',
         's',
         0.01,
         5.0,
@@ -283,7 +282,7 @@ REACTION_PARAMETERS = grouped(
 
 
 class CarryingModel(Protocol):
-    """A model of an arm that may carry something."""
+    """Interface of an arm's model that can include a payload."""
 
     def carry(self, payload: npt.ArrayLike) -> None:
         """Add a body to the last link, see `Dynamics.carry`."""

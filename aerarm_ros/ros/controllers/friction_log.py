@@ -27,8 +27,8 @@ ESTIMATOR_PARAMETERS = (
     Parameter('torque_noise', 0.02,
         'initial RMS torque residual, used until a residual is measured', 'Nm', 1e-4, 10.0),
     Parameter('model_error', 0.01, (
-        'relative standard deviation of gravity and inertia in the model; the estimator attributes '
-        'no payload to errors below it'
+        'relative standard deviation of gravity and inertia in the model; smaller torque errors '
+        'do not count as payload'
     ), '', 1e-4, 0.5),
     Parameter('correlation_time', 0.1, 'correlation time of the model error', 's',
               0.02, 10.0),

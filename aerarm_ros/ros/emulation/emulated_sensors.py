@@ -41,7 +41,7 @@ SENSOR_PARAMETERS = (
     Parameter(
         'hardware_urdf',
         '',
-        'URDF of the emulated arm, if urdf is a calibrated one; urdf if empty',
+        'URDF of the emulated arm, if the parameter urdf names a calibrated one; as urdf if empty',
     ),
     Parameter(
         'mocap_rate',

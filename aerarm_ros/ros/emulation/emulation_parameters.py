@@ -63,8 +63,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'stribeck',
         0.0,
-        'static friction beyond that of a sliding joint, relative to the latter; joints that move '
-        'slowly then stick and slip',
+        'additional friction at rest, relative to the friction of a sliding joint; slow joints '
+        'then stick and slip',
         '',
         0.0,
         5.0,

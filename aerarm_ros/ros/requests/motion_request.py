@@ -169,7 +169,8 @@ class SetPointRequest:
             raise ArmClientError(f'rejected: {self._rejections.reason()}')
         if self._rejections.touch():
             raise ArmClientError(
-                f'{self._rejections.touch()}: remove what touches the arm, then send it on'
+                f'{self._rejections.touch()}: remove the object that touches the arm, then send '
+                'the goal again'
             )
         if not in_time:
             far = np.argmax(distance())

@@ -379,7 +379,7 @@ def test_the_user_learns_that_the_recording_ended_by_itself(
 def test_the_user_learns_that_the_drone_started_again_during_the_recording(
     link: LinkedRecordings, client: Node, tmp_path: Path
 ) -> None:
-    with pytest.raises(ArmClientError, match='started again during the recording'):
+    with pytest.raises(ArmClientError, match='restarted during the recording'):
         record(link, client, tmp_path / 'here', lambda _: link.restart_drone())
     assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
 
