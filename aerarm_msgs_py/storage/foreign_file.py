@@ -182,7 +182,7 @@ class ForeignFile:
             end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
         if end['limit']:
             raise BagError(
-                f'{self.path} takes more {end["limit"]} to read than its size allows. The file '
+                f'reading {self.path} takes more {end["limit"]} than the limit for its size. The file '
                 "may be damaged or malicious; if you trust it, raise the limit 'ratio'"
             )
 

@@ -216,7 +216,7 @@ class McapFile:
                 self._summary.counts = read_counts(RecordFields(content))
 
     def _content(self, stream: BinaryIO, record: McapRecord, budget: ReadBudget) -> bytes:
-        """Return the content of a record; empty if it exceeds the limit of a part."""
+        """Return the content of a record; empty if it exceeds the limit `part_bytes`."""
         if record.length > budget.part_bytes:
             self._report.add(
                 f'has a record of {record.length} bytes at byte {record.start}, above the limit '

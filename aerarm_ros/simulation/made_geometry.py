@@ -66,7 +66,7 @@ class MadeGeometry:
 
     @classmethod
     def of(cls, robot: Robot, seed: int, spread: GeometrySpread | None = None) -> MadeGeometry:
-        """Return an arm with normally distributed deviations of the given standard deviations."""
+        """Return an arm with normally distributed errors of given standard deviations."""
         spread = spread or GeometrySpread()
         random = np.random.default_rng([seed, 37])
         n = robot.n

@@ -216,7 +216,7 @@ class ExpectedMotion:
         self._follow(current, elapsed)
 
     def _follow(self, current: float, elapsed: float) -> None:
-        """Move the load towards the current, at most at the rate at which loads change."""
+        """Adapt the estimated load to the motor current, at most at the rate at which loads change."""
         step = self._rate * elapsed
         self._load += min(max(current - self._load, -step), step)
 

@@ -27,8 +27,8 @@ SENSOR_PARAMETERS = (
     Parameter(
         'geometry_seed',
         -1,
-        'seed of the geometric errors of the emulated arm (zeros by 10 mrad, lengths by 1 mm, '
-        'mount and IMU); -1 for a nominal arm',
+        'seed of the geometric errors of the emulated arm (joint zeros by 10 mrad, lengths by 1 '
+        'mm, mount and IMU); -1 for a nominal arm',
         minimum=-1,
         maximum=10**9,
     ),

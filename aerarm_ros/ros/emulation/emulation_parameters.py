@@ -102,8 +102,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'hand',
         '',
-        'JOINT:ANGLE turns that joint to that angle [rad] by hand, with the motors off; once per '
-        'set',
+        'JOINT:ANGLE: an emulated hand turns the joint once to the angle [rad], with the motors '
+        'off',
         live=True,
     ),
 )

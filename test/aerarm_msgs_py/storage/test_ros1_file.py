@@ -108,5 +108,5 @@ def test_a_bomb_ends_in_one_error(tmp_path: Path) -> None:
     assert len(bomb) < second - first
     # Its length stays: what follows the stream's end is ignored.
     bag.write_bytes(data[:first] + bomb + data[first + len(bomb) :])
-    with pytest.raises(BagError, match='takes more memory to read than its size allows'):
+    with pytest.raises(BagError, match='takes more memory than the limit for its size'):
         read_joint_states(bag)
