@@ -182,8 +182,8 @@ class ForeignFile:
             end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
         if end['limit']:
             raise BagError(
-                f'reading {self.path} takes more {end["limit"]} than the limit for its size. The file '
-                "may be damaged or malicious; if you trust it, raise the limit 'ratio'"
+                f'reading {self.path} takes more {end["limit"]} than the limit for its size. The '
+                "file may be damaged or malicious; if you trust it, raise the limit 'ratio'"
             )
 
 

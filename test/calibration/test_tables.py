@@ -86,7 +86,7 @@ def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
         ('x1,y1,z1,elbow,q_elbow', '1,2,3,4,5', 'has two columns of joint elbow'),
     ],
 )
-def test_what_cannot_be_read_is_one_error(
+def test_an_unreadable_table_raises_one_error(
     tmp_path: Path, header: str, row: str, expected: str
 ) -> None:
     with pytest.raises(CalibrationError) as error:

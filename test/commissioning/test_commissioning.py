@@ -63,7 +63,7 @@ def test_a_healthy_joint_passes_and_its_numbers_are_those_of_the_arm():
         ('dead_board:1', 'board1 does not answer'),
     ],
 )
-def test_what_a_hand_finds_ends_the_joint_before_its_motor_is_driven(fault, finding):
+def test_an_error_found_by_hand_ends_the_joint_before_its_motor_is_driven(fault, finding):
     arm = CommissionedArm(1, fault)
     (text,) = arm.commission([3]).joints['joint4'].findings
     assert finding in text
@@ -83,7 +83,7 @@ def test_only_the_motor_of_the_joint_is_switched_on():
     assert abs(arm.bridge.motor_current[3]) < 0.6
 
 
-def test_a_weak_driver_is_found_by_what_it_measures():
+def test_a_weak_driver_is_detected_by_its_measured_current():
     arm = aligned(CommissionedArm(1, 'weak_driver:1:1'))
     report = run(arm, 4.3)
     assert report.phase == 'done'

@@ -110,7 +110,7 @@ WEAPONS = {
 
 
 @pytest.mark.parametrize('weapon', WEAPONS)
-def test_what_could_fill_memory_or_time_is_refused(weapon: str) -> None:
+def test_urdf_that_needs_much_memory_or_time_is_rejected(weapon: str) -> None:
     text, message = WEAPONS[weapon]
     with pytest.raises(DescriptionError, match=message):
         UrdfDocument(text)

@@ -26,7 +26,7 @@ def test_a_wrench_within_reach_is_made(drone: DroneConfig) -> None:
 
 
 @names
-def test_no_rotor_is_asked_for_more_than_it_gives(drone: DroneConfig) -> None:
+def test_commanded_thrusts_are_within_the_rotors_limits(drone: DroneConfig) -> None:
     rng = np.random.default_rng(0)
     low, high = drone.column('thrust_min'), drone.column('thrust_max')
     for _ in range(200):
@@ -69,7 +69,7 @@ def test_as_much_is_given_of_the_moments_that_keep_it_upright_as_can_be(drone: D
 
 
 @names
-def test_the_largest_turning_moment_is_what_is_given(drone: DroneConfig) -> None:
+def test_the_largest_yaw_moment_is_reached(drone: DroneConfig) -> None:
     body = MassProperties(HOVER / GRAVITY, np.array([0.02, 0.0, -0.1]), 0.1 * np.eye(3))
     most = Allocation(drone).turning_moment(body)
     for turn, is_given in ((0.99 * most, True), (1.5 * most, False)):

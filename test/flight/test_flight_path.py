@@ -57,7 +57,7 @@ def test_a_single_point_is_a_place() -> None:
         ({'velocities': np.zeros((2, 3))}, 'or for none'),
     ],
 )
-def test_what_is_no_way_is_refused(change: dict[str, object], reason: str) -> None:
+def test_an_invalid_path_is_rejected(change: dict[str, object], reason: str) -> None:
     given = {'times': TIMES, 'positions': PLACES, 'yaws': [0.0] * 3, **change}
     with pytest.raises(RejectedInputError, match=reason):
         FlightPath(**given)

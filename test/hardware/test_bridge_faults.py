@@ -233,7 +233,7 @@ def test_unknown_faults_and_places_are_refused(rig):
         inject(rig.boards, 'stuck_encoder', motor=2)
 
 
-def test_every_fault_says_what_it_means():
+def test_every_fault_has_a_description():
     assert {fault for fault, *_ in STOPPING} | set(ELSEWHERE) == set(FAULTS)
     assert all(fault.meaning for fault in FAULTS.values())
 

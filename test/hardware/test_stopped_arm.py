@@ -154,7 +154,7 @@ def follow(rig, steps: str, emulated: bool) -> None:
 
 @KINDS
 @pytest.mark.parametrize('fault', FAULTS)
-def test_the_way_out_that_is_named_works(make_rig, fault: str, emulated: bool) -> None:
+def test_the_stated_recovery_steps_clear_the_fault(make_rig, fault: str, emulated: bool) -> None:
     rig = make_rig(seed=3).bring_up()
     assert rig.bridge.recovery_hint(emulated) == ''
     FAULTS[fault](rig)
@@ -188,7 +188,7 @@ def test_motors_that_are_off_are_enabled() -> None:
     )
 
 
-def test_what_lost_its_zero_or_will_is_homed() -> None:
+def test_the_recovery_hint_includes_homing_if_a_zero_is_lost() -> None:
     lost = recovery_hint(StoppedArm(zero_unknown=True), emulated=False)
     by_hand = 'move the arm by hand to its home configuration'
     assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")

@@ -109,7 +109,7 @@ def launched(start: Callable[..., Launched]) -> Launched:
         ('experiment', 'identified:=/nowhere.urdf', 'the file /nowhere.urdf of'),
     ],
 )
-def test_what_is_missing_is_said_before_anything_starts(
+def test_missing_requirements_are_reported_before_the_start(
     file: str, argument: str, reason: str, ros_domain: dict[str, str]
 ) -> None:
     assert_refused(file, argument, reason)
@@ -139,7 +139,7 @@ def test_a_controller_that_cannot_start_ends_everything(
     assert '[fake_hardware-1]: process has finished cleanly' in output
 
 
-def test_without_a_controller_the_bridge_goes_on_if_asked(
+def test_with_go_on_the_bridge_survives_the_controller(
     wrong_gains: str, start: Callable[..., Launched]
 ) -> None:
     go_on = 'if_controller_fails:=go_on'

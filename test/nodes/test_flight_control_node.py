@@ -154,7 +154,7 @@ def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: Drone
         raise AssertionError('it does not rise')
 
 
-def test_what_is_told_of_the_arm_is_fed_forward(drone: DroneSensors) -> None:
+def test_messages_of_base_reaction_are_fed_forward(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.MOTION_WRENCH
     wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -228,7 +228,7 @@ def test_it_waits_for_the_arm_if_it_may(drone: DroneSensors, arm_wait: float) ->
 
 
 @pytest.mark.parametrize('arm_wait', [4.0])
-def test_who_tells_no_more_of_the_arm_is_waited_for_once(drone: DroneSensors) -> None:
+def test_a_silent_base_reaction_is_awaited_once(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.MOTION_WRENCH
     wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -244,7 +244,7 @@ def test_who_tells_no_more_of_the_arm_is_waited_for_once(drone: DroneSensors) ->
         drone.hover(1)
 
 
-def test_it_goes_along_a_trajectory_and_refuses_what_is_none(drone: DroneSensors) -> None:
+def test_follows_a_trajectory_and_rejects_an_invalid_one(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.FLIGHT_TRAJECTORY
     ways = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -265,7 +265,7 @@ def test_it_goes_along_a_trajectory_and_refuses_what_is_none(drone: DroneSensors
         raise AssertionError('it does not rise')
 
 
-def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: DroneSensors) -> None:
+def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     drone.refuse(
         'odometry: a value is NaN', lambda: (drone.odometry_message(np.nan, 0.0, 0.0), None)

@@ -125,7 +125,7 @@ def test_a_saturated_drive_is_named(known: ContactEstimatorNode, run: CarryingRu
     assert known.describe()['contacts'] == 0
 
 
-def test_without_thresholds_it_says_how_to_learn_them(make: Make) -> None:
+def test_without_thresholds_the_error_states_how_to_learn_them(make: Make) -> None:
     with pytest.raises(ValueError, match='residuals_file is not set: learn thresholds'):
         make()
 

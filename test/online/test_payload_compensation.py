@@ -35,7 +35,7 @@ def test_the_centre_moves_at_its_rate() -> None:
     assert centres[-1] == pytest.approx(0.15)
 
 
-def test_what_is_put_down_goes_as_it_came() -> None:
+def test_a_put_down_payload_is_removed_gradually() -> None:
     hand_over = PayloadCompensation(1.0, 0.2, 1.0)
     hand_over.offer(FOUND)
     lead(hand_over, 2.0)
@@ -47,7 +47,7 @@ def test_what_is_put_down_goes_as_it_came() -> None:
     assert lead(hand_over, 1.0)[-1] == pytest.approx(0.0)
 
 
-def test_what_makes_errors_larger_is_taken_back_until_something_else_is_found() -> None:
+def test_a_payload_that_increases_errors_is_removed_until_the_estimate_changes() -> None:
     hand_over = PayloadCompensation(1.0, 0.2, 1.0)
     hand_over.offer(FOUND)
     lead(hand_over, 2.0)

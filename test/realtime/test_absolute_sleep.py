@@ -31,7 +31,7 @@ def test_a_signal_handler_runs_during_the_sleep_which_then_goes_on() -> None:
     assert caught[0] < deadline <= time.monotonic_ns()
 
 
-def test_what_a_signal_handler_raises_ends_the_sleep() -> None:
+def test_an_exception_of_a_signal_handler_ends_the_sleep() -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 

@@ -47,7 +47,7 @@ def test_a_host_that_pauses_shifts_the_deadlines_and_nothing_in_the_world() -> N
     assert 'behind real time: this computer is too slow for a real arm' in loop.account()
 
 
-def test_a_world_that_never_went_on_says_so() -> None:
+def test_a_simulation_without_cycles_reports_no_cycle() -> None:
     loop = WorldLoop(2e-3, lambda: False)
     loop.stop()
     loop.run(lambda now_ns, index: None)

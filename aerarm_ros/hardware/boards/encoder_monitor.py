@@ -216,7 +216,7 @@ class ExpectedMotion:
         self._follow(current, elapsed)
 
     def _follow(self, current: float, elapsed: float) -> None:
-        """Adapt the estimated load to the motor current, at most at the rate at which loads change."""
+        """Adapt the load estimate to the motor current, no faster than loads change."""
         step = self._rate * elapsed
         self._load += min(max(current - self._load, -step), step)
 

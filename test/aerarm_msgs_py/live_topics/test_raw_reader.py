@@ -81,7 +81,7 @@ def test_serialized_bytes_come_through_as_they_are(reader: RawReader, publisher)
     assert 0 < info['source_timestamp'] <= info['received_timestamp']
 
 
-def test_counts_what_a_short_history_lost(ros_node: Node) -> None:
+def test_counts_messages_lost_by_a_short_queue(ros_node: Node) -> None:
     newest = Topic('words', String, QoSProfile(depth=1))
     reader = RawReader(ros_node, newest)
     assert reader.lost() is None

@@ -30,7 +30,9 @@ def test_a_small_prediction_that_explains_nothing_is_let_go(noise: float) -> Non
 
 
 @pytest.mark.parametrize(('predicted', 'expected'), [(0.0, 1.0), (0.24, 1.0), (0.2, 1.2)])
-def test_what_is_right_or_tells_nothing_is_believed(predicted: float, expected: float) -> None:
+def test_a_correct_or_uninformative_prediction_keeps_its_weight(
+    predicted: float, expected: float
+) -> None:
     measured = 0.24 if predicted else 0.0
     np.testing.assert_allclose(trust(predicted, measured, 0.0), expected, atol=0.06)
 

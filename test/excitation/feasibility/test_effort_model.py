@@ -41,7 +41,7 @@ def test_a_loaded_gear_takes_a_share_of_its_load_more(robot: Robot) -> None:
     assert (more[:, [0, 2, 3]] == 0.0).all()
 
 
-def test_what_turns_the_rotors_loads_no_gear(robot: Robot) -> None:
+def test_the_torque_of_the_rotors_does_not_load_the_gears(robot: Robot) -> None:
     q, dq, ddq = np.full((3, 1, 4), 0.3)
     light, heavy = (
         EffortModel(robot, rotors, load_friction=0.1).effort(q, dq, ddq)

@@ -64,7 +64,7 @@ def test_lost_commands_in_a_row_are_a_cut_wire():
     assert not wires.echo.is_cut
 
 
-def test_what_is_lost_both_ways_is_a_bad_frame_and_no_lost_command():
+def test_an_exchange_lost_both_ways_is_a_bad_frame_and_no_lost_command():
     wires = Wires()
     random = np.random.default_rng(1)
     for whole in (random.random(2000) > 0.5).tolist():

@@ -106,7 +106,7 @@ def test_without_an_index_pulse_it_ends_in_a_fault(make_rig, config):
     assert np.abs(rig.plant.velocity[[0, 2]]).max() < 0.01
 
 
-def test_it_starts_from_no_arm_that_is_stopped_aligning_or_unheard(make_rig):
+def test_homing_is_rejected_while_stopped_aligning_or_without_answers(make_rig):
     rig = make_rig()
     assert 'no answer from board0' in rig.bridge.home().message
     rig.enable()
@@ -163,7 +163,7 @@ def test_a_homed_arm_is_homed_again_only_where_it_rests(make_rig):
     assert rig.bridge.home().accepted
 
 
-def test_homing_that_was_broken_off_leaves_no_angle_to_be_believed(make_rig):
+def test_after_interrupted_homing_no_joint_angle_is_known(make_rig):
     rig = make_rig()
     rig.run(0.02)
     assert rig.bridge.home().accepted
@@ -175,7 +175,7 @@ def test_homing_that_was_broken_off_leaves_no_angle_to_be_believed(make_rig):
     assert rig.bridge.home().accepted
 
 
-def test_after_a_restart_that_nobody_saw_an_arm_is_not_enabled_but_homed(make_rig, config):
+def test_after_an_unobserved_board_restart_the_arm_must_be_homed(make_rig, config):
     q = np.array(config.rest_position) + [0.0, 0.0, 1.0, 0.0]
     rig = make_rig(position=q)
     rig.run(0.2)

@@ -56,7 +56,7 @@ class BoardBench:
         return self
 
 
-def test_is_off_until_told():
+def test_the_board_is_off_until_enabled():
     bench = BoardBench()
     state = bench.cycles(10)
     assert not state.system_enabled

@@ -29,7 +29,7 @@ def test_packaged_profiles_are_whole(name):
         assert profile.sensor.has(quantity)
 
 
-def test_v2_differs_by_the_saturation_bytes_and_by_what_an_error_needs():
+def test_v2_differs_in_saturation_bytes_and_error_recovery():
     v2, v3 = load_profile('udriver_v2'), load_profile('uomodri_v3')
 
     def bits(profile):

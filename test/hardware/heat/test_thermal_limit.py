@@ -58,7 +58,7 @@ def test_the_order_is_warning_reduction_stop(config):
     assert 'is limited' in limited.warning() or limited.lets_down
 
 
-def test_the_warning_says_how_much_time_is_left(config):
+def test_the_warning_states_the_remaining_time(config):
     limited = limit(config)
     drive(limited, config, 1, 25.0, 10.0)
     assert limited.warning().startswith('the motor of joint2 has')

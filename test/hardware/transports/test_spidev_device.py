@@ -115,14 +115,14 @@ def test_closed_it_stays_closed(device, driver):
         device.set_mode(1)
 
 
-def test_it_says_when_a_transfer_was_and_how_long_it_took(device, driver):
+def test_time_and_duration_of_a_transfer_are_stored(device, driver):
     ticks = iter([1.0, 1.25])
     device._clock = lambda: next(ticks)
     device.transfer(FRAME)
     assert (device.duration, device.ended) == (0.25, 1.25)
 
 
-def test_what_cannot_be_opened_says_what_to_check(config, driver):
+def test_a_device_that_cannot_be_opened_raises_an_error_with_a_remedy(config, driver):
     driver.is_there = False
     with pytest.raises(TransportError, match='/dev/spidev0.0 of board0 cannot be opened'):
         SpidevDevice(config.boards[0]).open()

@@ -31,7 +31,7 @@ def test_a_true_model_leaves_next_to_nothing(bag: SampleColumns, cad) -> None:
         assert np.nanstd(residuals) < 0.01 * np.std(torque)
 
 
-def test_what_a_part_alone_has_is_not_explained_there(bag: SampleColumns, cad) -> None:
+def test_a_torque_of_a_single_part_is_not_explained_by_the_others(bag: SampleColumns, cad) -> None:
     """A torque that only one part has cannot be learnt from the others."""
     samples = bag.samples
     before = SimpleFit([bag], cad).residuals()[0]

@@ -41,11 +41,11 @@ def test_a_gear_without_has_none() -> None:
     assert value + 3.0 * std < 3e-3
 
 
-def test_more_than_is_looked_for_is_said_to_be() -> None:
+def test_a_backlash_above_the_search_range_is_reported() -> None:
     assert is_largest(found(swings(0.14, seconds=1.2)))
 
 
-def test_a_link_that_gravity_presses_to_one_side_tells_nothing() -> None:
+def test_a_link_pressed_to_one_flank_gives_no_significant_backlash() -> None:
     heavy = (0.1, 0.5)
     assert not is_significant(found(swings(0.02, heavy), heavy))
 

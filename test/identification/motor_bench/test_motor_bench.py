@@ -135,7 +135,7 @@ def test_a_bare_motor(config: ArmConfig, robot: Robot, truth: PlantParameters) -
     np.testing.assert_array_equal(result.friction.gravity, 0.0)
 
 
-def test_what_swings_tell_of_a_worn_gear(
+def test_swings_measure_the_backlash_of_a_worn_gear(
     config: ArmConfig, robot: Robot, truth: PlantParameters
 ) -> None:
     """Joint 2 is the whole arm's: the play of the others' gears does not matter."""
@@ -152,7 +152,9 @@ def test_what_swings_tell_of_a_worn_gear(
     assert is_significant(found)
 
 
-def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -> None:
+def test_swings_without_a_significant_backlash_are_reported(
+    config: ArmConfig, robot: Robot
+) -> None:
     """Other joints may rattle along, and gravity may press the links to one flank."""
     runs = [*steps(), swings(0.02)]
     upright = MotorBench(config, robot, config.rest_position)

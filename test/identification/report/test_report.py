@@ -132,7 +132,7 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
         assert expression in page.texts
 
 
-def test_the_joints_table_shows_what_matters_and_folds_the_rest(
+def test_the_table_per_joint_shows_the_main_solvers_and_folds_the_others(
     result: IdentificationResult,
 ) -> None:
     shown, _, folded = joint_error_table(result).partition('<details>')
@@ -213,7 +213,7 @@ def test_base_parameters_are_compared_as_currents_show_them(
         assert re.search(f'<td>{re.escape(number(value))}{filled}</td></tr>', row)
 
 
-def test_what_the_truth_lacks_is_a_dash(result: IdentificationResult, extras: ReportExtras) -> None:
+def test_missing_true_values_are_a_dash(result: IdentificationResult, extras: ReportExtras) -> None:
     truth = replace(
         extras.truth,
         parameters={k: v for k, v in extras.truth.parameters.items() if k != 'fv_joint1'},
@@ -230,7 +230,7 @@ def test_it_can_do_without_extras(result: IdentificationResult) -> None:
     assert not any('True: parameter of the simulated arm' in text for text in page.texts)
 
 
-def test_parameters_that_only_a_sum_is_known_of_are_told_apart(
+def test_parameters_known_only_in_sums_are_marked(
     result: IdentificationResult,
 ) -> None:
     """Joint 1 turns about one axis: link 1's inertia about it and the rotor's are one number."""

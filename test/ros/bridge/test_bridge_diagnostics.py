@@ -69,7 +69,7 @@ def listener(ros_node: Node) -> Listener:
     return Listener(ros_node)
 
 
-def test_an_inactive_bridge_says_so_by_itself(listener: Listener) -> None:
+def test_an_inactive_bridge_reports_its_state(listener: Listener) -> None:
     listener.wait_for(lambda: bool(listener.messages))
     assert listener.arm().name == '/test: arm'
     assert listener.arm().level == DiagnosticStatus.STALE
@@ -121,7 +121,7 @@ def test_a_new_mode_is_reported_within_some_cycles(listener: Listener) -> None:
     assert 'emergency stop: test' in listener.arm().message
 
 
-def test_a_publisher_that_is_not_heard_is_reported(listener: Listener) -> None:
+def test_a_publisher_that_cannot_be_received_is_reported(listener: Listener) -> None:
     listener.watch.problems = ('joint_command of /other is not received: it is another type',)
     for now in range(20):
         listener.cycle.update(100.0 + now * PERIOD)

@@ -15,7 +15,7 @@ def late(action: Action, is_stop: bool) -> Answer:
     raise TimeoutError
 
 
-def test_a_cycle_that_does_not_answer_is_said_with_where_to_look(ros_node: Node) -> None:
+def test_a_cycle_that_does_not_respond_is_reported_with_a_remedy(ros_node: Node) -> None:
     BridgeServices(ros_node, late, {'disable': BridgeCycle.disable})
     client = ros_node.create_client(Trigger, '~/disable')
     assert client.wait_for_service(60.0)

@@ -57,7 +57,7 @@ def test_each_reason_is_one_warning_when_it_begins(cycle: Cycle) -> None:
     assert length.endswith(REJECTIONS['length'])
 
 
-def test_what_begins_anew_is_said_anew_ten_seconds_later_at_the_earliest(cycle: Cycle) -> None:
+def test_a_repeated_rejection_is_logged_at_most_every_ten_seconds(cycle: Cycle) -> None:
     cycle.run(100.0, 1.0, 'nan')
     cycle.run(103.0, 1.0, 'nan')
     cycle.run(111.0, 1.0, 'nan')

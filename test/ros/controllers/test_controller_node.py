@@ -179,7 +179,7 @@ def test_base_reaction_counts_no_states_that_it_need_not_answer(bench: Controlle
 
 
 @pytest.mark.parametrize('name', ['gravity_compensation', 'base_reaction'])
-def test_without_a_bridge_says_what_it_waits_for(
+def test_without_a_bridge_the_log_states_the_awaited_conditions(
     tmp_path: Path, ros_domain: dict[str, str], name: str
 ) -> None:
     with NodeProcess(name, log=tmp_path / 'log') as process:

@@ -16,7 +16,7 @@ def publish(name: str) -> Node:
     return node
 
 
-def test_warns_once_of_each_change_of_who_publishes_beside_the_node(
+def test_each_change_of_duplicate_publishers_causes_one_warning(
     ros_node: Node, capfd: pytest.CaptureFixture[str]
 ) -> None:
     ros_node.create_publisher(JOINT_STATES.type, JOINT_STATES.name, JOINT_STATES.qos)

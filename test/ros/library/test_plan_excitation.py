@@ -50,7 +50,7 @@ def test_it_is_saved_and_shown(plan: PlannedExcitation, tmp_path: Path) -> None:
         ({'acceleration_limit': 5.0}, 'acceleration_limit needs an arm without motors'),
     ],
 )
-def test_what_cannot_be_is_said(given: dict, message: str) -> None:
+def test_impossible_arguments_raise_errors(given: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         aerarm_ros.plan_excitation(**{'seconds': 0.0, **given})
 

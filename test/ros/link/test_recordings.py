@@ -396,7 +396,7 @@ def random_message(source: random.Random) -> bytes:
     return json.dumps(source.choice((content, content, [content], 'text'))).encode()
 
 
-def test_random_messages_raise_only_what_the_ends_expect(
+def test_random_messages_cause_no_unexpected_exception(
     link: LinkedRecordings, tmp_path: Path
 ) -> None:
     make_bag(tmp_path, blocks=5)

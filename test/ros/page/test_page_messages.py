@@ -36,7 +36,7 @@ def allowed(message: object) -> bool:
     return is_allowed(msgspec.msgpack.encode(message))
 
 
-def test_what_the_page_sends_is_taken() -> None:
+def test_messages_of_the_page_are_accepted() -> None:
     assert allowed(CAMERA)
     assert allowed(PRESS)
     for value in (0.35, -1, 'computed_torque', False):
@@ -96,5 +96,5 @@ def test_nothing_else_is_taken(message: object) -> None:
 
 
 @pytest.mark.parametrize('raw', [b'', b'\xc1', b'\x81', b'\x91' * 100_000 + b'\x90', 'text', None])
-def test_what_is_no_message_is_not_taken(raw: object) -> None:
+def test_invalid_messages_are_rejected(raw: object) -> None:
     assert not is_allowed(raw)

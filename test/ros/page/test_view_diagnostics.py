@@ -56,7 +56,7 @@ def test_text_from_the_graph_is_escaped() -> None:
         assert '<i>' not in html
 
 
-def test_who_has_ended_is_shown_no_more_and_forgotten() -> None:
+def test_statuses_of_ended_nodes_are_removed() -> None:
     diagnostics = ViewDiagnostics(gone_after=10.0)
     diagnostics.add('recorder', ViewStatus(0, 'in order', received=1.0))
     diagnostics.add('arm', ViewStatus(0, 'ready', received=12.0))
@@ -67,7 +67,7 @@ def test_who_has_ended_is_shown_no_more_and_forgotten() -> None:
     assert len(diagnostics._statuses) <= 11
 
 
-def test_the_way_out_is_that_of_a_bridge_that_is_there() -> None:
+def test_the_recovery_hint_is_that_of_a_running_bridge() -> None:
     diagnostics = ViewDiagnostics()
     assert diagnostics.recovery_hint(0.0) == ''
     values = {'recovery hint': "'arm clear_fault'"}

@@ -38,7 +38,7 @@ def test_only_the_motion_counts() -> None:
     assert across.damped == (2, pytest.approx(2.0))
 
 
-def test_a_mode_that_is_told_twice_or_late_is_once_and_in_its_place() -> None:
+def test_repeated_or_late_modes_are_counted_once_in_order() -> None:
     twice = account((3, 'damping'), (0, 'running'), (4, 'damping'), (5, 'running'))
     assert twice.damped == (1, pytest.approx(2.0))
     assert 'once' in twice.text

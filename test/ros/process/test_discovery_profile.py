@@ -122,7 +122,7 @@ def test_the_profiles_differ_in_the_interfaces_only() -> None:
     assert loopback.replace(listed[0], '') == everywhere
 
 
-def test_what_comes_while_a_new_process_stands_still_fits_into_its_queue() -> None:
+def test_messages_during_a_pause_of_a_new_process_fit_into_its_queue() -> None:
     # Fast DDS lets it sleep for a third of that time, where it first writes to one that is idle.
     profile = resource('config', 'fastdds.xml').read_text()
     numbers = dict(re.findall(r'<(healthy_check_timeout_ms|port_queue_capacity)>(\d+)<', profile))

@@ -66,13 +66,13 @@ def test_it_ends_while_something_is_closed() -> None:
     assert (done.returncode, done.stderr) == (7, '')
 
 
-def test_what_was_closed_in_time_has_no_limit_any_more() -> None:
+def test_a_closed_limit_no_longer_applies() -> None:
     busy = '\nwith exit_limit.ExitLimit(7, 0.1): pass\nwhile time.process_time() < 2.0: pass'
     assert run(f'{LIMIT}{busy}').returncode == 0
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='real-time priority needs rights')
-def test_a_loop_that_let_nobody_run_can_be_ended() -> None:
+def test_a_busy_loop_is_ended() -> None:
     alone = """
 import os
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
