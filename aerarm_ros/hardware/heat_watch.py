@@ -326,7 +326,7 @@ class ThermalLimit:
         )
 
     def new_warning(self) -> str:
-        """Return the present warning if it is worse than all since the motor was cool, or ''."""
+        """Return the warning if it is more severe than all since the motor was cool, or ''."""
         stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.lets_down))
         rises = stage > self._worst
         self._worst = max(stage, self._worst) if stage else 0
@@ -490,7 +490,7 @@ class HeatWatch:
         return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
 
     def recall(self, kept: KeptHeat, now: float) -> None:
-        """Use a previous bridge's temperatures, cooled since then, where they are higher."""
+        """Use the temperatures of a previous bridge, cooled since then, where they are higher."""
         away = max(now - kept.time, 0.0)
         rows = zip(self.limits, kept.windings, kept.housings, strict=False)
         for limit, winding, housing in rows:

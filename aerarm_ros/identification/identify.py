@@ -375,7 +375,9 @@ def _splits(
         try:
             splits.append(split_residual(*how, excerpt(recording), ratios))
         except IdentificationError as error:  # with additional noise
-            warnings.append(f'{recording.name}: the report has no causes of the residual: {error}')
+            warnings.append(
+                f'{recording.name}: the report omits the causes of the residual: {error}'
+            )
     return splits, warnings
 
 

@@ -153,7 +153,7 @@ FRICTION_PARAMETERS = grouped(
         'kg m^2', 0.0, 10.0, element=float),
     Parameter('load_friction', [], (
         'fraction of the transmitted torque that the gears lose, one value or one per joint; as '
-        'in the URDF of identifier if empty'
+        'in the URDF written by identifier if empty'
     ), '', 0.0, 1.0,
               element=float),
 )  # fmt: skip

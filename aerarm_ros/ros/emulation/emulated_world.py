@@ -494,7 +494,7 @@ class EmulatedWorld:
         self._watch.note(stamp_ns, now_ns)
 
     def _is_early(self, stamp_ns: int) -> bool:
-        """Return whether a first command answers a state before the present one."""
+        """Return whether the first command of a controller answers an earlier state."""
         if not self._in_lockstep or self._mode != 'ready' or self._watch.expects:
             return False
         is_answer = self._watch.is_answer(stamp_ns, self.now_ns())
