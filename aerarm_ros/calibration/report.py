@@ -209,7 +209,7 @@ def _mean(values: Array) -> float:
 def _posture_figure(calibration: Calibration) -> Html:
     observations = calibration.observations
     traces: list[dict[str, Any]] = []
-    for name, fit in (('as drawn', calibration.registration), ('calibrated', calibration.fit)):
+    for name, fit in (('before', calibration.registration), ('after', calibration.fit)):
         errors = np.array([_largest(fit, observations.rows([k])) for k in range(len(observations))])
         traces.append(
             {

@@ -70,7 +70,7 @@ class PlantParameters:
     motor_torque_constant_nominal
         (n,) torque constants K_i in the configuration [Nm/A].
     seed
-        Seed of the deviations, None for an arm as drawn.
+        Seed of the deviations, None for a nominal arm.
     backlash
         (n,) angle by which each link may turn while its rotor rests [rad]; None for gears without
         backlash, required by `BacklashPlant` only.

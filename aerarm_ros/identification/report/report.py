@@ -363,7 +363,7 @@ _THESIS = (
     'consistent links'
 )
 _SOLVERS = {
-    'cad': 'as drawn',
+    'cad': 'input URDF',
     'cad_friction': 'nominal links and rotors, with identified friction',
     'ols': 'ordinary least squares on the base parameters',
     'wls': "least squares on the base parameters, weighted by each joint's noise",
