@@ -37,7 +37,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     return zipfile.ZipFile(path)
 
 
-def test_wheel_holds_both_packages_and_the_shared_files(wheel: zipfile.ZipFile) -> None:
+def test_the_wheel_contains_both_packages_and_the_shared_files(wheel: zipfile.ZipFile) -> None:
     names = wheel.namelist()
     for wanted in (
         'aerarm_ros/nodes/hardware_bridge.py',

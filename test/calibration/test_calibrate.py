@@ -38,7 +38,7 @@ def test_held_out_errors_fall_from_some_15_mm_to_less_than_half_a_millimetre(
     assert after < 0.2e-3
 
 
-def test_link_geometry_is_chosen_and_insignificant_errors_stay_as_drawn(
+def test_link_geometry_is_chosen_and_insignificant_errors_keep_their_urdf_values(
     calibration: Calibration,
 ) -> None:
     assert calibration.best.name.startswith('geometry')

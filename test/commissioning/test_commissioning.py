@@ -131,7 +131,7 @@ def test_a_motor_that_runs_away_is_switched_off():
     assert fastest < 1.0
 
 
-def test_nothing_else_drives_a_motor_meanwhile():
+def test_other_clients_cannot_drive_a_motor_during_the_procedure():
     arm = aligned(CommissionedArm(None))
     for answer in (arm.bridge.enable(), arm.bridge.home()):
         assert not answer.accepted
@@ -194,7 +194,7 @@ def test_a_joint_is_turned_where_it_has_room():
         '{"kind": "off"}',
     ],
 )
-def test_a_request_that_makes_no_sense_is_rejected(text):
+def test_an_invalid_request_is_rejected(text):
     with pytest.raises(ValueError, match='commissioning'):
         ProbeRequest.parse(text)
 

@@ -95,7 +95,7 @@ def test_known_forces_are_found_while_the_arm_moves() -> None:
             np.testing.assert_allclose(wrench[3:], moment, atol=0.1 * np.linalg.norm(force))
 
 
-def test_it_rises_as_a_first_order_low_pass() -> None:
+def test_the_wrench_rises_as_a_first_order_low_pass() -> None:
     flight = TouchedFlight()
     list(flight.go(0.1))
     flight.plant.touch([0.0, 5.0, 0.0])
@@ -105,7 +105,7 @@ def test_it_rises_as_a_first_order_low_pass() -> None:
     np.testing.assert_allclose(rise, expected, atol=0.05)
 
 
-def test_a_wrong_mass_is_felt_as_its_weight() -> None:
+def test_a_wrong_drone_mass_appears_as_its_weight() -> None:
     flight = TouchedFlight(DRONE.with_errors(1.1))
     *_, wrench = flight.go(0.3)
     missing = 0.1 * DRONE.mass * 9.81

@@ -76,7 +76,7 @@ def test_a_law_without_effort_passes_unchanged(limits, follower) -> None:
     assert loop.update(REST, CYCLE).tau is None
 
 
-def test_compensation_takes_away_the_error_of_a_constant_force(
+def test_compensation_removes_the_error_caused_by_a_constant_force(
     limits, dynamics, frictionless_bench
 ) -> None:
     errors = []

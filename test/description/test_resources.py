@@ -67,7 +67,7 @@ def test_ones_own_file_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert resources.find_file('drone.yaml') == Path('drone.yaml')
 
 
-def test_a_default_is_packaged_wherever_a_program_starts(
+def test_the_packaged_default_is_found_from_any_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -127,7 +127,7 @@ def test_places_and_axes_are_finite_numbers(element: str, value: str) -> None:
         UrdfDocument(changed)
 
 
-def test_a_prefix_stands_before_all_names_and_changes_nothing_else() -> None:
+def test_a_prefix_is_added_to_all_names_and_changes_nothing_else() -> None:
     extras = (
         '<gazebo reference="link1"/><gazebo/>'
         '<transmission name="t"><joint name="joint1"/></transmission></robot>'

@@ -9,7 +9,7 @@ import pytest
 from aerarm_ros.description.resources import write_whole
 
 
-def test_a_file_takes_the_place_of_the_one_before(tmp_path: Path) -> None:
+def test_a_new_file_replaces_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / 'text'
     for text in ('before\n', 'ä\n'):
         write_whole(path, text)

@@ -119,7 +119,7 @@ def test_the_drafted_loop_is_damped_in_every_posture(
         assert np.all(-poles.real / np.abs(poles) > 0.4)
 
 
-def test_the_rest_posture_is_clear_and_easy_to_hold(
+def test_the_drafted_home_configuration_is_free_of_collisions_and_easy_to_hold(
     drafts: dict[str, ArmDraft], robots: dict[str, Robot]
 ) -> None:
     for name, draft in drafts.items():

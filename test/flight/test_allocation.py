@@ -37,7 +37,7 @@ def test_commanded_thrusts_are_within_the_rotors_limits(drone: DroneConfig) -> N
 
 
 @names
-def test_turning_about_the_vertical_gives_way_to_staying_up(drone: DroneConfig) -> None:
+def test_lift_has_priority_over_the_yaw_moment(drone: DroneConfig) -> None:
     wanted = np.array([0.0, 0.0, HOVER, 1.5, -1.0, 50.0])
     made = drone.allocation @ Allocation(drone).thrusts(wanted)
     np.testing.assert_allclose(made[2:5], wanted[2:5], atol=1e-3)
@@ -45,7 +45,7 @@ def test_turning_about_the_vertical_gives_way_to_staying_up(drone: DroneConfig) 
 
 
 @names
-def test_lift_gives_way_to_the_moments_that_keep_it_upright(drone: DroneConfig) -> None:
+def test_roll_and_pitch_moments_have_priority_over_lift(drone: DroneConfig) -> None:
     strongest = drone.column('thrust_max').sum()
     wanted = np.array([0.0, 0.0, strongest, 2.0, 0.0, 0.0])
     made = drone.allocation @ Allocation(drone).thrusts(wanted)

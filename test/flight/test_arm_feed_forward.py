@@ -54,7 +54,7 @@ def test_a_forecast_that_ends_too_early_is_late(arm: ArmFeedForward) -> None:
     assert not arm.is_late(2.0)
 
 
-def test_it_is_of_when_a_command_acts(arm: ArmFeedForward) -> None:
+def test_the_feed_forward_is_that_of_the_time_at_which_a_command_acts(arm: ArmFeedForward) -> None:
     tell(arm, 0.0, 1.0 + AHEAD)
     now, told = run(arm, 0.0, 1.0)
     rotation, mount = DRONE.mount.rotation, np.array(DRONE.mount.position)

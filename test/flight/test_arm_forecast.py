@@ -46,7 +46,7 @@ def test_a_plan_predicts_the_motion_exactly(forecast: ArmForecast) -> None:
     assert forecast.problem == ''
 
 
-def test_without_a_plan_the_measured_motion_goes_on(forecast: ArmForecast) -> None:
+def test_without_a_plan_the_measured_motion_is_extrapolated(forecast: ArmForecast) -> None:
     for now, told in run(forecast, 0.0, 0.1, plans=False):
         seen = swing(now)
         np.testing.assert_allclose(told.q, seen.q + LEAD * seen.dq)
@@ -80,7 +80,7 @@ def test_a_plan_that_the_arm_does_not_follow_is_not_used(forecast: ArmForecast) 
     assert 'planned' in forecast.problem
 
 
-def test_after_a_gap_an_old_plan_is_none(forecast: ArmForecast) -> None:
+def test_after_a_gap_an_old_plan_is_not_used(forecast: ArmForecast) -> None:
     list(run(forecast, 0.0, 0.1, plans=True))
     told = forecast.motion(100.0, JointReference.at_rest(np.ones(4)))
     np.testing.assert_array_equal(told.q, 1.0)

@@ -50,7 +50,7 @@ def fast_motion(time: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize('name', DRONES)
-def test_it_stays_up_while_the_arm_swings_fast(fly, name: str) -> None:
+def test_the_drone_keeps_flying_while_the_arm_swings_fast(fly, name: str) -> None:
     flight = fly(DRONES[name])
     farthest, steepest = 0.0, 0.0
     while flight.time < 4.0:
@@ -167,7 +167,7 @@ def test_a_fully_actuated_drone_stays_level_on_its_way(fly) -> None:
     assert steepest < 0.06
 
 
-def test_it_catches_itself_after_a_shove(fly) -> None:
+def test_the_drone_recovers_after_a_push(fly) -> None:
     flight = fly(DRONES['3 kg'])
     while flight.time < 1.0:
         flight.step()

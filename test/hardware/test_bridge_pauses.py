@@ -80,7 +80,7 @@ def test_a_latched_fault_and_pauses_longer_than_the_age_of_a_state(config, robot
     assert log.faults == ['emergency stop: of the test']
 
 
-def test_a_pause_under_full_torque_makes_no_joint_too_fast(config, robot):
+def test_a_pause_under_full_torque_keeps_the_guaranteed_speed(config, robot):
     """Earlier the speed was 1.3 times the limit after 5 ms, and 1.9 times after 10 ms."""
     push = Offer(velocity=[0.0, 0.0, 0.0, np.nan], effort=[np.nan] * 3 + [9.39])
     for cycle, pause in ((6, 0.015), (18, 0.015), (18, 0.005), (16, 0.036)):
@@ -132,7 +132,7 @@ def test_an_encoder_that_stands_still_is_found_as_soon_as_without_pauses(config,
     assert found[1] < found[0] + 0.05
 
 
-def test_a_doubted_joint_is_damped_until_a_second_look(config, robot):
+def test_a_joint_with_a_suspect_encoder_is_damped_until_the_second_reading(config, robot):
     """A single wrong reading stops the arm, but the joint stays damped."""
     rig = AttackRig(config, robot, seed=1).bring_up()
     rig.run(0.2, spin)

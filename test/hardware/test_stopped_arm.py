@@ -169,7 +169,7 @@ def test_the_stated_recovery_steps_clear_the_fault(make_rig, fault: str, emulate
     assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
 
 
-def test_an_arm_that_needs_nothing_else_is_held_where_it_is(rig) -> None:
+def test_after_clear_fault_an_intact_arm_is_held_in_place(rig) -> None:
     stopped_by_hand(rig)
     assert rig.bridge.recovery_hint(False) == rig.bridge.recovery_hint(True) == "'arm clear_fault'"
 

@@ -116,7 +116,7 @@ def test_missing_requirements_are_reported_before_the_start(
 
 
 @pytest.mark.skipif(is_in_the_index('rviz2'), reason='rviz2 is installed here')
-def test_rviz_where_there_is_none_starts_no_arm(ros_domain: dict[str, str]) -> None:
+def test_without_rviz_the_launch_with_rviz_starts_no_arm(ros_domain: dict[str, str]) -> None:
     assert_refused('bringup', 'rviz:=true', 'rviz:=true: rviz2 is not installed')
 
 
@@ -177,7 +177,7 @@ def assert_clean_nodes(launched: Launched) -> None:
     assert {int(pid) for pid in (*clean, *unseen)} == set(launched.started), output
 
 
-def test_a_motion_that_is_cut_short_is_an_ordinary_end(
+def test_an_interrupted_motion_ends_launch_with_success(
     tmp_path: Path, start: Callable[..., Launched]
 ) -> None:
     launched = start('identification.launch.py', f'out:={tmp_path / "run"}')

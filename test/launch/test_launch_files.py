@@ -117,7 +117,7 @@ def test_every_argument_has_a_description(path: Path) -> None:
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
-def test_it_is_documented_and_takes_the_arguments_of_bringup(path: Path) -> None:
+def test_each_launch_file_is_documented_and_has_the_arguments_of_bringup(path: Path) -> None:
     text = path.read_text()
     assert ast.get_docstring(ast.parse(text))
     assert f'ros2 launch aerarm_ros {path.name}' in text

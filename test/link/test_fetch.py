@@ -84,7 +84,7 @@ def same(one: Path, other: Path) -> bool:
 
 
 @pytest.mark.parametrize('loss', [0.0, 0.2, 0.5])
-def test_a_bag_arrives_whole(bag: Path, tmp_path: Path, loss: float) -> None:
+def test_a_bag_is_fetched_completely(bag: Path, tmp_path: Path, loss: float) -> None:
     radio = Radio(bag, loss)
     fetch = fetch_into(radio, tmp_path / 'ground')
     assert radio.run(fetch, 120.0, lambda: fetch.is_complete) < 60.0

@@ -30,7 +30,9 @@ def words(text: str) -> str:
     return ''.join(x for x in text.splitlines(True) if not x.startswith('arm: waiting for '))
 
 
-def test_a_refusal_is_an_error_and_the_bridge_goes_on(bridge: NodeProcess, tmp_path: Path) -> None:
+def test_a_rejected_request_is_an_error_and_the_bridge_continues(
+    bridge: NodeProcess, tmp_path: Path
+) -> None:
     assert ask(*ENABLE)[0] == 0
     status, text = ask(*ENABLE)
     assert (status, 'already enabled' in text) == (0, True)
@@ -69,7 +71,7 @@ def test_with_two_bridges_only_stop_requests_go_to_both(
         client.wait_for_mode(['fault'], 60.0)
 
 
-def test_an_injected_fault_and_the_way_back(start_bridge: StartBridge) -> None:
+def test_an_injected_fault_is_cleared_by_the_recovery_steps(start_bridge: StartBridge) -> None:
     start_bridge(encoders='incremental')
     status, text = ask('enable', '--wait-before', 'unhomed', '--timeout', '100')
     assert (status, "then run 'arm home'" in text) == (1, True), text

@@ -61,7 +61,7 @@ def until_said(process: NodeProcess, text: str) -> None:
     until(lambda: text in process.tail(100))
 
 
-def test_it_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
+def test_e_stop_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
     renamed = bridges.start('renamed', '__node:=my_arm')
     left = bridges.start('left', '__ns:=/left', '__node:=other')
     for process in (renamed, left):

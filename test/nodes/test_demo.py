@@ -39,7 +39,9 @@ def demo(made_once: Callable[[str, Callable[[Path], None]], Path]) -> tuple[str,
     return (folder / 'printed').read_text(), folder / 'out'
 
 
-def test_identified_model_beats_the_drawing_and_is_physical(demo: tuple[str, Path]) -> None:
+def test_the_identified_model_is_better_than_cad_and_physically_consistent(
+    demo: tuple[str, Path],
+) -> None:
     solvers = json.loads((demo[1] / 'result' / 'summary.json').read_text())['solvers']
     cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
     assert identified < 0.25 * cad
@@ -58,7 +60,7 @@ def test_the_validation_motion_stays_in_the_range_of_the_designed_motion(
         assert words not in demo[0]
 
 
-def test_results_are_whole(demo: tuple[str, Path]) -> None:
+def test_the_results_are_complete(demo: tuple[str, Path]) -> None:
     result = demo[1] / 'result'
     robot = load_robot(result / 'identified.urdf')
     assert all(is_physically_consistent(link) for link in robot.inertial_parameters)

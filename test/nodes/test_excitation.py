@@ -161,7 +161,7 @@ def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node)
     np.testing.assert_allclose(plans[-1].points[-1].velocities, 0.0, atol=1e-6)
 
 
-def test_goes_on_after_a_pause_of_an_arm_with_a_clock_of_another_name(
+def test_continues_after_a_pause_of_an_arm_with_a_renamed_clock(
     tmp_path: Path, environment, ros_node: Node
 ) -> None:
     log = tmp_path / 'excitation.log'

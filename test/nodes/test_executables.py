@@ -136,7 +136,7 @@ print(len(os.listdir('/proc/self/task')) - len(before))
 
 
 @pytest.mark.skipif(os.cpu_count() == 1, reason='one core: NumPy has no threads here anyway')
-def test_executables_share_no_matrix_among_threads() -> None:
+def test_executables_use_one_thread_for_linear_algebra() -> None:
     assert threads_added_by('numpy') > 0
     assert threads_added_by('aerarm_ros.nodes.controllers.impedance_control') == 0
 

@@ -125,7 +125,7 @@ def drone(
         yield DroneSensors(ros_node, process)
 
 
-def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: DroneSensors) -> None:
+def test_hovers_in_answer_to_odometry_and_flies_to_set_points(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     command = drone.commands[-1]
     assert list(command.name) == list(DRONE.rotor_names)
@@ -191,7 +191,9 @@ def test_messages_of_base_reaction_are_fed_forward(drone: DroneSensors) -> None:
 
 
 @pytest.mark.parametrize('arm_wait', [0.0, 10.0])
-def test_it_waits_for_the_arm_if_it_may(drone: DroneSensors, arm_wait: float) -> None:
+def test_waits_for_the_forecast_of_the_arm_if_arm_wait_is_set(
+    drone: DroneSensors, arm_wait: float
+) -> None:
     drone.hover_until('in order')  # nothing is told: nothing to wait for
     topic = topics.MOTION_WRENCH
     wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -312,7 +314,7 @@ def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSens
     ('parameters', 'reason'),
     [({}, 'drone_file is empty'), ({'drone_file': '/nowhere/drone.yaml'}, 'check the path')],
 )
-def test_it_does_not_start_without_a_drone(
+def test_does_not_start_without_a_drone_file(
     ros_domain: dict[str, str], parameters: dict[str, object], reason: str
 ) -> None:
     done = run('flight_control', parameters=parameters)

@@ -418,7 +418,7 @@ def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
     assert np.linalg.norm(place.force) == pytest.approx(np.sqrt(14.0), rel=0.5)
 
 
-def test_no_joint_feels_nothing(run: CarryingRun) -> None:
+def test_without_external_torque_no_contact_is_located(run: CarryingRun) -> None:
     locator = ContactLocator(run.robot())
     assert locator.locate(np.zeros(4), np.zeros(4), np.ones(4)) is None
     assert locator.locate(np.zeros(4), np.ones(4), np.full(4, np.inf)) is None

@@ -130,7 +130,7 @@ def test_without_thresholds_the_error_states_how_to_learn_them(make: Make) -> No
         make()
 
 
-def test_a_file_that_is_none_is_named(make: Make, tmp_path: Path) -> None:
+def test_an_invalid_thresholds_file_is_named(make: Make, tmp_path: Path) -> None:
     file = tmp_path / 'residuals.yaml'
     file.write_text('a: 1\n')
     with pytest.raises(ValueError, match='residual_bound'):

@@ -14,7 +14,7 @@ def lead(hand_over: PayloadCompensation, seconds: float) -> np.ndarray:
     return np.array([hand_over.update(STEP) for _ in range(round(seconds / STEP))])
 
 
-def test_it_comes_to_the_share_at_the_rate_of_the_mass_as_a_body() -> None:
+def test_the_payload_reaches_its_fraction_at_the_mass_rate_as_a_possible_body() -> None:
     hand_over = PayloadCompensation(0.8, 0.2, 1.0)
     hand_over.offer(FOUND)
     carried = lead(hand_over, 1.0)

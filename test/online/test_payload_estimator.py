@@ -56,7 +56,7 @@ def test_pick_up_and_put_down_are_found(run: CarryingRun, estimates: list[Online
     assert estimates[-1].payload.mass == SPECK
 
 
-def test_it_is_a_body_in_every_estimate(estimates: list[OnlineEstimate]) -> None:
+def test_every_estimate_is_physically_consistent(estimates: list[OnlineEstimate]) -> None:
     assert min(minimum_eigenvalue(estimate.payload.inertial) for estimate in estimates) > 0.0
 
 

@@ -26,7 +26,7 @@ def joules(plan: MotionPlan) -> float:
 
 
 @pytest.mark.parametrize(('start', 'goal'), [(LOW, HIGH), (HIGH, UPRIGHT)])
-def test_it_takes_much_less_than_a_quintic(start, goal, planner, dense_check) -> None:
+def test_the_plan_needs_much_less_energy_than_a_quintic(start, goal, planner, dense_check) -> None:
     plan = planner.plan(start, goal)
     quintic = planner.with_settings(objective='quintic').plan(start, goal)
     assert plan.path.duration == quintic.path.duration == 2.0

@@ -72,7 +72,7 @@ def test_a_missing_file_raises_another_error_than_a_broken_one(tmp_path: Path) -
 
 
 @pytest.mark.parametrize('count', ['-1', '.inf', '1.5', 'true', '~', '"7"', '[1]', '9' * 30])
-def test_a_count_that_is_none_is_no_account(tmp_path: Path, count: str) -> None:
+def test_an_invalid_message_count_is_ignored(tmp_path: Path, count: str) -> None:
     entry = f'{{topic_metadata: {{name: /a}}, message_count: {count}}}'
     path = written(tmp_path, f'{HEAD}topics_with_message_count: [{entry}]')
     assert read_information(path) == BagInformation()

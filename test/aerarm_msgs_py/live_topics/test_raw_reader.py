@@ -161,7 +161,7 @@ def test_each_publishers_losses_are_counted(ros_node: Node) -> None:
     reader.destroy()
 
 
-def test_a_long_message_comes_whole(ros_node: Node) -> None:
+def test_a_long_message_is_received_completely(ros_node: Node) -> None:
     reader = RawReader(ros_node, DEEP, identify=True)
     publisher = ros_node.create_publisher(String, DEEP.name, DEEP.qos)
     wait_until(lambda: publisher.get_subscription_count() == 1)

@@ -24,7 +24,7 @@ def trust(predicted: float, measured: float, noise: float, frequency: float = 0.
 
 
 @pytest.mark.parametrize('noise', [0.0, 1.0])
-def test_a_small_prediction_that_explains_nothing_is_let_go(noise: float) -> None:
+def test_a_small_prediction_that_explains_nothing_loses_its_weight(noise: float) -> None:
     """Too small a mass in the drone file, a heavy drone, slow motion: the arm's model is wrong."""
     assert trust(0.24, 0.02, noise).max() < 0.35
 

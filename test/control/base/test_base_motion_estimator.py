@@ -128,7 +128,7 @@ def test_the_motion_of_a_swinging_drone_is_estimated_without_lag(position) -> No
     assert force.max() < 0.4 * 0.019 + spin.max() * np.linalg.norm(position)
 
 
-def test_a_gap_makes_no_more_of_the_noise_than_the_samples_do() -> None:
+def test_a_gap_does_not_amplify_the_noise() -> None:
     random, estimator = np.random.default_rng(0), BaseMotionEstimator(GRAVITY, 'full')
     fresh, old = [], []
     for time in np.arange(0.0, 4.0, 0.004):

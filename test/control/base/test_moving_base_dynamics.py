@@ -163,7 +163,7 @@ def test_a_negative_rotor_inertia_is_refused(robot) -> None:
         MovingBaseDynamics(robot, -0.01)
 
 
-def test_a_payload_is_felt_by_joints_and_base() -> None:
+def test_a_payload_acts_on_joints_and_base() -> None:
     robot = load_robot()
     payload = np.zeros(10)
     payload[0] = 0.2  # a point at the last joint

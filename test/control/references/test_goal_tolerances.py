@@ -16,7 +16,7 @@ def test_missing_tolerances_are_those_of_the_follower() -> None:
     assert used.goal_time == OWN.goal_time
 
 
-def test_each_joint_has_its_own_and_minus_one_is_none() -> None:
+def test_each_joint_has_its_own_tolerance_and_minus_one_disables_it() -> None:
     used = resolve_tolerances(
         OWN, NAMES, [('joint3', 0.1)], [('joint1', -1.0), ('joint4', 0.5)], -1.0
     )

@@ -99,7 +99,7 @@ def test_a_stop_comes_to_rest_on_the_path_without_a_jump(motion: MotionSequence)
     assert len(velocity) - hardest < 200  # cycles
 
 
-def test_a_blocked_arm_is_given_up_with_the_joint_named(motion: MotionSequence) -> None:
+def test_a_blocked_arm_ends_the_motion_and_names_the_joint(motion: MotionSequence) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(1.0), STOPS, tracking_limit=0.2)
     for _ in play(player, motion.evaluate(0.0).q, blocked=True):
         pass

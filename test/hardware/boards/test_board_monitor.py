@@ -39,7 +39,7 @@ class Wire:
         return self
 
 
-def test_the_way_to_running_and_back():
+def test_a_board_passes_through_all_modes_to_running_and_back():
     wire = Wire()
     assert wire.monitor.mode is BoardMode.DISCONNECTED
     assert wire.good(4) is BoardMode.DISCONNECTED

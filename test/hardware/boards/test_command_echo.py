@@ -95,7 +95,7 @@ def test_of_commands_lost_between_lost_answers_those_are_counted_that_are_certai
 
 
 @pytest.mark.parametrize('rate', [0.02, 0.2, 0.7])
-def test_the_rate_is_the_share_of_lost_commands(rate):
+def test_the_rate_is_the_fraction_of_lost_commands(rate):
     wires = Wires()
     for whole in (np.random.default_rng(3).random(5000) >= rate).tolist():
         wires.exchange(out=whole)

@@ -75,7 +75,7 @@ def test_pauses_between_two_looks_prove_nothing(monitor):
         assert monitor.check(NONE, np.array(current), FRESH, 8e-3 * cycle) == ''
 
 
-def test_a_short_standstill_is_borne(monitor):
+def test_a_short_standstill_is_tolerated(monitor):
     for cycle in range(1, 400):
         position = np.full(4, 0.002 * (cycle // 40))  # a count every 40 ms
         assert monitor.check(position, np.full(4, 0.3 * cycle), FRESH, cycle * 1e-3) == ''
@@ -151,7 +151,7 @@ def test_between_two_looks_at_a_jump_its_joint_is_damped_up_to_the_speed_before(
     assert monitor.damping_speed[[0, 2, 3]].tolist() == [np.inf] * 3
 
 
-def test_a_reading_that_was_wrong_once_goes_on_being_damped(monitor):
+def test_after_one_wrong_reading_the_joint_is_still_damped(monitor):
     assert look(monitor, 3.0, 1e-3)[1] == 5.0  # it stood before
     assert look(monitor, 0.0, 2e-3) == ('', np.inf)
     assert monitor.trusted.tolist() == [True, False, True, True]
@@ -290,7 +290,7 @@ def test_dry_friction_and_as_much_again_holds_a_joint_whichever_way(monitor, con
     assert not stands(5.5)
 
 
-def test_the_current_that_braked_a_joint_is_gone_when_it_rests(monitor):
+def test_the_braking_current_of_a_joint_ends_when_it_rests(monitor):
     def rest_after(braking, rest):
         monitor.clear()
         for cycle in range(20):

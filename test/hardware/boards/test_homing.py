@@ -62,7 +62,7 @@ def test_homing_finds_the_joints_angles(make_rig, config, offset, pulses):
     assert rig.speed < 5e-3
 
 
-def test_a_pulse_met_while_the_host_is_held_up_is_searched_again(make_rig, config):
+def test_a_pulse_during_a_host_delay_is_searched_again(make_rig, config):
     q = np.array(config.rest_position) + [0.03, -0.05, 0.05, -0.02]
     rig = homing(make_rig(seed=4, position=q, homed=False))
     toggles = rig.bridge.state.index_toggle.copy()
@@ -319,7 +319,7 @@ def with_joint(config, number, **changes):
     return replace(config, joints=tuple(joints))
 
 
-def test_a_joint_whose_home_is_near_a_limit_turns_the_other_way_only(config, turn):
+def test_a_joint_homed_near_a_limit_turns_only_away_from_it(config, turn):
     for sign in (1, -1):
         near = with_joint(config, 2, position_min=-0.4 * turn[2], sign=sign)
         assert not homing_range_problem(near)

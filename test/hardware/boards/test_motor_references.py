@@ -171,7 +171,7 @@ def test_a_braked_joint_is_held_where_it_is_with_the_load_that_is_known(referenc
     assert not get(references, 'noise').any()
 
 
-def test_a_braking_torque_too_large_for_a_held_up_host_is_damped_about_the_speed_to_come(
+def test_a_braking_torque_unsafe_during_a_host_delay_is_damped_about_the_predicted_speed(
     references, config
 ):
     barriers = make_barriers(config, q=Q, highest=[5.0] * 4)
@@ -192,9 +192,7 @@ def test_references_within_a_barrier_are_unchanged(references, config):
     assert np.array_equal(before, after)
 
 
-def test_a_torque_that_a_held_up_host_may_not_leave_acting_is_damped_in_the_board(
-    references, drive, config
-):
+def test_a_torque_unsafe_during_a_host_delay_is_damped_on_the_board(references, drive, config):
     barriers = make_barriers(config, q=Q)
     for barrier in barriers:
         barrier.inertia, barrier.dq, barrier.filtered = 0.01, 1.0, 0.9

@@ -21,7 +21,7 @@ def test_awaits_an_answer_that_is_later_than_the_lag(lag: int) -> None:
 @pytest.mark.parametrize(
     'stamp', [NOW + MS, NOW - MS // 2, NOW - 21 * MS, 0], ids=['future', 'own', 'stale', 'none']
 )
-def test_a_stamp_that_is_none_of_the_last_states_is_no_answer(stamp: int) -> None:
+def test_a_stamp_of_no_recent_state_is_no_answer(stamp: int) -> None:
     watch = AnswerWatch(MS, 0)
     watch.note(NOW, NOW)
     watch.note(stamp, NOW)

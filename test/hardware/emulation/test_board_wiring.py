@@ -44,7 +44,7 @@ def test_the_count_of_joint4_is_that_of_the_wiring(boards, fault, motors):
     assert counted(boards, 3, 0.1) == pytest.approx(expected, abs=0.01)
 
 
-def test_a_count_goes_on_where_it_is_when_the_wiring_changes(boards):
+def test_encoder_counts_continue_when_the_wiring_changes(boards):
     boards.advance(0.0)
     boards.advance(1e-3)
     encoders = [motor.encoder for board in boards.boards for motor in board.motors]

@@ -120,7 +120,7 @@ def test_clock_runs_in_milliseconds_and_wraps():
 
 
 @pytest.mark.parametrize('profile', ['uomodri_v3', 'udriver_v2'])
-def test_bad_frames_are_ignored_and_the_last_command_goes_on(profile):
+def test_bad_frames_are_ignored_and_the_last_command_remains_active(profile):
     bench = BoardBench(profile).enabled()
     bench.command.current = [1.0, 1.0]
     bench.cycle()

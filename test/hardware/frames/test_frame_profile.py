@@ -19,7 +19,7 @@ def written(tmp_path, command='', sensor='', order='high_first'):
 
 
 @pytest.mark.parametrize('name', ['uomodri_v3', 'udriver_v2', 'laas_power'])
-def test_packaged_profiles_are_whole(name):
+def test_packaged_profiles_are_complete(name):
     profile = load_profile(name)
     assert profile.name == name
     assert FRAME_BYTES == 34

@@ -39,7 +39,7 @@ def test_a_good_command_is_kept(intake):
     assert intake.accepted == 2
 
 
-def test_before_the_first_command_there_is_none_and_no_rejection(intake):
+def test_before_the_first_command_there_is_no_command_and_no_rejection(intake):
     assert intake.age(5.0) == math.inf
     assert (intake.last_rejection, intake.last_rejection_time) == ('', -math.inf)
     command = OfferedCommand(NAMES, None, ONE, None, 0.0, 'me')

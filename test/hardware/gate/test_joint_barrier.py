@@ -292,7 +292,7 @@ def test_a_joint_is_overwhelmed_if_full_torque_cannot_brake_it():
 PULL = 0.05 * JOINT.effort_max  # of other joints that are braked meanwhile
 
 
-def test_a_torque_that_a_joint_survives_needs_no_damping_for_a_host_that_is_held_up():
+def test_a_torque_that_is_safe_during_a_host_delay_needs_no_damping():
     # Until the board lets go it brings the joint to 1.1 times its limit at most, and to 1.15 times
     # if other joints pull at it.
     barrier = seen()

@@ -155,7 +155,7 @@ def test_the_reason_for_a_stop_is_one_complete_sentence():
     )
 
 
-def test_a_joint_within_tolerance_demands_none():
+def test_a_joint_within_tolerance_requires_no_stop():
     limiter = make_limiter()
     assert limiter.state_violation(3.01, 6.2) == ''
     assert limiter.state_violation(-3.01, -6.2) == ''
@@ -176,7 +176,7 @@ def test_a_command_far_out_of_bounds_demands_a_stop(command, hint):
     assert 'joint3' in limiter.command_violation(*command, q=0.0)
 
 
-def test_a_command_a_little_over_its_limits_demands_none():
+def test_a_command_slightly_above_its_limits_requires_no_stop():
     limiter = make_limiter()
     assert limiter.command_violation(3.0, 6.2, 15.0, q=2.9) == ''
     assert limiter.command_violation(NAN, NAN, NAN, q=0.0) == ''

@@ -99,7 +99,7 @@ def test_an_arm_that_falls_during_alignment_is_stopped(gate):
     )
 
 
-def test_standstill_is_zero_speed_and_nothing_else():
+def test_the_standstill_command_is_zero_velocity_only():
     still = CommandBuffer.standstill(3)
     assert still.dq.tolist() == [0.0, 0.0, 0.0]
     assert np.isnan(still.q).all()

@@ -81,7 +81,7 @@ def test_one_error_does_not_close_the_file(device, driver):
 
 
 @pytest.mark.parametrize('error', [errno.ESHUTDOWN, errno.ENODEV, errno.EIO])
-def test_a_device_that_is_gone_is_looked_for_with_growing_waits(device, driver, error):
+def test_a_removed_device_is_reopened_after_increasing_waits(device, driver, error):
     driver.error, driver.is_there = error, False
     assert run(device, driver, 30.0) == 0
     assert driver.closed == 1

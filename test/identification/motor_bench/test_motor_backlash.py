@@ -28,14 +28,14 @@ def found(run: MotorRun, gravity: tuple[float, float] = GRAVITY) -> tuple[float,
     return fit_backlash([run], friction, (links, 0.2 * links), (rotor, 0.3 * rotor), 'joint')
 
 
-def test_it_is_found_within_a_tenth() -> None:
+def test_the_backlash_is_estimated_within_a_tenth() -> None:
     value, std = found(swings(0.02))
     assert value == pytest.approx(0.02, rel=0.1)
     assert abs(value - 0.02) < 3.0 * std < 0.008
     assert not is_largest((value, std))
 
 
-def test_a_gear_without_has_none() -> None:
+def test_a_gear_without_backlash_yields_none() -> None:
     value, std = found(swings(0.0))
     assert not is_significant((value, std))
     assert value + 3.0 * std < 3e-3

@@ -56,7 +56,7 @@ def test_currents_that_tell_nothing_are_no_measurement() -> None:
 
 
 @pytest.mark.parametrize('seconds', [0.0, 0.3])
-def test_short_readings_are_none(seconds: float) -> None:
+def test_short_readings_yield_no_resistance(seconds: float) -> None:
     full = supply()
     part = full.time < seconds
     fields = (full.time, full.current, full.speed, full.power)

@@ -183,7 +183,7 @@ def test_an_invalid_table_raises_an_error_with_the_reason(
         read_table(path, JOINTS)
 
 
-def test_files_that_are_none(tmp_path: Path) -> None:
+def test_unreadable_tables_raise_errors(tmp_path: Path) -> None:
     with pytest.raises(IdentificationError, match='check the path'):
         read_table(tmp_path / 'none.csv', JOINTS)
     for name, content in (('a.csv', b'time,q1\n1.0,two\n'), ('a.npz', b'PK nothing')):

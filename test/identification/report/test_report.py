@@ -79,7 +79,7 @@ def html(result: IdentificationResult, extras: ReportExtras) -> str:
     return report_html(result, extras)
 
 
-def test_it_is_well_formed_and_needs_no_network(html: str) -> None:
+def test_the_report_is_well_formed_and_needs_no_network(html: str) -> None:
     page = Page(html)
     assert not page.stack
     # To places of its own.
@@ -93,7 +93,7 @@ def test_many_bags_have_fewer_points_each(result: IdentificationResult) -> None:
     assert points(many) == 200
 
 
-def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) -> None:
+def test_the_report_contains_tables_and_figures(html: str, result: IdentificationResult) -> None:
     page = Page(html)
     assert page.headings == [
         'Torque errors',
@@ -224,7 +224,7 @@ def test_missing_true_values_are_a_dash(result: IdentificationResult, extras: Re
             assert row.count('–') == expected
 
 
-def test_it_can_do_without_extras(result: IdentificationResult) -> None:
+def test_the_report_works_without_extras(result: IdentificationResult) -> None:
     page = Page(report_html(result, ReportExtras()))
     assert 'Comparison with the true parameters' not in page.headings
     assert not any('True: parameter of the simulated arm' in text for text in page.texts)

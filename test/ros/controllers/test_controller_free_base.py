@@ -81,7 +81,7 @@ def test_an_unstable_payload_is_rejected_at_run_time(make, heavy_drone) -> None:
     assert result.successful, result.reason
 
 
-def test_a_law_that_uses_no_base_warns_of_none(make) -> None:
+def test_without_base_motion_there_is_no_warning_about_it(make) -> None:
     node = make(KinematicControlNode, base_motion='free', drone_file=DRONE)
     node._mode = COMMANDABLE[0]
     assert node.warning() == ''

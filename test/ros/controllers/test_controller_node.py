@@ -35,7 +35,9 @@ def bench(
         yield bench
 
 
-def test_gravity_compensation_goes_to_set_points_and_lets_go(bench: ControllerBench) -> None:
+def test_gravity_compensation_moves_to_set_points_and_releases_the_arm(
+    bench: ControllerBench,
+) -> None:
     with bench.controller('gravity_compensation') as process:
         set_points = bench.publisher(topics.SET_POINT)
         bench.wait(lambda: bench.mode == 'running', 'commands')

@@ -88,7 +88,7 @@ def test_its_torque_never_steps() -> None:
     assert np.ptp(torques, axis=0).max() > 1.0
 
 
-def test_a_share_of_it_is_a_share() -> None:
+def test_a_fraction_of_the_payload_is_compensated() -> None:
     rig = IntakeRig(0.5)
     grasped(rig)
     before = rig.residual()

@@ -45,7 +45,7 @@ def hold(state: JointState) -> JointState:
 
 
 @pytest.mark.parametrize('pace', ['keep_up', 'real_time'])
-def test_a_pause_of_the_host_is_none_of_the_emulated_world(
+def test_a_pause_of_the_host_does_not_advance_simulation_time(
     start_bridge: StartBridge, ros_node: Node, pace: str
 ) -> None:
     bridge = start_bridge(pace=pace)
@@ -331,7 +331,7 @@ def test_in_lockstep_imu_and_observer_make_no_difference(tmp_path: Path, ros_nod
 
 
 @pytest.mark.pace('keep_up')
-def test_time_goes_on_where_the_bridge_was_deactivated(
+def test_simulation_time_continues_after_a_deactivation(
     client: BridgeClient, ros_node: Node
 ) -> None:
     service = ros_node.create_client(ChangeState, 'fake_hardware/change_state')

@@ -115,7 +115,7 @@ class ArmSwinger:
         bench.wait(lambda: bench.feels(wanted) and np.abs(bench.dq).max() > 0.1, f'{force} N')
 
 
-def test_it_hovers_under_its_controller_and_falls_without(bench: DroneBench) -> None:
+def test_the_drone_hovers_with_its_controller_and_falls_without(bench: DroneBench) -> None:
     contact = {'drone_file': DRONE, 'contact_bandwidth': 2.0}
     with (
         bench.controller('gravity_compensation'),

@@ -98,7 +98,7 @@ def test_its_dynamics_are_those_identified(arm: IdentifiedArm) -> None:
     assert found == pytest.approx(bag.links_torque(inertial)[row] + rotors, abs=1e-9)
 
 
-def test_it_is_saved_as_the_identifier_does(arm: IdentifiedArm, tmp_path: Path) -> None:
+def test_the_result_is_saved_as_by_the_identifier(arm: IdentifiedArm, tmp_path: Path) -> None:
     folder = arm.save(tmp_path / 'result')
     assert sorted(path.name for path in folder.iterdir()) == [
         *('estimate.yaml', 'identified.sdf', 'identified.urdf', 'identified.xml'),

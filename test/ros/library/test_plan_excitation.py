@@ -28,7 +28,7 @@ def test_the_motion_is_from_rest_to_rest_within_the_limits(plan: PlannedExcitati
     assert np.gradient(motion.q[:, 1], time)[5:-5] == pytest.approx(motion.dq[5:-5, 1], abs=1e-3)
 
 
-def test_it_is_saved_and_shown(plan: PlannedExcitation, tmp_path: Path) -> None:
+def test_the_plan_is_saved_and_displayed(plan: PlannedExcitation, tmp_path: Path) -> None:
     file = TrajectoryFile.load(plan.save(tmp_path / 'motion.yaml'))
     assert file.periods == 1
     assert file.joint_names == plan.joint_names == aerarm_ros.load_robot().joint_names

@@ -231,7 +231,7 @@ def test_a_fetch_resumes_after_a_restart_of_either_end(
     assert blocks < 1.7 * 151  # what was stored is not sent again
 
 
-def test_a_fetch_goes_on_without_the_user_and_without_the_drones_memory(
+def test_a_fetch_continues_without_the_user_and_after_a_restart_of_the_drone(
     link: LinkedRecordings, client: Node, tmp_path: Path
 ) -> None:
     bag = make_bag(tmp_path)

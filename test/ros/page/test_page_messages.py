@@ -63,7 +63,7 @@ def test_messages_of_the_page_are_accepted() -> None:
         None,
     ],
 )
-def test_a_press_changes_nothing_else(updates: object) -> None:
+def test_a_press_with_other_changes_is_rejected(updates: object) -> None:
     assert not allowed(PRESS | {'updates': updates})
 
 
@@ -91,7 +91,7 @@ def test_a_press_changes_nothing_else(updates: object) -> None:
         [PRESS, PRESS],
     ],
 )
-def test_nothing_else_is_taken(message: object) -> None:
+def test_other_messages_are_rejected(message: object) -> None:
     assert not allowed(message)
 
 

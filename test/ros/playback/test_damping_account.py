@@ -14,7 +14,7 @@ def account(*modes: tuple[float, str], begin: float = 0.0, end: float = 10.0) ->
     return account
 
 
-def test_a_motion_without_damping_has_no_account() -> None:
+def test_a_motion_without_damping_reports_none() -> None:
     calm = account((-1.0, 'ready'), (0.5, 'running'))
     assert calm.damped == (0, 0.0)
     assert calm.share == 0.0

@@ -113,7 +113,7 @@ def test_states_before_the_motion_do_not_count_as_unanswered(
 
 
 @pytest.mark.parametrize('held_up', ['state', 'answer'])
-def test_a_motion_does_not_begin_while_states_or_answers_are_held_up(
+def test_a_motion_does_not_begin_while_states_or_answers_are_delayed(
     ros_node: Node, player: ExcitationPlayer, held_up: str
 ) -> None:
     arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)

@@ -201,7 +201,7 @@ def running_node(
 
 
 @pytest.mark.parametrize('running_node', [''], indirect=True)  # their own default
-def test_a_node_on_this_host_hears_the_loopback_interface_only(
+def test_by_default_a_node_receives_only_on_the_loopback_interface(
     running_node: NodeProcess, ros_domain: dict[str, str]
 ) -> None:
     sockets = udp_sockets(running_node.pid)
@@ -217,7 +217,7 @@ def test_a_node_on_this_host_hears_the_loopback_interface_only(
 
 
 @pytest.mark.parametrize('running_node', ['SUBNET'], indirect=True)
-def test_a_node_for_the_subnet_hears_every_interface(running_node: NodeProcess) -> None:
+def test_a_node_open_to_the_subnet_receives_on_every_interface(running_node: NodeProcess) -> None:
     assert hears_elsewhere(running_node.pid, 10.0)
 
 

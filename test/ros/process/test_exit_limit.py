@@ -49,7 +49,7 @@ def run(code: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize('status', [0, 7])
-def test_it_ends_with_its_status(status: int) -> None:
+def test_the_process_ends_with_its_status(status: int) -> None:
     done = run(
         f'{SPINNING}{LIMIT}exit_limit.exit_within({status}, 0.3); print("done"); sys.exit({status})'
     )
@@ -61,7 +61,7 @@ def test_one_that_ends_in_time_is_not_touched() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (3, 'done\n', '')
 
 
-def test_it_ends_while_something_is_closed() -> None:
+def test_the_process_ends_while_an_object_is_being_closed() -> None:
     done = run(f'{SPINNING}{LIMIT}\nwith exit_limit.ExitLimit(7, 0.3): spin()')
     assert (done.returncode, done.stderr) == (7, '')
 

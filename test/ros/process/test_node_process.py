@@ -55,7 +55,7 @@ def test_a_killed_parent_leaves_no_child(
     assert not is_up or 'cycles' in log.read_text()
 
 
-def test_nothing_starts_for_a_parent_that_has_gone() -> None:
+def test_no_process_starts_for_an_ended_parent() -> None:
     gone = subprocess.Popen([sys.executable, '-c', ''])
     gone.wait()
     run = subprocess.run(

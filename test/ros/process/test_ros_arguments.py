@@ -34,7 +34,7 @@ def test_own_arguments_are_apart_from_those_for_ros() -> None:
     assert [parameter.name for parameter in arguments.parameters] == ['seed', 'x']
 
 
-def test_no_arguments_are_none() -> None:
+def test_an_empty_command_line_has_no_arguments() -> None:
     arguments = RosArguments([])
     assert (arguments.plain, arguments.parameters) == ([], [])
     assert arguments.full_name('excitation') == '/excitation'

@@ -128,7 +128,7 @@ def test_one_that_stays_awake_is_not_stopped_by_ctrl_z() -> None:
     end(stopped)
 
 
-def test_a_crash_ends_it_all_the_same() -> None:
+def test_a_crash_still_ends_the_process() -> None:
     # A handler would be called after the instruction that crashed, which is never over.
     for crash, number in (
         ('ctypes.string_at(0)', signal.SIGSEGV),

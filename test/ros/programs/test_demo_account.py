@@ -56,7 +56,7 @@ def test_messages_without_numbers_are_not_called_complete(tmp_path: Path) -> Non
     assert last == 'Recorder  validation: 2000 messages, unknown lost'
 
 
-def test_a_log_without_an_account_is_named(tmp_path: Path) -> None:
+def test_a_log_without_its_final_line_is_named(tmp_path: Path) -> None:
     (tmp_path / 'bridge').write_text('Killed\n')
     with pytest.raises(ValueError, match='bridge has no line'):
         DemoAccount.read(tmp_path / 'bridge', {})

@@ -80,7 +80,7 @@ def test_parquet_holds_the_same(out: Path) -> None:
     assert table[3]['fs_joint2'] is None
 
 
-def test_it_goes_on_where_it_was_ended(
+def test_an_interrupted_run_continues(
     out: Path, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     again = tmp_path / 'again'

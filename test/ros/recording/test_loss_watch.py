@@ -58,7 +58,7 @@ def test_a_pass_that_another_program_took_names_the_processor() -> None:
     assert 'parameter depth, 10 now' in text
 
 
-def test_messages_of_another_host_that_nothing_here_held_up_were_lost_on_the_way() -> None:
+def test_losses_from_another_host_without_local_delay_are_attributed_to_the_network() -> None:
     watch = watch_of()
     for begin in range(0, 1000, 10):
         pass_for(watch, begin, 10, disk=9)
