@@ -149,7 +149,7 @@ class WorldLoop(PeriodicLoop):
 
 
 _LAG_NS = 500_000_000
-"""[ns]; a recorder's queues and the middleware's shared memory hold some seconds."""
+"""[ns]; a recorder's queues and the middleware's shared memory hold some seconds of messages."""
 
 
 class RecordingWatch:

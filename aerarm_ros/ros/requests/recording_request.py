@@ -39,7 +39,7 @@ _WATCH_EVERY = 2.0  # [s]
 
 
 class RecordingRequest:
-    """Records on the drone, and fetches the bag.
+    """Client that records a bag on the drone and fetches it.
 
     Parameters
     ----------
