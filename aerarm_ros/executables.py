@@ -111,7 +111,7 @@ def _run(name: str) -> int:
 
 
 def program(name: str, arguments: Sequence[str]) -> str:
-    """Return the module with the `main` of a command line."""
+    """Return the module whose `main` executes a command line."""
     options, offline = _OFFLINE.get(name, ((), ''))
     is_offline = any(argument.split('=')[0] in options for argument in arguments)
     return offline if is_offline else command_modules()[name]

@@ -66,7 +66,7 @@ def drone_argument() -> DeclareLaunchArgument:
 
 
 def drone_parameter() -> dict[str, ParameterValue]:
-    """Return the node parameter with the drone's file; an empty text stays a text."""
+    """Return the node parameter with the drone's file, as a string also if it is empty."""
     return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
@@ -133,12 +133,12 @@ MOTION_ARGUMENTS = (
         'controller',
         default_value='none',
         choices=['none'],
-        description='always none: the programs of this launch file move the arm',
+        description='fixed to none, because the programs of this launch file command the arm',
     ),
     DeclareLaunchArgument(
         'excitation_config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
-        description='surroundings of the arm and usable fractions of its limits',
+        description='YAML file of obstacles and usable fractions of the limits',
     ),
 )
 

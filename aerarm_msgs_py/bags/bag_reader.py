@@ -336,7 +336,7 @@ def read_contents(
     contents.expected = bag.recorded_count(name)
     count = len(contents.joint_states[name]) + contents.left_out
     if contents.expected is None or contents.expected < count:  # no count, or an outdated one
-        _tell_lost(contents.joint_states[name], name, path)
+        _warn_lost(contents.joint_states[name], name, path)
     return contents
 
 
@@ -352,8 +352,8 @@ def lost_messages(sequence: NDArray[np.int64]) -> int | None:
     return gaps.lost
 
 
-def _tell_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
-    """Warn of messages that are missing by their numbers, if the bag has no count."""
+def _warn_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
+    """Warn about gaps in the sequence numbers, if the bag does not state the number of messages."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
             f'{path}: by their sequence numbers, {lost} messages of {topic} are missing between '

@@ -244,7 +244,7 @@ def decompressed(
         except DecompressionError:
             continue
     if len(messages) < len(sound):
-        report.tell(
+        report.add(
             f'is damaged: {len(sound) - len(messages)} messages of {block.topic} cannot be '
             'decompressed and are ignored'
         )

@@ -108,9 +108,9 @@ class ForeignFile:
                     f'{self.path} cannot be read: {error}; copy the file again, or '
                     f'repair it ({repair})'
                 )
-            self._report.tell(f'is damaged ({error}): only its first {count} messages are read')
+            self._report.add(f'is damaged ({error}): only its first {count} messages are read')
         if missing := end['missing']:
-            self._report.tell(
+            self._report.add(
                 f'is damaged: {missing} messages of another type, or without a topic or time, '
                 'are ignored'
             )
@@ -182,8 +182,8 @@ class ForeignFile:
             end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
         if end['limit']:
             raise BagError(
-                f'{self.path} takes more {end["limit"]} to read than its size allows. The file '
-                "may be damaged or malicious; if you trust it, raise the limit 'ratio'"
+                f'reading {self.path} takes more {end["limit"]} than the limit for its size. The '
+                "file may be damaged or malicious; if you trust it, raise the limit 'ratio'"
             )
 
 

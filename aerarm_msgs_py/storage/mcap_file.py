@@ -40,7 +40,7 @@ _MIX_TIME, _MIX_SEQUENCE = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27
 
 
 class RepeatedMessages:
-    """Find repeated messages of one topic: equal reception, number and bytes.
+    """Find repeated messages of one topic: same receipt time, sequence number and bytes.
 
     Eight bytes of each message are stored. The stored bytes are compared only if the time of
     reception does not rise, as it does in every intact bag.
@@ -79,7 +79,7 @@ class RepeatedMessages:
 
 
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
-    """Return a hash of each message; two messages share a hash with a chance of 1 in 2^64."""
+    """Return a hash of each message; two messages share a hash with a probability of 2^-64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
     return keys ^ payloads.hashes()
 
@@ -188,7 +188,7 @@ class McapFile:
                 indexes = chunk[1] if chunk else ChunkIndexes()
                 indexes.add(self._content(stream, record, budget))
                 if not chunk:
-                    self._tell_orphan(record, indexes)
+                    self._report_orphan(record, indexes)
                 continue
             if chunk:
                 yield from self._chunk(stream, *chunk, budget, topics)
@@ -216,9 +216,9 @@ class McapFile:
                 self._summary.counts = read_counts(RecordFields(content))
 
     def _content(self, stream: BinaryIO, record: McapRecord, budget: ReadBudget) -> bytes:
-        """Return the content of a record; empty if it exceeds the limit of a part."""
+        """Return the content of a record; empty if it exceeds the limit `part_bytes`."""
         if record.length > budget.part_bytes:
-            self._report.tell(
+            self._report.add(
                 f'has a record of {record.length} bytes at byte {record.start}, above the limit '
                 f'of {budget.part_bytes} bytes per record (limits part_bytes and ratio): the '
                 'record is ignored',
@@ -228,9 +228,9 @@ class McapFile:
         stream.seek(record.start + RECORD.size)
         return stream.read(record.length)
 
-    def _tell_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
+    def _report_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
         if indexes.messages or not indexes.complete:
-            self._report.tell(
+            self._report.add(
                 f'is damaged: {indexes.messages or "some"} messages are lost; only their index '
                 f'at byte {record.start} is left'
             )
@@ -256,7 +256,7 @@ class McapFile:
         except ChunkError as error:
             if record.whole:  # otherwise the truncated end was reported
                 listed = f' with {indexes.messages} messages' if indexes.messages else ''
-                self._report.tell(
+                self._report.add(
                     f'is damaged: {place}{listed} ({record.length} bytes) is ignored, '
                     f'because: {error}',
                     record.length,
@@ -288,7 +288,7 @@ class McapFile:
                 self._topics.register(opcode, content)
             self._check_walk(run, starts.tolist(), unread)
             if not run.indexes.agree_with(starts):
-                self._report.tell(
+                self._report.add(
                     f'is damaged: the index behind {run.place} lists {run.indexes.messages} '
                     f'messages, but the chunk has {len(starts)} at other places; the reader uses '
                     'those'
@@ -296,7 +296,7 @@ class McapFile:
             headers = elements_at(records, MESSAGE_HEADER, starts)
         for index, own in self._topics.groups(headers['channel']):
             if index < 0:
-                self._report.tell(
+                self._report.add(
                     f'is damaged: {len(own)} messages without a known topic are ignored'
                 )
             elif topics is None or self._topics.names[index] in topics:
@@ -307,7 +307,7 @@ class McapFile:
     def _check_walk(self, run: RecordRun, starts: list[int], unread: int) -> None:
         """Report unknown records; the truncated end of a file was already reported."""
         if unread and run.place:
-            self._report.tell(
+            self._report.add(
                 f'is damaged: in {run.place}, {unread} bytes after {len(starts)} messages are '
                 'not messages and are ignored',
                 unread,
@@ -334,7 +334,7 @@ class McapFile:
             if first is None:
                 yield part
                 continue
-            self._report.tell(
+            self._report.add(
                 f'is damaged: {len(first) - int(first.sum())} messages of {topic} are stored '
                 'twice; each is read once'
             )

@@ -182,7 +182,7 @@ class McapTopics:
             schema = fields.number(2)
             topic = fields.text()
         except ValueError as error:
-            self._report.tell(f'is damaged: the record of a topic is ignored, {error}')
+            self._report.add(f'is damaged: the record of a topic is ignored, {error}')
             return
         if self._claimed.setdefault(number, topic) != topic:
             self._contradict(number, topic)
@@ -219,7 +219,7 @@ class McapTopics:
 
     def _contradict(self, number: int, topic: str) -> None:
         if self._index[number] != _CONTRADICTED:
-            self._report.tell(
+            self._report.add(
                 f'is damaged: channel {number} has the two names {self._claimed[number][:200]} '
                 f'and {topic[:200]}, its messages are ignored'
             )

@@ -336,11 +336,11 @@ class McapWalk:
                 if opcode < _PRIVATE:
                     yield McapRecord(opcode, position, length)
                 else:
-                    self._tell_private(position, opcode, length)
+                    self._report_unknown(position, opcode, length)
                 position = follows
                 continue
             if (next_chunk := self._chunk_behind(position)) is None:
-                self._tell_cut(position)
+                self._report_cut(position)
                 if opcode == Opcode.CHUNK and follows > self._size:
                     yield McapRecord(opcode, position, self._size - position - RECORD.size, False)
             position = next_chunk
@@ -365,19 +365,19 @@ class McapWalk:
         if index == len(self._chunks) or self._chunks[index] >= self._size:
             return None
         lost = self._chunks[index] - position
-        self._report.tell(f'is damaged: {lost} bytes at byte {position} are ignored', lost)
+        self._report.add(f'is damaged: {lost} bytes at byte {position} are ignored', lost)
         return self._chunks[index]
 
-    def _tell_cut(self, position: int) -> None:
+    def _report_cut(self, position: int) -> None:
         rest = self._size - position
-        self._report.tell(
+        self._report.add(
             f'is cut off at byte {position} (the recorder may have been killed): of its last '
             f'{rest} bytes only complete messages are used',
             rest,
         )
 
-    def _tell_private(self, position: int, opcode: int, length: int) -> None:
-        self._report.tell(
+    def _report_unknown(self, position: int, opcode: int, length: int) -> None:
+        self._report.add(
             f'has a record of the unknown kind {opcode} at byte {position}: its {length} bytes '
             'are ignored',
             length,

@@ -42,7 +42,7 @@ class DamageReport:
         self._path = path
         self._lost = 0
 
-    def tell(self, what: str, lost: int = 0) -> None:
+    def add(self, what: str, lost: int = 0) -> None:
         """Warn of damage, and of the number of lost bytes."""
         self.places += 1
         self._lost += lost

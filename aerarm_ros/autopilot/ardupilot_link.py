@@ -127,7 +127,7 @@ class JsonLink:
         self._line.close()
 
     def _receive(self, patience: float) -> bool:
-        """Wait for the next motor packet; ArduPilot repeats a packet to which nothing answers."""
+        """Wait for the next motor packet; ArduPilot repeats unanswered packets."""
         deadline = time.monotonic() + patience
         while select.select([self._line], [], [], max(deadline - time.monotonic(), 0.0))[0]:
             packet, sender = self._line.recvfrom(_CHUNK)

@@ -104,7 +104,7 @@ class LoopOffset:
 
 
 class ArduPilotSetPoints:
-    """Create the set point messages for ArduCopter, moved by `LoopOffset`.
+    """Create the set point messages for ArduCopter, with the offset of `LoopOffset`.
 
     Parameters
     ----------

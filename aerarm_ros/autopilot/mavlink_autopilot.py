@@ -1,4 +1,4 @@
-"""Autopilot at the other end of a MAVLink line: its state, streams and commands."""
+"""Autopilot at the other end of a MAVLink connection: its state, streams and commands."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -65,7 +65,7 @@ class ImuReading(NamedTuple):
 
 
 class MavlinkAutopilot:
-    """Track an autopilot over a line, and request the streams that the arm needs.
+    """Track an autopilot over a connection, and request the streams that the arm needs.
 
     The class sends set points and heartbeats. Only `arm`, `disarm` and `offboard` arm the autopilot
     or change its mode. All times `now` [s] are those of a monotonic clock.

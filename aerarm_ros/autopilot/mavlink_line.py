@@ -1,4 +1,4 @@
-"""Lines to an autopilot with MAVLink: UDP or serial."""
+"""MAVLink connections to an autopilot over UDP or a serial port."""
 
 import errno
 import os
@@ -33,7 +33,7 @@ class Line(Protocol):
         """Send a frame; without a receiver the frame is lost."""
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return the new messages, after waiting up to `patience` [s] for the first.
+        """Wait up to `patience` [s] for a message; return all new messages.
 
         Raises
         ------
@@ -46,7 +46,7 @@ class Line(Protocol):
 
 
 class UdpLine:
-    """UDP line to a given address, or to the first host that sends to the bound port.
+    """UDP connection to a given address, or to the first host that sends to the bound port.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class SerialLine:
 
 
 def open_line(text: str) -> UdpLine | SerialLine:
-    """Open the MAVLink line that a text such as `udp:14550` describes.
+    """Open the MAVLink connection that a text such as `udp:14550` describes.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ class Px4Firmware:
 
     @property
     def wants_set_points(self) -> bool:
-        """Whether the held drone's firmware needs set points: PX4 arms only while it gets them."""
+        """Whether the held drone's firmware needs set points: PX4 arms only with set points."""
         return self.stage in (FlightStage.ARM, FlightStage.SPOOL)
 
     @property
@@ -273,7 +273,7 @@ class LockstepFirmware(Protocol):
 
 
 class SetPoints(Protocol):
-    """Interface of what creates set point messages with the arm's feedforward."""
+    """Interface of an object that creates set point messages with the arm's feedforward."""
 
     def reset(self) -> None:
         """Reset the integral of the position loop."""

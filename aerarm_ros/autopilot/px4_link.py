@@ -58,7 +58,7 @@ class Companion(Protocol):
         """Send a frame."""
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return the new messages, after waiting up to `patience` [s] for the first."""
+        """Wait up to `patience` [s] for a message; return all new messages."""
 
     def close(self) -> None:
         """Close the line."""
@@ -193,7 +193,7 @@ class CompanionLink:
             return
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return the new messages, after waiting up to `patience` [s] for the first."""
+        """Wait up to `patience` [s] for a message; return all new messages."""
         found: list[Message] = []
         select.select([self._line], [], [], patience)
         while True:

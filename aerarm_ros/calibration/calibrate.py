@@ -230,8 +230,8 @@ def _without_copies(observations: Observations) -> tuple[Observations, list[str]
     sources, messages = [], []
     for source in observations.sources:
         if isinstance(source, MarkerSource):
-            source, told = without_copies(source)
-            messages += told
+            source, notes = without_copies(source)
+            messages += notes
         sources.append(source)
     return replace(observations, sources=tuple(sources)), messages
 

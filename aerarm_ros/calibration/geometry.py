@@ -17,7 +17,7 @@ KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance', 'sin', 'cos')
 offset
     Added to the recorded position [rad], of a prismatic joint [m].
 x, y, z, rx, ry, rz
-    Displacement [m] and rotation vector [rad] of the joint's frame in its frame as drawn.
+    Displacement [m] and rotation vector [rad] of the joint's frame, in its frame in the URDF.
 compliance
     Deflection under the torque of gravity [rad/Nm].
 sin, cos

@@ -92,7 +92,7 @@ def choose_postures(
 
 
 def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callable[[Array], bool]:
-    """Return a function that tells whether a marker on the link faces a camera in a posture.
+    """Return a function of a posture: whether a marker on the link faces the camera.
 
     A marker is visible up to 60 degrees between its normal and the line of sight.
 

@@ -26,7 +26,7 @@ from aerarm_ros.pages.plots import figure_html, plotting_script
 
 _METRIC = (
     'Root mean square of the distance between measured and predicted position, and of the angle '
-    'between measured and predicted orientation. "Before" is the URDF as drawn, with base frame '
+    'between measured and predicted orientation. "Before" is the original URDF, with base frame '
     'and markers fitted to the training postures. Held-out postures take no part in any fit.'
 )
 _CHOICE = (
@@ -81,7 +81,7 @@ def headline(calibration: Calibration) -> str:
     before = calibration.errors(calibration.registration, observations)
     after = calibration.errors(calibration.fit, observations)
     text = (
-        f'Position error {name}: {1e3 * before[0]:.2f} mm as drawn, {1e3 * after[0]:.2f} mm '
+        f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm '
         f'calibrated ({calibration.best.name}, {len(calibration.fit.free)} errors)'
     )
     if np.isfinite(after[1]):
@@ -209,7 +209,7 @@ def _mean(values: Array) -> float:
 def _posture_figure(calibration: Calibration) -> Html:
     observations = calibration.observations
     traces: list[dict[str, Any]] = []
-    for name, fit in (('as drawn', calibration.registration), ('calibrated', calibration.fit)):
+    for name, fit in (('before', calibration.registration), ('after', calibration.fit)):
         errors = np.array([_largest(fit, observations.rows([k])) for k in range(len(observations))])
         traces.append(
             {
@@ -250,7 +250,7 @@ def _estimate_table(calibration: Calibration) -> Html:
         for name, column, value, deviation in _estimates(fit)
     ]
     if not rows:
-        return paragraph('All errors are insignificant: the arm matches its drawing.')
+        return paragraph('All errors are insignificant: the arm matches its URDF.')
     return table(['error', 'estimate', 'standard deviation', 'unit'], rows)
 
 

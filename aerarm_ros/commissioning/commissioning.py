@@ -184,8 +184,8 @@ class TurnStep(CommissioningStep):
             self.measured['pulse_offset'] = offset
         elif not findings:
             self.findings.append(
-                f'{self._name}: homing needs the place of the index pulse, but no index pulse '
-                'was seen between two consecutive frames. Turn the joint slowly, check the load '
+                f'{self._name}: homing needs the angle of the index pulse, but no index pulse '
+                'was located between two consecutive frames. Turn the joint slowly, check the load '
                 'of this computer, and repeat'
             )
 

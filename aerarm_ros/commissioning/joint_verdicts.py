@@ -100,7 +100,8 @@ def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findi
     if abs(off) <= _RETURN_TOLERANCE:
         return []
     return [
-        f'{this.name}: after the return to its mark, the encoder reads {off:+.3f} rad off; place '
+        f'{this.name}: after the return to the home configuration, the encoder reads {off:+.3f} '
+        'rad off; place '
         'the joint exactly, or check the encoder for lost counts and the gear for slip'
     ]
 

@@ -1,4 +1,4 @@
-"""What a controller does when something touches the arm."""
+"""Reaction of a controller to a contact of the arm."""
 
 from collections import deque
 from typing import Any, Protocol
@@ -16,7 +16,7 @@ _RELEASED = 0.5  # [s] without contact after which a compliant arm is stiff agai
 
 
 class ComplyingLaw(Protocol):
-    """A law whose stiffness can be lowered."""
+    """Control law whose stiffness can be lowered."""
 
     stiffness_share: float
 
@@ -89,7 +89,7 @@ class ContactReaction:
         return not 0.0 <= now - self._reported < _SILENT
 
     def report(self, in_contact: bool, now: float) -> None:
-        """Take a report of `now` [s] that something touches the arm, or nothing does."""
+        """Process a report, received at `now` [s], on whether the arm is in contact."""
         begins = in_contact and not self.in_contact
         self.in_contact, self._reported = in_contact, now
         if begins:
@@ -98,7 +98,7 @@ class ContactReaction:
                 self._react(now)
 
     def update(self, q: Array, now: float) -> None:
-        """Act before the law, with the arm at `q` (n,) [rad]."""
+        """Apply the reaction before the control law runs, with the arm at `q` (n,) [rad]."""
         self.in_contact = self.in_contact and not self.is_silent(now)
         if self.in_contact:
             self._touched = now
@@ -111,11 +111,12 @@ class ContactReaction:
         self._remember(now)
 
     def check_stream(self) -> None:
-        """Require that a streamed point may move the arm; RejectedInputError during contact."""
+        """Raise RejectedInputError for a streamed point if a contact forbids motion."""
         if self.in_contact and self.reaction is not Reaction.REPORT:
             raise RejectedInputError(
                 'streamed point rejected: something touches the arm (contact_reaction '
-                f'{self.reaction.value}): remove the contact, or send a trajectory that leaves it'
+                f'{self.reaction.value}): remove the contact, or send a trajectory away from the '
+                'contact'
             )
 
     def _remember(self, now: float) -> None:

@@ -120,7 +120,7 @@ class ControlLoop(Generic[Reference]):
         return None if self.observer is None else self.observer.residual
 
     def release(self) -> None:
-        """Release the arm; the next state resets the law."""
+        """Stop commanding the arm; the next state resets the law."""
         self._last = None
 
     def update(self, state: ArmState, now: float) -> JointCommand | None:

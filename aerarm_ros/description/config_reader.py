@@ -296,7 +296,8 @@ def build(config: type[Config], where: str, entry: Any, **given: Any) -> Config:
     repeated = [key for key in given if key in entry]
     if repeated:
         raise ConfigError(
-            f'{where}: the key {", ".join(repeated)} follows from the place of the entry, delete it'
+            f'{where}: the key {", ".join(repeated)} follows from the position of the entry in '
+            'the file: delete it'
         )
     values = {**entry, **given}
     check_keys(where, values, config)

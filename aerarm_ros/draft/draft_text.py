@@ -63,11 +63,11 @@ _JOINT_ADVICE = {
     'velocity_max': '[rad/s] from the URDF, or a low default: keep well below the no-load speed '
     'of the motor.',
     'acceleration_max': '[rad/s^2] half of the acceleration that effort_max allows against gravity '
-    'with the outstretched arm, and at least full speed after 0.1 s: set a value that gears '
-    'and mounting bear.',
+    'with the outstretched arm, and at least full speed after 0.1 s: set a value that gears and '
+    'mount withstand.',
     'effort_max': '[Nm] from the URDF, or three times the weight: at most torque constant * '
-    'current_max / ratio, and at most the torque that the gear bears.',
-    'effort_rate_max': '[Nm/s] full effort within 17 ms: set a rate that the gear teeth bear.',
+    'current_max / ratio, and at most the torque that the gear withstands.',
+    'effort_rate_max': '[Nm/s] full effort within 17 ms: set a rate that the gear teeth withstand.',
     'viscous, coulomb': 'friction [Nms/rad], [Nm] from the URDF, or typical of light drives: use '
     'the fv and fs of identifier or motor_bench.',
     'board_kp, board_kd': 'gains at the motor [A/rad], [A s/rad]: damped in every posture with '
@@ -133,8 +133,8 @@ _EXCITATION_ADVICE = {
     'self_clearance': '[m] between links that are not neighbours: allow for cables and screws '
     'outside the collision shapes.',
     'ground_clearance': '[m] above the ground.',
-    'ground_height': '[m] height of the ground, against gravity, from the base frame: measure '
-    'it; null if no ground is in reach. Model a table, a wall or a landing gear '
+    'ground_height': '[m] height of the ground above the base frame, negative if the ground is '
+    'below: measure it; null if no ground is in reach. Model a table, a wall or a landing gear '
     'in the URDF, as collision shapes of the base.',
     'bias': '[rad] centre of the motion: the home configuration.',
     'bias_spread': '[rad] largest random offset from bias.',

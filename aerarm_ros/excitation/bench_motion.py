@@ -231,7 +231,7 @@ class BenchMotion:
         self._add(f'{name} swings', swings)
 
     def _move(self, end: Array) -> None:
-        """Append a motion to the posture `end` that is not evaluated."""
+        """Append a motion, which is not evaluated, to the posture `end`."""
         duration = rest_to_rest_duration(
             end - self._at,
             _TRANSFER_SHARE * self._limits.velocity,

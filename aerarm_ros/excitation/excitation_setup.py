@@ -30,7 +30,7 @@ from aerarm_ros.excitation.settings import (
     InfeasibleError,
     MotionLimits,
     NothingDrawnError,
-    one_a_joint,
+    one_per_joint,
 )
 from aerarm_ros.excitation.trajectory import (
     FourierTrajectory,
@@ -338,7 +338,7 @@ class ExcitationSetup:
             limited but the torque per current is unknown.
         """
         limits = MotionLimits.of_robot(robot, acceleration_limit, current_limit)
-        per_ampere = one_a_joint('torque per ampere', torque_per_ampere, robot.n)
+        per_ampere = one_per_joint('torque per ampere', torque_per_ampere, robot.n)
         if not (per_ampere > 0.0).all():
             raise ExcitationError(f'torque per ampere must be positive, got {per_ampere.min()}')
         if np.isfinite(limits.current).any() and not np.isfinite(per_ampere).all():

@@ -91,7 +91,7 @@ class _Worker:
     designer: TrajectoryDesigner | None = None
 
     def is_stopping(self) -> bool:
-        """Return whether the program wants to stop."""
+        """Return whether a stop was requested."""
         return bool(self.stopping.value)
 
     def prepare(self) -> None:

@@ -44,7 +44,7 @@ class DesignStoppedError(ExcitationError):
     """Design that was stopped before a feasible trajectory was found."""
 
 
-def one_a_joint(name: str, values: ArrayLike, n: int) -> Array:
+def one_per_joint(name: str, values: ArrayLike, n: int) -> Array:
     """Return an (n,) array from one value for all joints, or from one value per joint.
 
     Raises
@@ -138,10 +138,10 @@ class MotionLimits:
             robot.position_min,
             robot.position_max,
             robot.velocity_max,
-            one_a_joint('acceleration limit', acceleration_limit, robot.n),
+            one_per_joint('acceleration limit', acceleration_limit, robot.n),
             # A URDF contains 0 for an unknown effort limit.
             np.where(robot.effort_max > 0.0, robot.effort_max, unlimited),
-            one_a_joint('current limit', current_limit, robot.n),
+            one_per_joint('current limit', current_limit, robot.n),
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:

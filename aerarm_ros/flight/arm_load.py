@@ -375,7 +375,7 @@ class ArmFeedForward:
     @property
     def newest(self) -> float | None:
         """Time of the newest forecast of the arm [s], None before the first."""
-        times = [told.newest for told in (self._arm, self._motion) if told.newest is not None]
+        times = [stored.newest for stored in (self._arm, self._motion) if stored.newest is not None]
         return max(times, default=None)
 
     def is_late(self, now: float) -> bool:

@@ -210,7 +210,7 @@ class ContactEstimator:
         self._flight = FlightEstimator(drone)
         self._joints = StampedValues(0.0)
         self._now = -np.inf
-        self._offered = self._told_at = -np.inf
+        self._offered = self._estimated_at = -np.inf
         self._waiting: deque[tuple[float, FlightState]] = deque(maxlen=_WAITING)
         self._taken: float | None = None
         self._wrench: Array | None = None
@@ -258,12 +258,12 @@ class ContactEstimator:
         """
         if self.problem():
             self._waiting.clear()
-            due = self._now - self._told_at
+            due = self._now - self._estimated_at
             return self.fade(due) if due >= FADE_STEP or due < 0.0 else None
-        told = None
+        estimate = None
         while self._waiting and self._waiting[0][0] <= self._now:
-            told = self._take(*self._waiting.popleft()) or told
-        return told
+            estimate = self._take(*self._waiting.popleft()) or estimate
+        return estimate
 
     def fade(self, dt: float) -> tuple[float, Array] | None:
         """Fade the last contact wrench; return its time [s] and value (6,), or None at zero."""
@@ -271,12 +271,12 @@ class ContactEstimator:
             return None
         # The last estimate may be old, so fade by one step without a jump.
         share = self._fade.update(FADE_STEP, is_on=False)
-        self._told_at = self._told_at + dt if dt > 0.0 else self._now
-        told = self._told_at, share * self._wrench
+        self._estimated_at = self._estimated_at + dt if dt > 0.0 else self._now
+        estimate = self._estimated_at, share * self._wrench
         if share == 0.0:
             self._wrench = self._taken = None
             self.observer.reset()
-        return told
+        return estimate
 
     def _take(self, stamp: float, state: FlightState) -> tuple[float, Array] | None:
         joints = self._joints.at(stamp)
@@ -285,7 +285,7 @@ class ContactEstimator:
         dt = 0.0 if self._taken is None else stamp - self._taken
         if not 0.0 < dt < _GAP:
             self.observer.pause()
-        self._taken, self._told_at = stamp, stamp
+        self._taken, self._estimated_at = stamp, stamp
         q, dq = np.split(joints, 2)
         wrench = self.observer.update(state, q, dq, self._mean_wrench(stamp, dt), dt)
         wrench = self.zero.apply(wrench, state.rotation @ self._turn, min(dt, _GAP))

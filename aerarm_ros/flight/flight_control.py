@@ -69,7 +69,7 @@ class Allocation:
         return float(min(most))
 
     def _first(self, lift: Array, tilt: Array) -> Array:
-        """Return lift and tilting moment, as far as the rotors can give them."""
+        """Return lift and tilting moment, limited to what the rotors can produce."""
         if (scale := self._scale(lift, tilt)) is not None:
             return scale * lift + tilt
         thrusts: Array = np.clip(lift, self._min, self._max)
@@ -82,7 +82,7 @@ class Allocation:
         return thrusts
 
     def _scale(self, lift: Array, tilt: Array) -> float | None:
-        """Return the factor of the lift, closest to 1, with which the moment is possible."""
+        """Return the factor of the lift, as close to 1 as possible, that permits the moment."""
         used = np.abs(lift) > 1e-9
         if np.any(tilt[~used] > self._max[~used]) or np.any(tilt[~used] < self._min[~used]):
             return None

@@ -18,7 +18,7 @@ from aerarm_ros.hardware.boards.homing import EncoderZeros, ZeroSearch
 from aerarm_ros.hardware.boards.kept_zeros import KeptZeros, ZeroRecall
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.bridge_modes import Answer, to_switch_on
-from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch, way_out
+from aerarm_ros.hardware.fault_watch import FaultWatch, LoadWatch, recovery_hint
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile, load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import (
@@ -66,7 +66,7 @@ class BridgeReport:
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
         for link in self._links:
             monitor = link.monitor
-            if link.is_damped_unheard:
+            if link.is_damped_without_answer:
                 texts.append(
                     f'{monitor.name} sends no valid frames ({monitor.problem}); the bridge '
                     'commands the board to damp its joints, and to switch its motors off once '
@@ -224,11 +224,13 @@ class BridgeCycle:
         """Faults, the latched stop first, and recently rejected or limited commands."""
         return self._report.faults(self.mode, self._now)
 
-    def way_out(self, emulated: bool) -> str:
-        """Return a hint how to continue from the present mode, '' if none is needed."""
+    def recovery_hint(self, emulated: bool) -> str:
+        """Return a hint on how to continue from the present mode, '' if none is needed."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
-        return way_out(self._watch.stopped(self.state, self._enabled and self._aligned), emulated)
+        return recovery_hint(
+            self._watch.stopped(self.state, self._enabled and self._aligned), emulated
+        )
 
     def command(self, offered: OfferedCommand, now: float) -> bool:
         """Process a joint command received at `now` [s, monotonic], on the clock of `update`.
@@ -276,7 +278,7 @@ class BridgeCycle:
         return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Make the arm hold its position, instead of damping it, when commands end."""
+        """Request that the bridge holds the arm instead of damping it when commands end."""
         if self.mode not in ('ready', 'running', 'damping'):
             first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
             return Answer(False, f'arm_mode is {self.mode}: run {first} first')
@@ -349,7 +351,7 @@ class BridgeCycle:
             self._align()
             self._search.wait()
         align = '' if is_held else 'the motors align, then '
-        return Answer(True, f'{align}{self._search.motion}; {zeros.vouched()}')
+        return Answer(True, f'{align}{self._search.motion}; {zeros.assumed_home()}')
 
     def e_stop(self, reason: str) -> Answer:
         """Latch a stop that damps the arm."""
@@ -402,11 +404,14 @@ class BridgeCycle:
         if references.integrates:
             references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
         # A barrier would drive a joint whose position readings are wrong.
-        times, tells = state.age(now, now - elapsed), self._encoders.tells_position & state.heard
-        q, dq = state.believed(tells)
+        times, reliable = (
+            state.age(now, now - elapsed),
+            self._encoders.is_position_reliable & state.has_answered,
+        )
+        q, dq = state.believed(reliable)
         kept = references.kept_torques(q, dq, state.unconfirmed)
         gate.watch(q, dq, references.torques(q, dq), *times, kept, state.unconfirmed)
-        return self._follow(now, min(elapsed, _STEP_MAX), tells & state.driven)
+        return self._follow(now, min(elapsed, _STEP_MAX), reliable & state.driven)
 
     def _follow(self, now: float, dt: float, trusted: Mask) -> bool:
         """Set the references of the command, or damp; return whether the arm follows a command."""

@@ -60,7 +60,7 @@ class StoppedArm:
 _BY_HAND = 'move the arm by hand to its home configuration'
 
 
-def way_out(arm: StoppedArm, emulated: bool) -> str:
+def recovery_hint(arm: StoppedArm, emulated: bool) -> str:
     """Return a recovery hint for the user: steps separated by commas, with commands in quotes.
 
     A driven arm holds its position if no board or encoder is in fault and no limit is exceeded.

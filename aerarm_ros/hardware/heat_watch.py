@@ -252,7 +252,7 @@ class ThermalLimit:
         return self.effort_limit < self._effort_max
 
     def recall(self, winding: float, housing: float, away: float) -> None:
-        """Use stored temperatures [degC] of a motor off for a time [s], if higher."""
+        """Use stored temperatures [degC], cooled for a time [s] with the motor off, if higher."""
         motor, most = self.motor, self._temperature_max + _KEPT_MAX
         before = motor.winding, motor.housing
         motor.winding, motor.housing = min(winding, most), min(housing, most)
@@ -326,7 +326,7 @@ class ThermalLimit:
         )
 
     def new_warning(self) -> str:
-        """Return the present warning if it is worse than all since the motor was cool, or ''."""
+        """Return the warning if it is more severe than all since the motor was cool, or ''."""
         stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.lets_down))
         rises = stage > self._worst
         self._worst = max(stage, self._worst) if stage else 0
@@ -470,7 +470,7 @@ class HeatWatch:
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
-            if link.is_damped_unheard or link.monitor.mode is BoardMode.ALIGNING:
+            if link.is_damped_without_answer or link.monitor.mode is BoardMode.ALIGNING:
                 current = limit.continuous_current  # a board that aligns reports no current
             elif link.monitor.is_silent:
                 current = 0.0  # the last answer is outdated for a motor that is off
@@ -490,7 +490,7 @@ class HeatWatch:
         return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
 
     def recall(self, kept: KeptHeat, now: float) -> None:
-        """Use a previous bridge's temperatures, cooled since then, where they are higher."""
+        """Use the temperatures of a previous bridge, cooled since then, where they are higher."""
         away = max(now - kept.time, 0.0)
         rows = zip(self.limits, kept.windings, kept.housings, strict=False)
         for limit, winding, housing in rows:

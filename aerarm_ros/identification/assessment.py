@@ -251,14 +251,14 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
             (trend.friction, 'friction', 'gears that warm up; let them warm up before recording'),
             (trend.offset, 'torque offset', 'a drifting sensor; reset its zero'),
         ):
-            told = [
+            texts = [
                 f'{name} by {value:+.2g} Nm'
                 for name, value, torque in zip(joints, values, trend.torque, strict=True)
                 if abs(value) > _WORTH_TELLING * torque
             ]
-            if told:
+            if texts:
                 warnings.append(
                     f'{trend.bag}: the {what} changes from start to end of the bag '
-                    f'({", ".join(told)}), as with {why}'
+                    f'({", ".join(texts)}), as with {why}'
                 )
     return warnings

@@ -154,7 +154,7 @@ def _structural_rank(regressor: Regressor) -> int:
 _FRICTION = (TermKind.VISCOUS, TermKind.COULOMB)
 
 
-def without_nil_terms(
+def without_insignificant_terms(
     fit: ModelFit, estimate: Estimate, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> tuple[ModelFit, list[str]]:
     """Repeat the fit without joint terms whose coefficient is at its bound 0.
@@ -375,7 +375,9 @@ def _splits(
         try:
             splits.append(split_residual(*how, excerpt(recording), ratios))
         except IdentificationError as error:  # with additional noise
-            warnings.append(f'{recording.name}: the report has no causes of the residual: {error}')
+            warnings.append(
+                f'{recording.name}: the report omits the causes of the residual: {error}'
+            )
     return splits, warnings
 
 
@@ -419,7 +421,7 @@ def _solved(
     for _ in range(_ROUNDS):
         estimates = solve_all(fit, cad, bags, *how)
         warnings += bound_warnings(estimates[RECOMMENDED], fit, cad.inertial[:, 0])
-        fit, nil = without_nil_terms(fit, estimates[RECOMMENDED], bags, cad)
+        fit, nil = without_insignificant_terms(fit, estimates[RECOMMENDED], bags, cad)
         left_out += nil
         if not nil:
             break

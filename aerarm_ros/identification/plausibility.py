@@ -118,9 +118,9 @@ def _joint_errors(bags: list[BagAssessment], n: int) -> Array:
     return np.asarray(np.fmax.reduce([np.zeros(n), *(bag.per_joint_filtered for bag in bags)]))
 
 
-def _shares(joints: tuple[str, ...], errors: Array, told: npt.NDArray[np.bool_]) -> str:
-    named = zip(joints, errors, told, strict=True)
-    return ', '.join(f'{name} {error:.0f} %' for name, error, is_told in named if is_told)
+def _shares(joints: tuple[str, ...], errors: Array, reported: npt.NDArray[np.bool_]) -> str:
+    named = zip(joints, errors, reported, strict=True)
+    return ', '.join(f'{name} {error:.0f} %' for name, error, is_reported in named if is_reported)
 
 
 def _followed(

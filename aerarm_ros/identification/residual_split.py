@@ -44,7 +44,8 @@ REMEDIES: Mapping[str, str] = {
     RIPPLE: 'compensate the periodic torque of the gears, or move faster so that the cut-off '
     'removes it',
     FLEXIBILITY: 'accelerate less, or measure the angles on the output side of the gears',
-    DELAY: 'take torques and angles of one instant, or allow the identifier to estimate the delay '
+    DELAY: 'record torque and angle at the same instant, or allow the identifier to estimate the '
+    'delay '
     '(do not state exact stamps)',
     REVERSAL: 'reverse less often, or pass through zero velocity faster',
 }

@@ -22,7 +22,7 @@ from typing import NamedTuple
 from aerarm_ros.link.sealed import OVERHEAD, Session
 
 DATAGRAM_MAX = 1200
-"""Bytes of a datagram: below any usual MTU, with room for a tunnel's headers."""
+"""Bytes of a datagram: below any usual MTU, with space for a tunnel's headers."""
 HEADERS = 42
 """Bytes of the headers of Ethernet, IPv4 and UDP, which count in the rate."""
 SILENCE = 1.0
@@ -32,7 +32,7 @@ MESSAGE_MAX = 2 * 1024 * 1024
 """Bytes of a message."""
 
 URGENT, PROMPT, BULK = range(3)
-"""Priorities of messages: in each datagram until acknowledged, soon, or if there is room."""
+"""Priorities of messages: in each datagram until acknowledged, soon, or if space is left."""
 
 _TIME, _CONFIRMED, _PART, _VALUE = range(4)
 _ENTRY = struct.Struct('<BH')  # kind, length
@@ -224,7 +224,7 @@ class Connection:
         return False
 
     def withdraw(self, message: SentMessage) -> None:
-        """Drop a message of which no part was sent; another one is sent nevertheless."""
+        """Drop a message if no part of it was sent; a partly sent message is completed."""
         if message in self._messages and message._sequence < 0:
             waiting = self._waiting[message.priority]
             self._waiting[message.priority] = deque(p for p in waiting if p.message is not message)
@@ -332,7 +332,7 @@ class Connection:
             yield from ((_PART, content) for content in self._parts_due(BULK, now, room))
 
     def _parts_due(self, priority: int, now: float, room: int) -> Iterator[bytes]:
-        """Yield parts that are due again, then new ones, as far as there is room."""
+        """Yield parts that are due again, then new ones, as far as the datagram has space."""
         again = _AGAIN_MIN
         if self.round_trip == self.round_trip:
             again = max(again, 1.5 * self.round_trip + 0.06)

@@ -1,4 +1,4 @@
-"""Files of the drone, fetched block by block over a radio that loses datagrams and is cut.
+"""Fetch of the drone's files, block by block, over a radio link with losses and interruptions.
 
 The ground requests numbered blocks, and repeats the request for blocks that do not arrive. The
 drone only answers requests. After a cut or a restart of either end, the ground keeps the stored
@@ -21,7 +21,7 @@ from typing import BinaryIO
 BLOCK = 1024
 """Bytes of a block."""
 ASKED_MAX = 32
-"""Blocks in one question."""
+"""Blocks per request."""
 _MARKER = '.fetch'  # file with the manifest of an incomplete bag
 PARTIAL = '.part'
 """Suffix of a file that is not complete."""
@@ -39,19 +39,19 @@ _NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 
 
 def is_name(text: str) -> bool:
-    """Tell whether a text can name a bag or a file: no path, no hidden file."""
+    """Return whether a text is a valid name of a bag or file: no path, no hidden file."""
     return _NAME.fullmatch(text) is not None
 
 
 def questions(content: bytes) -> tuple[int, list[bytes]]:
-    """Return the manifest's number and the places of a question; raises struct.error."""
+    """Return the manifest's number and the requested block numbers; raises struct.error."""
     number, count = _QUESTION.unpack_from(content)
     places = content[_QUESTION.size :][: count * _PLACE.size]
     return number, [places[k : k + _PLACE.size] for k in range(0, len(places), _PLACE.size)]
 
 
 class FileServer:
-    """Answers questions about the files of one folder.
+    """Serves the blocks of the files of one folder.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class FileServer:
         self._open: tuple[int, BinaryIO] | None = None
 
     def answer(self, place: bytes) -> bytes:
-        """Return the block at a place; raises struct.error, OSError, IndexError.
+        """Return the block with a number; raises struct.error, OSError, IndexError.
 
         BlockingIOError means that the disk reads it: try again later. An e-stop must not wait
         behind a busy disk.
@@ -95,7 +95,7 @@ class FileServer:
 
 
 def _cached(file: int, size: int, offset: int) -> bytes:
-    """Return bytes of a file from the page cache; raises BlockingIOError if they are not there."""
+    """Return bytes of a file from the page cache; raises BlockingIOError for uncached bytes."""
     if not hasattr(os, 'RWF_NOWAIT'):  # not Linux
         return os.pread(file, size, offset)
     content = bytearray(size)
@@ -168,7 +168,7 @@ class Fetch:
         return self._storing is not None
 
     def question(self, now: float, delay: float, round_trip: float) -> bytes | None:
-        """Return the question that is due at `now` [s], or None; raises OSError.
+        """Return the block request that is due at `now` [s], or None; raises OSError.
 
         Parameters
         ----------

@@ -207,7 +207,7 @@ class Session:
         return None
 
     def _greeted(self, session: bytes, now: float) -> None:
-        """Answer a greeting, which may be a recorded one."""
+        """Answer a greeting (connection request), which may be a replayed one."""
         answered = self._answered
         recent = {key: when for key, when in answered.items() if now - when < _ANSWER_EVERY}
         if session not in recent and len(recent) < _ANSWERS:

@@ -60,7 +60,7 @@ _PROGRAMS = {
         'fetch it afterwards',
     ),
 }
-_FETCH = 'fetch a bag that the drone recorded for the ground; resume after a cut'
+_FETCH = 'fetch a bag that the drone recorded for the ground; resume after an interruption'
 _HOME = (
     'home the arm first if an encoder zero is unknown; the arm must be in its home configuration'
 )
@@ -155,12 +155,13 @@ def make_parser() -> argparse.ArgumentParser:
         '--bridge', metavar='NODE', default=_FAKE, help='node name of the emulated arm'
     )
     command = add('fetch', _FETCH)
-    command.add_argument('what', metavar='NAME', help='of the bag')
+    command.add_argument('what', metavar='NAME', help='name of the bag')
     _add_commission(add('commission', _COMMISSION))
     _add_calibrate(add('calibrate', _CALIBRATE))
     _add_init(commands.add_parser('init', help=_INIT, description=f'{_INIT}.'))
     commands.add_parser(
-        'completion', help='print shell code that completes all executables in bash or zsh'
+        'completion',
+        help='print shell code that completes the options of all executables in bash or zsh',
     )
     return parser
 

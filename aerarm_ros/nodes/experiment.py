@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             workers = min(len(cases), len(os.sched_getaffinity(0)))
             with closing(run_all(bench, cases, workers)) as runs:
                 for index, run in enumerate(runs, start=1):
-                    _tell(report, run, f'{index}/{len(cases)}')
+                    _print_run(report, run, f'{index}/{len(cases)}')
     except KeyboardInterrupt:
         print_error(NAME, 'interrupted, no page was written')
         return INTERRUPTED
@@ -144,7 +144,7 @@ def _motion(config: ArmConfig, robot: Robot, options: argparse.Namespace) -> Ram
     return RampedExcitation(trajectory, 1, settings.ramp_time)
 
 
-def _tell(report: ExperimentReport, run: ExperimentRun, progress: str) -> None:
+def _print_run(report: ExperimentReport, run: ExperimentRun, progress: str) -> None:
     name, joints, _, _, tool, *_ = report.add(run)
     print(f'{progress:>6}  {name}: joints {joints} mrad, tool {tool} mm RMS', flush=True)
 

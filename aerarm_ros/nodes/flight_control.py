@@ -118,7 +118,7 @@ class FlightControlNode:
         self.node.destroy_node()
 
     def _is_settling(self) -> bool:
-        """Let the autopilot's firmware settle before flight; return whether it still settles."""
+        """Let the autopilot's firmware settle before flight; return True until it has."""
         law = self._law
         if not isinstance(law, FirmwareFlight) or not law.is_settling:
             return False
@@ -145,15 +145,15 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for a late forecast of the arm; after a time-out, wait only after one in time."""
-        if not self._is_told_late():
+        """Wait for a late forecast of the arm; after a time-out, only after a forecast in time."""
+        if not self._is_forecast_late():
             self._waits_for_arm = True
             return
         deadline = time.monotonic() + (self.values.arm_wait if self._waits_for_arm else 0.0)
         while time.monotonic() < deadline and not self._stopping:
             time.sleep(_NAP)
             self._take_requests()
-            if not self._is_told_late():
+            if not self._is_forecast_late():
                 return
         self._waits_for_arm = False
         self._late += 1
@@ -162,7 +162,7 @@ class FlightControlNode:
         while self._requests:
             self._try(self._requests.popleft())
 
-    def _is_told_late(self) -> bool:
+    def _is_forecast_late(self) -> bool:
         """Return whether the arm's forecast is late."""
         now = self._estimator.stamp
         return now is not None and self._arm.is_late(now)

@@ -72,13 +72,11 @@ PARAMETERS = ParameterTable(
         "its path, or return 'home'",
         choices=(CONTINUE, STOP, HOME),
     ),
-    Parameter(
-        'bags', '~/aerarm_bags', 'on the drone: folder for bags that the ground has recorded there'
-    ),
+    Parameter('bags', '~/aerarm_bags', 'on the drone: folder for bags that the ground requests'),
     Parameter(
         'fetch_rate',
         4.0,
-        'on the ground: rate at which a bag is fetched, at most; less if the radio is slower',
+        'on the ground: largest data rate of the fetch of a bag; lower if the radio is slower',
         'Mbit/s',
         0.05,
         50.0,

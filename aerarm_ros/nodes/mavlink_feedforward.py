@@ -94,7 +94,8 @@ PARAMETERS = ParameterTable(
         Parameter('set_point_timeout', 0.5, 'age after which a set point is no longer sent, so '
                                             'that the autopilot detects the loss; 0 keeps '
                                             'sending the last one', 's', 0.0, 60.0),
-        Parameter('hold_heading', True, 'send a heading in set points; false leaves yaw open'),
+        Parameter('hold_heading', True, 'send a heading in set points; if false, the autopilot '
+            'does not control yaw'),
     ),
     *FEED_PARAMETERS,
     *LOOP_PARAMETERS,
@@ -179,7 +180,7 @@ class MavlinkFeedforward:
                 executor.spin_once(timeout_sec=0.0)
 
     def close(self) -> None:
-        """Destroy the node and close the line."""
+        """Destroy the node and close the connection."""
         self.node.destroy_node()
         self._line.close()
 

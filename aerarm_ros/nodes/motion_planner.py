@@ -86,7 +86,8 @@ PLANNER_PARAMETERS = (
         'hold time at a tool goal; a longer time increases the weight of the holding torque',
         's', 0.0, 3600.0, live=True),
     Parameter('lead', 0.0,
-        'delay from the newest state to the start of a motion; 0 to start on arrival',
+        'delay from the newest state to the start of a motion; 0 to start when the controller '
+        'receives it',
               's', 0.0, 10.0, live=True),
     *ENERGY_PARAMETERS,
     *ARM_FILES,
@@ -145,7 +146,7 @@ class MotionPlannerNode:
         self._state: Array | None = None
         self._asked = Time()  # stamp of the goal for which a motion is being planned
         self._states = StateSampler(self._node, self._names)
-        self._trajectories, self._told = (
+        self._trajectories, self._status_publisher = (
             self._node.create_publisher(topic.type, topic.name, topic.offered)
             for topic in (topics.JOINT_TRAJECTORY, topics.PLAN_STATUS)
         )
@@ -218,7 +219,7 @@ class MotionPlannerNode:
         message = trajectory_message(plan.path, self._names, begin_ns)
         self._trajectories.publish(message)
         stamp = message.header.stamp
-        self._tell(
+        self._publish_status(
             accepted=True,
             text=plan.as_text(),
             trajectory=[stamp.sec, stamp.nanosec],
@@ -229,12 +230,12 @@ class MotionPlannerNode:
         self._node.get_logger().info(plan.as_text())
 
     def _refuse(self, reason: str) -> None:
-        self._tell(accepted=False, text=reason)
+        self._publish_status(accepted=False, text=reason)
         self._node.get_logger().warning(f'no plan: {reason}')
 
-    def _tell(self, **values: object) -> None:
+    def _publish_status(self, **values: object) -> None:
         status = {'asked': [self._asked.sec, self._asked.nanosec], **values}
-        self._told.publish(String(data=json.dumps(status)))
+        self._status_publisher.publish(String(data=json.dumps(status)))
 
     # Callbacks, in the executor's thread.
 

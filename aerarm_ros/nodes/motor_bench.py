@@ -78,10 +78,13 @@ PARAMETERS = ParameterTable(
         'known mass attached to the arm or lever, to measure the torque constants; 0 for none',
         'kg', 0.0, 100.0),
     Parameter('known_mass_position', [0.0, 0.0, 0.0],
-        "centre of mass in the frame of the last link's joint (mounted)", 'm', -5.0, 5.0),
+        "centre of the known mass in the frame of the last link's joint (mounted motors)", 'm',
+        -5.0, 5.0),
     Parameter('lever', 0.0,
-        'distance of the mass from the horizontal shaft (bare motor)', 'm', 0.0, 5.0),
-    Parameter('without_mass', '', 'motor_bench.yaml of a run without the mass (mounted)'),
+        'lever arm of the known mass about the horizontal motor shaft (bare motors)', 'm',
+        0.0, 5.0),
+    Parameter('without_mass', '', 'motor_bench.yaml of a run without the known mass (mounted '
+        'motors)'),
     Parameter('link_uncertainty', 0.2,
         'relative standard deviation of the link inertias in the URDF', '', 0.0, 2.0),
     Parameter('resistance_uncertainty', 0.1, (

@@ -119,25 +119,25 @@ class PayloadEstimatorNode(StateNode):
 
     def describe(self) -> dict[str, object]:
         """Return the last valid estimate for diagnostics."""
-        told = {**super().describe(), 'detected changes': self._estimator.changes}
-        told |= self._log.describe() if self._log is not None else {}
+        report = {**super().describe(), 'detected changes': self._estimator.changes}
+        report |= self._log.describe() if self._log is not None else {}
         estimate = self._estimator.estimate
         if estimate is None:
-            return {**told, 'carries': 'not yet identified'}
+            return {**report, 'carries': 'not yet identified'}
         payload, friction = estimate.payload, zip(FRICTION_NAMES, estimate.friction, strict=True)
-        told['carries'] = 'a payload' if estimate.carries else 'nothing'
-        told['standard deviation of the mass [kg]'] = round(float(payload.std[0]), 5)
+        report['carries'] = 'a payload' if estimate.carries else 'nothing'
+        report['standard deviation of the mass [kg]'] = round(float(payload.std[0]), 5)
         if estimate.carries:
-            told['mass [kg]'] = round(payload.mass, 4)
-            told['centre [m]'] = payload.centre.round(4).tolist()
-            told['standard deviations of the centre [m]'] = payload.centre_std.round(4).tolist()
-            told['inertial parameters'] = payload.inertial.round(6).tolist()
-            told['standard deviations of the inertial parameters'] = payload.std.round(6).tolist()
-            told['not excited'] = ' '.join(estimate.unexcited) or 'none'
-        told |= {f'friction: {name}': row.round(4).tolist() for name, row in friction}
+            report['mass [kg]'] = round(payload.mass, 4)
+            report['centre [m]'] = payload.centre.round(4).tolist()
+            report['standard deviations of the centre [m]'] = payload.centre_std.round(4).tolist()
+            report['inertial parameters'] = payload.inertial.round(6).tolist()
+            report['standard deviations of the inertial parameters'] = payload.std.round(6).tolist()
+            report['not excited'] = ' '.join(estimate.unexcited) or 'none'
+        report |= {f'friction: {name}': row.round(4).tolist() for name, row in friction}
         spread = zip(FRICTION_NAMES, estimate.friction_std, strict=True)
-        told |= {f'standard deviations of {name}': row.round(4).tolist() for name, row in spread}
-        return {**told, 'unexplained torque [Nm]': estimate.residual.round(4).tolist()}
+        report |= {f'standard deviations of {name}': row.round(4).tolist() for name, row in spread}
+        return {**report, 'unexplained torque [Nm]': estimate.residual.round(4).tolist()}
 
     def _friction_log(self) -> FrictionLog | None:
         values, robot = self.values, self.arm.robot

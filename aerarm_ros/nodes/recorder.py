@@ -24,7 +24,7 @@ from aerarm_msgs_py.topics import (
 )
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.graph import PublisherCheck, SolePublisher
+from aerarm_ros.ros.graph import DuplicatePublisherCheck, PublisherCheck
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
@@ -99,7 +99,7 @@ class Recorder:
         until = RECORDED_UNTIL
         self._until = self._node.create_publisher(until.type, until.name, until.offered)
         self._check = PublisherCheck(self._node, subscribed)
-        self._sources = SolePublisher(self._node, JOINT_STATES)
+        self._sources = DuplicatePublisherCheck(self._node, JOINT_STATES)
         self._status_publisher = self._node.create_publisher(
             String, RECORDER_STATUS.name, RECORDER_STATUS.offered
         )
@@ -150,7 +150,7 @@ class Recorder:
             if time.monotonic() > self._status_due:
                 self._status_due = time.monotonic() + _STATUS_PERIOD
                 self._update_matched()
-                self._tell_until()
+                self._publish_recorded_until()
             if time.monotonic() > self._report_due:
                 self._report_due = time.monotonic() + PERIOD
                 self._report()
@@ -171,7 +171,7 @@ class Recorder:
         for text in filter(None, [*self._check.news(matched), self._sources.news()]):
             self._node.get_logger().warning(text)
 
-    def _tell_until(self) -> None:
+    def _publish_recorded_until(self) -> None:
         """Publish the stamp of the newest joint state, for which an emulated world waits."""
         until = self._feed.until()
         if until:
@@ -183,10 +183,10 @@ class Recorder:
 
     def _report(self) -> None:
         """Publish the recording's state on /diagnostics, and log new losses."""
-        heard = self._feed.heard()
+        counts = self._feed.message_counts()
         for news in self._losses.news():
             self._node.get_logger().warning(news)
-        losing = {name: lost for name, (_, lost) in heard.items() if lost}
+        losing = {name: lost for name, (_, lost) in counts.items() if lost}
         names = ', '.join(losing)
         last = self._losses.last
         problem = f'lost {sum(losing.values())} messages of {names}'
@@ -206,16 +206,16 @@ class Recorder:
     def _log_counts(self) -> None:
         for news in self._losses.news():
             self._node.get_logger().warning(news)
-        heard = self._feed.heard()
-        for name, (count, lost) in heard.items():
+        counts = self._feed.message_counts()
+        for name, (count, lost) in counts.items():
             self._log(f'{name}: {count} messages, {"unknown" if lost is None else lost} lost', lost)
         for name in self._feed.silent():
             self._log(f'{name}: 0 messages: its publisher sent nothing, or all were lost', None)
-        if not heard.keys() - {self._own}:
+        if not counts.keys() - {self._own}:
             self._node.get_logger().warning(
                 'no messages received: check that a bridge runs in this ROS domain (ROS_DOMAIN_ID)'
             )
-        count = sum(count for count, _ in heard.values())
+        count = sum(count for count, _ in counts.values())
         total = self._feed.total_lost()
         self._log(f'{self._directory}: {count} messages, {total} lost', total)
 

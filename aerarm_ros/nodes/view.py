@@ -156,7 +156,7 @@ class View:
         try:
             with redirect_stdout(StringIO()):
                 self._server = serve_page(
-                    self._values.host, self._values.port, self._guard, self._tell_refused
+                    self._values.host, self._values.port, self._guard, self._log_refused
                 )
         except PageError as error:
             raise ViewError(str(error)) from None
@@ -182,7 +182,7 @@ class View:
             self._server, self._names, self._values.history, self._limits, self._has_base
         )
 
-    def _tell_refused(self, text: str) -> None:
+    def _log_refused(self, text: str) -> None:
         self._node.get_logger().warning(text)
 
     def _subscribe(self) -> None:
@@ -217,7 +217,7 @@ class View:
         self._panel.show_mode(
             self._mode,
             feed.describe(now),
-            diagnostics.way_out(now),
+            diagnostics.recovery_hint(now),
             bool(self._requests.emulated),
         )
         self._commissioning_folder.show(now)
@@ -236,17 +236,17 @@ class View:
         for status in message.status:
             values = {item.key: item.value for item in status.values}
             level = int.from_bytes(status.level, 'little')
-            self._tell_rejection(status.name, values)
+            self._show_rejection(status.name, values)
             self._diagnostics.add(status.name, ViewStatus(level, status.message, values, now))
 
-    def _tell_rejection(self, name: str, values: Mapping[str, str]) -> None:
+    def _show_rejection(self, name: str, values: Mapping[str, str]) -> None:
         """Show once why a controller rejected its input."""
         count = values.get('rejected inputs')
         before = self._rejections.get(name)
         if count is not None:
             self._rejections[name] = count
             if before not in (None, count) and count != '0':
-                self._panel.tell(False, 'rejected:', values.get('last rejection', ''))
+                self._panel.show_result(False, 'rejected:', values.get('last rejection', ''))
 
 
 def _check_address(host: str) -> None:

@@ -550,7 +550,7 @@ def with_rest_share(
     motion: Callable[[], Iterable[tuple[float, ArmState]]],
     settings: ContactSettings | None = None,
 ) -> ResidualBound:
-    """Return a bound whose limit at rest covers every start of a free motion.
+    """Return a bound whose limit at rest exceeds the torque at every start of a free motion.
 
     A drive builds up torque before a joint breaks loose. The part of this torque that appears
     before the velocity depends on the arm, so it is learnt from free motion too.

@@ -128,7 +128,7 @@ class LoadTest:
             self._learn(state, row, threshold)
 
     def suspect(self, ratio: Array, threshold: Array) -> None:
-        """Forget what was learnt before a new event, unless it explains the torque of the event.
+        """Reset the estimate before a new event, unless it explains the torque of the event.
 
         Parameters
         ----------
@@ -220,5 +220,5 @@ class LoadTest:
             self.mass, self.mass_std = mass, std
 
     def _is_body(self, mass: float) -> bool:
-        """Return whether the arm can carry or lose a mass [kg]; a push may look like another."""
+        """Return whether a mass [kg] is possible; a push may look like an impossible mass."""
         return bool(mass > -self._own_mass - self._declared[0])

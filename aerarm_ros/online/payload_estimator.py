@@ -288,7 +288,7 @@ class PayloadEstimator:
         return self._efforts.problem or self._fault
 
     @property
-    def is_tared(self) -> bool:
+    def has_moved_empty(self) -> bool:
         """Whether the arm has moved for a second without a payload."""
         return self._bare_time >= _TARE_TIME
 
@@ -339,7 +339,7 @@ class PayloadEstimator:
             self._history.clear()
             self._change.reset()
             if self.estimate is not None:
-                self._tell(self.estimate.time)
+                self._new_estimate(self.estimate.time)
         self._interrupt()
 
     def _interrupt(self) -> None:
@@ -368,25 +368,25 @@ class PayloadEstimator:
             return None
         if self._found is not None:
             self._decide(rows, row, now)
-            return self._tell(now)
+            return self._new_estimate(now)
         if self._rests(row):
             # A push at rest looks like a payload; a payload appears as soon as the arm moves.
             self._change.reset()
-            return self._tell(now)
+            return self._new_estimate(now)
         error, square = self._innovation(rows, row)
         if self._change.update(square):
             self._change_found(now)
-            return None if self._fault else self._tell(now)
+            return None if self._fault else self._new_estimate(now)
         if now - self._phase.since > _FAST:
             self._measure_noise(error, rows, row)
         if now - self._phase.since > _SETTLING:
             self._take(rows, row, error, now)
-        told = self._tell(now)
-        if told.carries and now - told.since > _FAST and _is_nothing(told.payload):
+        estimate = self._new_estimate(now)
+        if estimate.carries and now - estimate.since > _FAST and _is_nothing(estimate.payload):
             # Another cause of the torque: a knock, or an error of the model.
             self._begin(False, now)
-            told = self._tell(now)
-        return told
+            estimate = self._new_estimate(now)
+        return estimate
 
     def _rests(self, row: MotionRow) -> bool:
         """Return whether all joints rest, so that friction and a push explain any torque."""
@@ -444,7 +444,7 @@ class PayloadEstimator:
         self._change.reset()
         if self._phase.carries:
             self._found = now
-        elif self.is_tared:
+        elif self.has_moved_empty:
             self._begin(True, now)
         else:
             self._fault = (
@@ -481,7 +481,7 @@ class PayloadEstimator:
 
     # Published estimates.
 
-    def _tell(self, now: float) -> OnlineEstimate:
+    def _new_estimate(self, now: float) -> OnlineEstimate:
         belief, carries = self._filter.belief, self._phase.carries
         block, scale = (_LOAD, self._load_scale) if carries else (_TARE, self._tare_scale)
         covariance = belief.covariance[block, block] * np.outer(scale, scale)

@@ -219,28 +219,30 @@ class Replay:
         """
         offset = self._now + _BETWEEN - float(recording.time[0])
         carries = self.estimate is not None and self.estimate.carries
-        changes, heard = list[LoadChange](), False
+        changes, has_estimate = list[LoadChange](), False
         self.knocks = []
         for time, state in self._arm.states(recording, self._is_stopped):
             self._now = time + offset
-            told = self._estimator.update(state, self._now)
-            if told is None:
+            estimate = self._estimator.update(state, self._now)
+            if estimate is None:
                 continue
-            heard, self.estimate = True, told
-            if told.carries != carries:
-                carries = told.carries
+            has_estimate, self.estimate = True, estimate
+            if estimate.carries != carries:
+                carries = estimate.carries
                 changes.append(LoadChange(time, carries))
                 if not carries:
                     self._drop_knock(changes)
                 self._is_load = False
             elif carries:
-                lasts = told.time - told.since > _KNOWN
-                self._is_load |= lasts or told.payload.mass > _SIGNIFICANT * told.payload.std[0]
-        self._check(recording, heard)
+                lasts = estimate.time - estimate.since > _KNOWN
+                self._is_load |= (
+                    lasts or estimate.payload.mass > _SIGNIFICANT * estimate.payload.std[0]
+                )
+        self._check(recording, has_estimate)
         return changes
 
     def _drop_knock(self, changes: list[LoadChange]) -> None:
-        """Remove the last payload from the changes of a recording unless it had a mass."""
+        """Remove the last payload from the changes of a recording if its mass was insignificant."""
         begin = changes[-2] if len(changes) > 1 else None
         if begin is None:
             return  # The payload is that of an earlier recording.
@@ -248,10 +250,10 @@ class Replay:
             self.knocks.append(begin.time)
             del changes[-2:]
 
-    def _check(self, recording: Recording, heard: bool) -> None:
+    def _check(self, recording: Recording, has_estimate: bool) -> None:
         if self._estimator.problem:
             raise IdentificationError(f'{recording.name}: {self._estimator.problem}')
-        if not heard:
+        if not has_estimate:
             gap = float(np.median(np.diff(recording.time)))
             raise IdentificationError(
                 f'{recording.name} is too short or too slow to learn from '

@@ -104,7 +104,7 @@ class PublisherCheck:
     def __init__(self, node: Node, topics: Sequence[Topic]) -> None:
         self._node = node
         self._topics = [(node.resolve_topic_name(topic.name), topic) for topic in topics]
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def news(self, matched: Sequence[int]) -> list[str]:
         """Return the problems that are new since the last call.
@@ -122,8 +122,8 @@ class PublisherCheck:
             if endpoint_name(endpoint)  # otherwise with one of the next calls
             for text in _problems(name, topic, endpoint)
         ]
-        news = [text for text in dict.fromkeys(found) if text not in self._told]
-        self._told.update(news)
+        news = [text for text in dict.fromkeys(found) if text not in self._reported]
+        self._reported.update(news)
         return news
 
 
@@ -247,8 +247,8 @@ def several_publishers(topic: str, names: Sequence[str], advice: str = OF_AN_ARM
     return f'{topic} has {len(names)} publishers, {" and ".join(sorted(names))}{advice}'
 
 
-class SolePublisher:
-    """Detect a duplicate publisher: with two bridges a node would follow both arms in turns.
+class DuplicatePublisherCheck:
+    """Detect a duplicate publisher: with two bridges a node would follow both arms alternately.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ class SolePublisher:
     def __init__(self, node: Node, topic: Topic) -> None:
         self._node = node
         self._topic = node.resolve_topic_name(topic.name)
-        self._told = ''
+        self._reported = ''
 
     def problem(self) -> str:
         """Return a warning with the duplicate publishers, or an empty text.
@@ -277,14 +277,14 @@ class SolePublisher:
     def news(self) -> str:
         """Return the problem if it differs from the last one, else an empty text."""
         problem = self.problem()
-        is_new, self._told = problem != self._told, problem
+        is_new, self._reported = problem != self._reported, problem
         return problem if is_new else ''
 
 
 _DUPLICATE_CYCLES = 1000  # [cycles] between two checks; the user's reaction takes longer
 
 
-class RivalWatch:
+class DuplicatePublisherWatch:
     """Warn once per change while a topic has another publisher than its node.
 
     Parameters

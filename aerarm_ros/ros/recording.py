@@ -405,7 +405,7 @@ class BagFeed:
         self._losses.note_gap(name, news, min(begin, end), end, is_remote)
 
     def _is_remote(self, publisher: bytes | None) -> bool:
-        """Tell whether a publisher is on another host, by the host's part of DDS identifiers."""
+        """Return whether a publisher is on another host, by the host's part of DDS identifiers."""
         if publisher is None:
             return False
         if self._host is None:
@@ -449,11 +449,11 @@ class BagFeed:
         """Return the number of publishers of each topic."""
         return [self._reader.publishers(k) for k in range(len(self.names))]
 
-    def heard(self) -> dict[str, tuple[int, int | None]]:
+    def message_counts(self) -> dict[str, tuple[int, int | None]]:
         """Return the numbers of received and lost messages (None: unknown) of each topic."""
         read, counts = self._reader, self._writer.counts
-        heard = {name: (counts[k], read.lost(k)) for k, name in enumerate(self.names)}
-        return {name: numbers for name, numbers in heard.items() if numbers[0]}
+        totals = {name: (counts[k], read.lost(k)) for k, name in enumerate(self.names)}
+        return {name: numbers for name, numbers in totals.items() if numbers[0]}
 
     def silent(self) -> list[str]:
         """Return the streams with a publisher from which no message has been received.
@@ -470,7 +470,7 @@ class BagFeed:
 
     def total_lost(self) -> object:
         """Return how many messages are lost, with 'at least' if a topic's can't be counted."""
-        lost = [lost for _, lost in self.heard().values()]
+        lost = [lost for _, lost in self.message_counts().values()]
         total = sum(filter(None, lost))
         return f'at least {total}' if None in lost or self.silent() else total
 

@@ -70,7 +70,7 @@ class PlantParameters:
     motor_torque_constant_nominal
         (n,) torque constants K_i in the configuration [Nm/A].
     seed
-        Seed of the deviations, None for an arm as drawn.
+        Seed of the deviations, None for a nominal arm.
     backlash
         (n,) angle by which each link may turn while its rotor rests [rad]; None for gears without
         backlash, required by `BacklashPlant` only.
@@ -364,7 +364,7 @@ class ArmPlant:
         self._effort[:] = effort
 
     def scale_friction(self, factors: Sequence[float]) -> None:
-        """Multiply the dry friction of each joint's gear by one of n factors from now on."""
+        """Scale the dry friction of each joint's gear by a factor (n,) from now on."""
         for row, coulomb, factor in zip(
             self._constants, self.parameters.coulomb.tolist(), factors, strict=True
         ):
@@ -439,7 +439,7 @@ class ArmPlant:
         return link
 
     def _stribeck(self, dq: float) -> float:
-        """Return dry friction at a velocity over that of a joint that slides fast."""
+        """Return the ratio of dry friction at a velocity to that of a fast joint."""
         share = self.parameters.stribeck
         if share == 0.0:
             return 1.0

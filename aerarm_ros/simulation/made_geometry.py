@@ -1,4 +1,4 @@
-"""Geometry of a manufactured arm, with deviations from its drawing.
+"""Geometry of a manufactured arm, with deviations from its URDF.
 
 The module shares no code with the calibration: rotations are computed from their formulas, and
 link poses by the physics engine.
@@ -20,7 +20,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class GeometrySpread:
-    """Standard deviations of a manufactured arm's geometry from its drawing.
+    """Standard deviations of a manufactured arm's geometry from its URDF.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class MadeGeometry:
 
     @classmethod
     def of(cls, robot: Robot, seed: int, spread: GeometrySpread | None = None) -> MadeGeometry:
-        """Return an arm with normally distributed deviations of the given standard deviations."""
+        """Return an arm with normally distributed errors of given standard deviations."""
         spread = spread or GeometrySpread()
         random = np.random.default_rng([seed, 37])
         n = robot.n

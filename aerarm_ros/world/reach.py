@@ -113,7 +113,7 @@ class ArmReach:
 
 
 class DroneRequest:
-    """Slow request for the drone position at which the arm is in the middle of its reach.
+    """Slowly moving set point for the drone, at which the arm is in the middle of its reach.
 
     The requested position depends on the tool's target and on the heading at the start of the
     request. The request does not depend on the drone's position or the arm's posture, so it closes

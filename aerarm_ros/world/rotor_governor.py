@@ -331,7 +331,7 @@ class RotorGovernor:
         return _factor_of(self._heading.limit / turned)
 
     def _moments(self, wanted: Array, moment: Array) -> tuple[Array, Array]:
-        """Return the range of moments (M,) [Nm] about the vertical that other thrusts leave.
+        """Return the moments (M,) [Nm] about the vertical that other thrusts leave available.
 
         `wanted` (M, m) are all thrusts from the middle of their range, including those for the
         `moment` (M,) about the vertical. Other thrusts beyond the limits leave no range.
@@ -422,7 +422,7 @@ def _stretched(times: Array, pace: Array) -> Array:
 
 
 def _smoothed(pace: Array, times: Array) -> Array:
-    """Return a pace that changes over 0.4 s and never exceeds the given one."""
+    """Return a pace that changes smoothly over 0.4 s and never exceeds a given pace."""
     width = max(1, round(_SMOOTHED / (times[1] - times[0])))
     padded = np.concatenate([np.full(2 * width, pace[0]), pace, np.full(2 * width, pace[-1])])
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1)

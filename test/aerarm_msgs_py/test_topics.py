@@ -9,7 +9,7 @@ def test_streams_are_taken_best_effort_of_depth_one() -> None:
         assert (topic.qos.depth, topic.qos.reliability) == (1, ReliabilityPolicy.BEST_EFFORT)
 
 
-def test_everybody_can_listen_to_what_the_suite_publishes() -> None:
+def test_publishers_of_the_suite_match_every_subscription() -> None:
     for topic in topics.TOPICS.values():
         assert topic.offered.reliability == ReliabilityPolicy.RELIABLE
         # A slow subscriber would hold up a publisher that keeps all.

@@ -98,7 +98,7 @@ def test_nothing_imports_an_executable() -> None:
             assert not name.startswith('aerarm_ros.nodes'), f'{path} imports {name}'
 
 
-def test_nodes_holds_the_executables_and_nothing_else() -> None:
+def test_the_package_nodes_contains_only_executables() -> None:
     folders = ('aerarm_ros/nodes', 'aerarm_ros/nodes/controllers')
     assert sorted(name for folder in folders for name in modules_in(folder)) == executables()
     for folder in folders:

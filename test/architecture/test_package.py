@@ -37,7 +37,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     return zipfile.ZipFile(path)
 
 
-def test_wheel_holds_both_packages_and_the_shared_files(wheel: zipfile.ZipFile) -> None:
+def test_the_wheel_contains_both_packages_and_the_shared_files(wheel: zipfile.ZipFile) -> None:
     names = wheel.namelist()
     for wanted in (
         'aerarm_ros/nodes/hardware_bridge.py',
@@ -87,7 +87,7 @@ def test_scripts_go_where_ros2_run_looks() -> None:
     assert '$base/lib/aerarm_ros' in (ROOT / 'setup.cfg').read_text()
 
 
-def test_what_can_be_compiled_is_there() -> None:
+def test_every_compiled_module_exists() -> None:
     modules = listed_in_setup('COMPILED')
     folder = ROOT / 'aerarm_ros' / 'hardware'
     assert [name for name in modules if not (folder / f'{name}.py').is_file()] == []
@@ -122,7 +122,7 @@ def requirements(distribution: str) -> list[str]:
     return json.loads(run.stdout)
 
 
-def test_beside_a_ros_from_apt_nothing_asks_for_numpy_2() -> None:
+def test_with_ros_from_apt_no_dependency_requires_numpy_2() -> None:
     assert 'numpy>=1.26,<2' in requirements('jazzy')
     assert not any(wanted.startswith('pin') for wanted in requirements('jazzy'))
     assert {'numpy>=1.26,<3', 'pin>=3.3,<5'} <= set(requirements(''))

@@ -159,7 +159,7 @@ def test_postures_in_which_a_joint_rests_name_the_offset_that_they_hide() -> Non
     assert 'too few or too similar; joint3, joint4 hardly move' in text
 
 
-def test_similar_postures_name_what_stays_uncertain() -> None:
+def test_too_similar_postures_name_the_uncertain_parameters() -> None:
     arm = MeasuredArm(2)
     q = 0.004 * arm.postures(30) + (0.2, 1.0, 0.3, 0.4)
     text = refused(arm.observe(q))

@@ -38,7 +38,7 @@ def test_held_out_errors_fall_from_some_15_mm_to_less_than_half_a_millimetre(
     assert after < 0.2e-3
 
 
-def test_link_geometry_is_chosen_and_insignificant_errors_stay_as_drawn(
+def test_link_geometry_is_chosen_and_insignificant_errors_keep_their_urdf_values(
     calibration: Calibration,
 ) -> None:
     assert calibration.best.name.startswith('geometry')
@@ -53,7 +53,7 @@ def test_link_geometry_is_chosen_and_insignificant_errors_stay_as_drawn(
     )
 
 
-def test_every_parameter_is_told_from_the_others_or_said_to_be_absorbed(
+def test_every_parameter_is_identified_or_reported_as_absorbed(
     calibration: Calibration,
 ) -> None:
     found, geometry = calibration.found, calibration.fit.geometry
@@ -109,7 +109,7 @@ def test_two_standard_deviations_cover_every_identifiable_parameter_in_100_trial
     assert share.min() > 0.88  # of one parameter: 0.954 less three standard errors
 
 
-def test_a_level_bounds_what_is_estimated(calibration: Calibration) -> None:
+def test_a_level_limits_the_estimated_parameters(calibration: Calibration) -> None:
     arm = MeasuredArm(1, frames=20)
     observations = arm.observe(arm.postures(25))
     offsets = calibrate(own_chain(), observations, (), CalibrationOptions('offsets'))

@@ -33,7 +33,7 @@ def test_units_of_columns_are_read(tmp_path: Path) -> None:
     assert found.joints['elbow'][0] == pytest.approx(np.pi / 2)
 
 
-def test_stated_units_hold_where_columns_have_none(tmp_path: Path) -> None:
+def test_the_default_unit_applies_to_columns_without_a_unit(tmp_path: Path) -> None:
     header, row = 'x1,y1,z1,elbow,base_joint', '1,2,3,90,180'
     found = table(tmp_path, header, row, length_unit='mm', degrees=True)
     np.testing.assert_allclose(found.measured['marker1'].position[0], [1e-3, 2e-3, 3e-3])
@@ -86,7 +86,7 @@ def test_numbered_joints_are_those_of_the_urdf_in_turn(tmp_path: Path) -> None:
         ('x1,y1,z1,elbow,q_elbow', '1,2,3,4,5', 'has two columns of joint elbow'),
     ],
 )
-def test_what_cannot_be_read_is_one_error(
+def test_an_unreadable_table_raises_one_error(
     tmp_path: Path, header: str, row: str, expected: str
 ) -> None:
     with pytest.raises(CalibrationError) as error:

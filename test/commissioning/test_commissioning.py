@@ -63,7 +63,7 @@ def test_a_healthy_joint_passes_and_its_numbers_are_those_of_the_arm():
         ('dead_board:1', 'board1 does not answer'),
     ],
 )
-def test_what_a_hand_finds_ends_the_joint_before_its_motor_is_driven(fault, finding):
+def test_an_error_found_by_hand_ends_the_joint_before_its_motor_is_driven(fault, finding):
     arm = CommissionedArm(1, fault)
     (text,) = arm.commission([3]).joints['joint4'].findings
     assert finding in text
@@ -83,7 +83,7 @@ def test_only_the_motor_of_the_joint_is_switched_on():
     assert abs(arm.bridge.motor_current[3]) < 0.6
 
 
-def test_a_weak_driver_is_found_by_what_it_measures():
+def test_a_weak_driver_is_detected_by_its_measured_current():
     arm = aligned(CommissionedArm(1, 'weak_driver:1:1'))
     report = run(arm, 4.3)
     assert report.phase == 'done'
@@ -131,7 +131,7 @@ def test_a_motor_that_runs_away_is_switched_off():
     assert fastest < 1.0
 
 
-def test_nothing_else_drives_a_motor_meanwhile():
+def test_other_clients_cannot_drive_a_motor_during_the_procedure():
     arm = aligned(CommissionedArm(None))
     for answer in (arm.bridge.enable(), arm.bridge.home()):
         assert not answer.accepted
@@ -194,7 +194,7 @@ def test_a_joint_is_turned_where_it_has_room():
         '{"kind": "off"}',
     ],
 )
-def test_a_request_that_makes_no_sense_is_rejected(text):
+def test_an_invalid_request_is_rejected(text):
     with pytest.raises(ValueError, match='commissioning'):
         ProbeRequest.parse(text)
 

@@ -62,7 +62,7 @@ def test_a_commissioned_arm_has_no_problem_and_pulse_offsets(path):
         (commissioned(['joint1: rubs']), r'joint1, .* did not pass .*\(joint1: rubs\)'),
     ],
 )
-def test_an_arm_that_is_not_commissioned_says_why(record, problem):
+def test_the_record_states_why_an_arm_is_not_commissioned(record, problem):
     assert re.search(problem, record.problem(CONFIG))
     assert "'arm commission'" in record.problem(CONFIG)
 
@@ -126,7 +126,7 @@ def test_a_truncated_record_is_an_error(path):
         load_record(path)
 
 
-def test_the_record_is_beside_its_configuration(tmp_path):
+def test_the_record_is_next_to_its_configuration(tmp_path):
     config = tmp_path / 'my_arm.yaml'
     assert record_path(config) == tmp_path / 'my_arm.commissioning.yaml'
     assert record_path(config, emulated=True) == tmp_path / 'my_arm.emulated.commissioning.yaml'

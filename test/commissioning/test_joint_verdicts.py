@@ -96,7 +96,7 @@ def test_a_joint_that_does_not_come_back_to_its_mark_is_found():
 
 
 @pytest.mark.parametrize('friction', [0.122 * 0.6, 0.122, 0.122 * 1.5])
-def test_friction_and_current_of_a_made_arm_pass(friction):
+def test_friction_and_current_of_a_manufactured_arm_pass(friction):
     findings, measured = drive_findings(CONFIG, JOINT, driven(friction, delivered=0.98))
     assert findings == []
     assert measured['friction'] == pytest.approx(friction)

@@ -95,7 +95,7 @@ def test_known_forces_are_found_while_the_arm_moves() -> None:
             np.testing.assert_allclose(wrench[3:], moment, atol=0.1 * np.linalg.norm(force))
 
 
-def test_it_rises_as_a_first_order_low_pass() -> None:
+def test_the_wrench_rises_as_a_first_order_low_pass() -> None:
     flight = TouchedFlight()
     list(flight.go(0.1))
     flight.plant.touch([0.0, 5.0, 0.0])
@@ -105,14 +105,14 @@ def test_it_rises_as_a_first_order_low_pass() -> None:
     np.testing.assert_allclose(rise, expected, atol=0.05)
 
 
-def test_a_wrong_mass_is_felt_as_its_weight() -> None:
+def test_a_wrong_drone_mass_appears_as_its_weight() -> None:
     flight = TouchedFlight(DRONE.with_errors(1.1))
     *_, wrench = flight.go(0.3)
     missing = 0.1 * DRONE.mass * 9.81
     assert flight.base[2] @ wrench[:3] == pytest.approx(missing, rel=0.1)
 
 
-def test_what_falls_silent_fades_and_what_comes_back_begins_anew() -> None:
+def test_the_wrench_fades_without_input_and_restarts_when_the_input_returns() -> None:
     flight = TouchedFlight()
     flight.plant.touch([5.0, 0.0, 0.0])
     *_, wrench = flight.go(0.2)
@@ -154,7 +154,9 @@ def odometry(stamp: float, height: float = 0.0) -> OdometrySample:
     return OdometrySample(stamp, place, np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3))
 
 
-def test_nothing_is_told_before_all_is_known(estimator: ContactEstimator) -> None:
+def test_no_estimate_is_returned_before_all_inputs_have_arrived(
+    estimator: ContactEstimator,
+) -> None:
     assert estimator.problem() == 'no joint states yet'
     assert estimator.update() is None
     estimator.offer_joints(START, HANGING, np.zeros(4))
@@ -168,7 +170,7 @@ def test_nothing_is_told_before_all_is_known(estimator: ContactEstimator) -> Non
     estimator.offer_odometry(odometry(START))  # told again
 
 
-def test_what_is_wrong_is_refused(estimator: ContactEstimator) -> None:
+def test_invalid_samples_are_rejected(estimator: ContactEstimator) -> None:
     estimator.offer_joints(START, HANGING, np.zeros(4))
     refused: list[tuple[Callable[[], None], str]] = [
         (lambda: estimator.offer_odometry(odometry(0.0)), r'stamp is -100 s .*synchronise'),

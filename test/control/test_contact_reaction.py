@@ -159,7 +159,7 @@ def test_a_retreat_that_meets_a_contact_stops() -> None:
     assert arm.reaction.count == 2
 
 
-def test_a_retreat_never_goes_back_to_before_a_take_over() -> None:
+def test_a_retreat_never_returns_to_a_reference_before_the_activation() -> None:
     arm = Moving(Reaction.RETREAT)
     arm.run(1.0)
     arm.loop.release()

@@ -28,13 +28,13 @@ def loop(limits, follower, dynamics) -> ControlLoop:
     return ControlLoop(limits, follower, ComputedTorque(dynamics, 100.0, 20.0))
 
 
-def test_takes_over_at_the_posture_it_finds(loop, dynamics) -> None:
+def test_control_starts_at_the_measured_posture(loop, dynamics) -> None:
     assert loop.update(REST, 5.0) is None
     command = loop.update(REST, 5.0 + CYCLE)
     np.testing.assert_allclose(command.tau, dynamics.fixed.gravity(POSTURE), atol=1e-9)
 
 
-def test_takes_over_anew_after_a_gap_and_when_released(loop) -> None:
+def test_control_starts_again_after_a_gap_and_after_a_release(loop) -> None:
     for now in (0.0, 0.001, 0.5, 0.501):
         loop.update(REST, now)
     assert loop.take_overs == 2
@@ -76,7 +76,7 @@ def test_a_law_without_effort_passes_unchanged(limits, follower) -> None:
     assert loop.update(REST, CYCLE).tau is None
 
 
-def test_compensation_takes_away_the_error_of_a_constant_force(
+def test_compensation_removes_the_error_caused_by_a_constant_force(
     limits, dynamics, frictionless_bench
 ) -> None:
     errors = []

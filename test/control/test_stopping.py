@@ -88,6 +88,6 @@ def test_a_stream_toward_a_limit_brakes_in_time_to_stop_before_it(limits: JointL
             largest = max(largest, reference.q[1])
             now += CYCLE
     assert 3.4 < largest <= limits.position_max[1]
-    assert 'led to a limit' in follower.outcome
-    assert 'where the arm can stop: joint2 at 3.6' in rejected
+    assert 'stopped before a joint limit' in follower.outcome
+    assert 'stopping position of the streamed point: joint2 at 3.6' in rejected
     assert not reference.dq.any()

@@ -49,13 +49,13 @@ def test_each_board_drives_two_motors(config: ArmConfig) -> None:
     assert sorted(places) == [(0, 0), (0, 1), (1, 0), (1, 1)]
 
 
-def test_effort_limits_are_what_the_motors_give(config: ArmConfig) -> None:
+def test_effort_limits_match_the_torque_of_the_motors(config: ArmConfig) -> None:
     strongest = config.column('torque_per_ampere') * config.column('motor.current_max')
     assert np.all(config.column('effort_max') <= strongest)
     assert np.allclose(config.column('effort_max'), strongest, rtol=0.01)
 
 
-def test_the_urdf_says_the_same(config: ArmConfig, robot: Robot) -> None:
+def test_limits_agree_with_the_urdf(config: ArmConfig, robot: Robot) -> None:
     assert config.joint_names == robot.joint_names
     for field in ('position_min', 'position_max', 'velocity_max', 'effort_max'):
         assert np.array_equal(config.column(field), getattr(robot, field)), field

@@ -132,7 +132,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(('change', 'message'), WRONG.values(), ids=WRONG.keys())
-def test_what_is_wrong_is_named_in_one_line(
+def test_an_invalid_file_raises_one_line_that_names_the_key(
     write: Callable[[Change], Path], change: Change, message: str
 ) -> None:
     path = write(change)

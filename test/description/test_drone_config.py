@@ -51,7 +51,7 @@ def test_packaged_drones_hover_with_the_arm(name: str) -> None:
     np.testing.assert_allclose(drone.gravity_in_base, [0.0, 0.0, 9.81], atol=1e-12)
 
 
-def test_packaged_drones_are_what_their_names_say() -> None:
+def test_packaged_drones_match_their_names() -> None:
     drones = [load_drone_config(resource('config', *name.split('/'))) for name in FILES]
     assert [drone.is_fully_actuated for drone in drones] == [0, 1, 0]
     assert [drone.mass for drone in drones] == [3.0, 3.0, 1.3]
@@ -70,7 +70,7 @@ def test_a_rotor_pushes_where_it_is_and_drags_against_its_turn(write: Callable) 
     np.testing.assert_allclose(drone.allocation[:, 1], expected, atol=1e-12)
 
 
-def test_a_wrong_file_says_what_it_is_wrong_by() -> None:
+def test_a_scaled_drone_has_the_given_errors() -> None:
     drone = load_drone_config()
     wrong = drone.with_errors(mass=1.2, inertia=0.8)
     assert wrong.mass == pytest.approx(1.2 * drone.mass)
@@ -159,7 +159,7 @@ WRONG: dict[str, tuple[Document, str]] = {
 
 
 @pytest.mark.parametrize('case', WRONG)
-def test_what_is_wrong_is_named_in_one_line(case: str, write: Callable) -> None:
+def test_an_invalid_file_raises_one_line_that_names_the_key(case: str, write: Callable) -> None:
     changes, message = WRONG[case]
     with pytest.raises(ConfigError, match=message) as caught:
         load_drone_config(write(changes))

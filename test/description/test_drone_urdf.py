@@ -56,7 +56,7 @@ def test_the_arm_moves_below_its_mount_as_ever() -> None:
     np.testing.assert_allclose(places[0].homogeneous, expected.homogeneous, atol=1e-12)
 
 
-def test_it_is_one_tree_with_the_imu_where_the_file_says() -> None:
+def test_drone_and_arm_form_one_tree_with_the_imu_of_the_drone_file() -> None:
     document = UrdfDocument(TEXT)
     assert document.joints['drone_mount'].parent == 'drone'
     model = load_robot(TEXT).model
@@ -82,7 +82,7 @@ def test_a_second_drone_is_refused() -> None:
         with_drone(TEXT.replace('drone_imu', 'other'), DRONE)
 
 
-def test_a_prefix_tells_two_drones_from_each_other() -> None:
+def test_a_prefix_distinguishes_two_drones() -> None:
     arm = load_robot(prefix='left_')
     both, other = UrdfDocument(with_drone(arm.urdf_text, DRONE, 'left_')), UrdfDocument(TEXT)
     assert both.links == {f'left_{name}' for name in other.links}

@@ -4,7 +4,7 @@ from aerarm_ros.description.config_reader import DescriptionError, check_prefix
 
 
 @pytest.mark.parametrize('prefix', ['', 'left_', 'left/', 'fleet/arm2_', 'L'])
-def test_what_frames_may_begin_with(prefix: str) -> None:
+def test_valid_prefixes_are_accepted(prefix: str) -> None:
     check_prefix(prefix)
 
 
@@ -12,6 +12,6 @@ def test_what_frames_may_begin_with(prefix: str) -> None:
     'prefix',
     ['/left', '_', '1st_', 'left arm', 'left//', 'left-', 'léft_', '{left}', 'a\n', 65 * 'a'],
 )
-def test_what_cannot_stand_before_names_is_refused(prefix: str) -> None:
+def test_invalid_prefixes_are_rejected(prefix: str) -> None:
     with pytest.raises(DescriptionError, match='must begin with a letter .* left_'):
         check_prefix(prefix)

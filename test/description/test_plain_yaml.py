@@ -45,7 +45,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize('name', REFUSED)
-def test_what_could_fill_memory_or_time_is_refused(name: str) -> None:
+def test_yaml_that_needs_much_memory_or_time_is_rejected(name: str) -> None:
     text, message = REFUSED[name]
     tracemalloc.start()
     before = time.process_time()
@@ -69,7 +69,7 @@ def test_the_error_of_a_file_names_it(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize('folder', ['config', 'config/profiles'])
-def test_the_files_of_the_package_mean_what_they_did(folder: str) -> None:
+def test_packaged_files_are_read_as_by_safe_load(folder: str) -> None:
     files = sorted(resource(*folder.split('/')).glob('*.yaml'))
     assert files
     for file in files:

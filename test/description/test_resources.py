@@ -12,12 +12,12 @@ from aerarm_ros.description.config_reader import config_path
 from aerarm_ros.description.drone_config import load_drone_config
 
 
-def test_a_checkout_holds_the_shared_files_beside_the_package() -> None:
+def test_a_checkout_has_the_shared_files_next_to_the_package() -> None:
     assert resources.resource('urdf', 'aerarm.urdf').is_file()
     assert resources.share_directory() == Path(resources.__file__).resolve().parents[2]
 
 
-def test_a_missing_file_is_named_with_what_the_folder_holds() -> None:
+def test_the_error_names_the_missing_file_and_the_existing_files() -> None:
     with pytest.raises(FileNotFoundError, match=r'arm\.urdf.*aerarm\.urdf'):
         resources.resource('urdf', 'arm.urdf')
 
@@ -44,7 +44,7 @@ def test_an_installed_package_finds_its_share_folder(tmp_path: Path) -> None:
     assert found.stdout.strip() == str((tmp_path / 'share' / 'aerarm_ros').resolve()), found.stderr
 
 
-def test_an_incomplete_installation_says_what_to_do(tmp_path: Path) -> None:
+def test_an_incomplete_installation_raises_an_error_with_a_remedy(tmp_path: Path) -> None:
     found = installed(tmp_path, share=False)
     assert found.returncode != 0
     assert 'install the package again' in found.stderr
@@ -67,7 +67,7 @@ def test_ones_own_file_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert resources.find_file('drone.yaml') == Path('drone.yaml')
 
 
-def test_a_default_is_packaged_wherever_a_program_starts(
+def test_the_packaged_default_is_found_from_any_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

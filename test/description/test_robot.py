@@ -103,7 +103,7 @@ def test_a_prismatic_joint_is_accepted() -> None:
     assert load_robot(urdf(*TWO_LINKS, joint('a', 'b', 'prismatic'))).n == 2
 
 
-def test_a_locked_joint_away_from_zero_stands_at_its_nearest_limit() -> None:
+def test_a_locked_joint_whose_range_excludes_zero_is_fixed_at_its_nearest_limit() -> None:
     limit = '<limit lower="0.5" upper="1" effort="1" velocity="1"/>'
     point = '<inertial><origin xyz="1 0 0"/>' + INERTIAL.removeprefix('<inertial>')
     text = urdf(link('base'), link('a'), link('b', point), joint('base', 'a'))

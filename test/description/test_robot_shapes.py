@@ -108,7 +108,7 @@ def test_parts_that_show_one_another_are_refused(tmp_path):
         load_shapes(arm(tmp_path, 'part.dae'), pin.GeometryType.COLLISION)
 
 
-def test_the_designer_says_it_as_it_is(tmp_path):
+def test_the_designer_reports_the_reason(tmp_path):
     reason = large(tmp_path / 'part.stl')
     with pytest.raises(ExcitationError, match=reason):
         build_collision_geometry(arm(tmp_path, 'part.stl'), None)

@@ -110,7 +110,7 @@ WEAPONS = {
 
 
 @pytest.mark.parametrize('weapon', WEAPONS)
-def test_what_could_fill_memory_or_time_is_refused(weapon: str) -> None:
+def test_urdf_that_needs_much_memory_or_time_is_rejected(weapon: str) -> None:
     text, message = WEAPONS[weapon]
     with pytest.raises(DescriptionError, match=message):
         UrdfDocument(text)
@@ -127,7 +127,7 @@ def test_places_and_axes_are_finite_numbers(element: str, value: str) -> None:
         UrdfDocument(changed)
 
 
-def test_a_prefix_stands_before_all_names_and_changes_nothing_else() -> None:
+def test_a_prefix_is_added_to_all_names_and_changes_nothing_else() -> None:
     extras = (
         '<gazebo reference="link1"/><gazebo/>'
         '<transmission name="t"><joint name="joint1"/></transmission></robot>'

@@ -33,7 +33,7 @@ def test_findings_only_shrink() -> None:
         ('page.js', "label.textContent = 'hand-over';  /* tare */", 1),
     ],
 )
-def test_what_is_found(name: str, text: str, count: int, tmp_path: Path) -> None:
+def test_findings_are_counted(name: str, text: str, count: int, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_text(text)
     assert len(findings(path)) == count, findings(path)

@@ -51,7 +51,9 @@ def shipped(name: str) -> ArmConfig:
 
 
 @pytest.mark.parametrize('name', EXAMPLES)
-def test_the_examples_are_what_is_drafted_today(name: str, drafts: dict[str, ArmDraft]) -> None:
+def test_the_packaged_examples_equal_the_present_draft(
+    name: str, drafts: dict[str, ArmDraft]
+) -> None:
     found, draft = shipped(name), drafts[name].config
     assert found.joint_names == draft.joint_names
     for field in ('effort_max', 'velocity_max', 'acceleration_max', 'board_kp', 'board_kd'):
@@ -117,7 +119,7 @@ def test_the_drafted_loop_is_damped_in_every_posture(
         assert np.all(-poles.real / np.abs(poles) > 0.4)
 
 
-def test_the_rest_posture_is_clear_and_easy_to_hold(
+def test_the_drafted_home_configuration_is_free_of_collisions_and_easy_to_hold(
     drafts: dict[str, ArmDraft], robots: dict[str, Robot]
 ) -> None:
     for name, draft in drafts.items():
@@ -146,13 +148,13 @@ def test_an_arm_that_hangs_has_no_ground(robots: dict[str, Robot]) -> None:
         ('effort="8"', 'effort="1"', 'its effort limit of 1 Nm cannot carry the outstretched'),
     ],
 )
-def test_what_no_drive_can_be_guessed_for(old: str, new: str, message: str) -> None:
+def test_arms_without_a_possible_draft_raise_errors(old: str, new: str, message: str) -> None:
     text = resource('config', 'examples', 'three_joints.urdf').read_text().replace(old, new, 1)
     with pytest.raises(ValueError, match=message):
         ArmDraft(load_robot(text))
 
 
-def test_what_a_urdf_leaves_open_is_guessed_and_told() -> None:
+def test_values_missing_in_the_urdf_are_guessed_and_marked() -> None:
     text = resource('config', 'examples', 'three_joints.urdf').read_text()
     bare = text.replace('<collision>', '<!--').replace('</collision>', '-->')
     draft = ArmDraft(load_robot(bare.replace('effort="8"', 'effort="0"')), 'bare')

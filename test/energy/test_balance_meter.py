@@ -43,11 +43,11 @@ def test_the_balance_is_that_of_the_emulated_motors(played, measured) -> None:
     assert abs(measured.unexplained.sum()) < 0.01 * whole
 
 
-def test_the_balance_is_what_motor_power_adds_up_to(played, measured) -> None:
+def test_the_balance_equals_the_sum_of_motor_power(played, measured) -> None:
     assert measured.motors.sum() == pytest.approx(played[0].told.sum(), rel=0.02)
 
 
-def test_what_was_planned_is_what_is_measured(model, measured) -> None:
+def test_measured_energy_agrees_with_the_plan(model, measured) -> None:
     planned = model.balance(MOTION)
     assert planned.motors.sum() == pytest.approx(measured.motors.sum(), rel=0.05)
     assert planned.seconds == pytest.approx(measured.seconds, abs=0.02)

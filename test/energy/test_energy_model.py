@@ -21,7 +21,7 @@ def test_supplied_is_the_integral_of_the_power_that_the_supply_gives(model) -> N
     assert balance.unexplained == pytest.approx(0.0, abs=1e-9)
 
 
-def test_work_against_gravity_and_inertia_is_what_the_arm_stores(model) -> None:
+def test_work_against_gravity_and_inertia_equals_the_stored_energy(model) -> None:
     balance, dynamics = model.balance(MOTION), model.dynamics
     q0, q1 = MOTION.evaluate(0.0).q, MOTION.evaluate(MOTION.duration).q
     lifted = dynamics.potential_energy(q1) - dynamics.potential_energy(q0)
@@ -29,7 +29,7 @@ def test_work_against_gravity_and_inertia_is_what_the_arm_stores(model) -> None:
     assert balance.inertia.sum() == pytest.approx(0.0, abs=1e-4)
 
 
-def test_recovery_takes_from_what_is_burnt_and_standby_is_added(config, robot) -> None:
+def test_recovery_reduces_burnt_energy_and_standby_is_added(config, robot) -> None:
     def of(**stage: float):
         arm = replace(config, power_stage=PowerStageConfig(**stage))
         return EnergyModel(arm, robot).balance(MOTION)
@@ -42,7 +42,7 @@ def test_recovery_takes_from_what_is_burnt_and_standby_is_added(config, robot) -
     np.testing.assert_allclose(half.motors, none.motors - half.recovered)
 
 
-def test_gears_pass_on_what_the_links_take_and_nothing_of_the_rotors(config, robot) -> None:
+def test_gears_transmit_the_torque_of_the_links_only(config, robot) -> None:
     light, heavy = (
         EnergyModel(config, robot, rotors, load_friction=0.1).balance(MOTION)
         for rotors in (np.zeros(4), np.full(4, 2.0))

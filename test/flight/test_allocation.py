@@ -26,7 +26,7 @@ def test_a_wrench_within_reach_is_made(drone: DroneConfig) -> None:
 
 
 @names
-def test_no_rotor_is_asked_for_more_than_it_gives(drone: DroneConfig) -> None:
+def test_commanded_thrusts_are_within_the_rotors_limits(drone: DroneConfig) -> None:
     rng = np.random.default_rng(0)
     low, high = drone.column('thrust_min'), drone.column('thrust_max')
     for _ in range(200):
@@ -37,7 +37,7 @@ def test_no_rotor_is_asked_for_more_than_it_gives(drone: DroneConfig) -> None:
 
 
 @names
-def test_turning_about_the_vertical_gives_way_to_staying_up(drone: DroneConfig) -> None:
+def test_lift_has_priority_over_the_yaw_moment(drone: DroneConfig) -> None:
     wanted = np.array([0.0, 0.0, HOVER, 1.5, -1.0, 50.0])
     made = drone.allocation @ Allocation(drone).thrusts(wanted)
     np.testing.assert_allclose(made[2:5], wanted[2:5], atol=1e-3)
@@ -45,7 +45,7 @@ def test_turning_about_the_vertical_gives_way_to_staying_up(drone: DroneConfig) 
 
 
 @names
-def test_lift_gives_way_to_the_moments_that_keep_it_upright(drone: DroneConfig) -> None:
+def test_roll_and_pitch_moments_have_priority_over_lift(drone: DroneConfig) -> None:
     strongest = drone.column('thrust_max').sum()
     wanted = np.array([0.0, 0.0, strongest, 2.0, 0.0, 0.0])
     made = drone.allocation @ Allocation(drone).thrusts(wanted)
@@ -69,7 +69,7 @@ def test_as_much_is_given_of_the_moments_that_keep_it_upright_as_can_be(drone: D
 
 
 @names
-def test_the_largest_turning_moment_is_what_is_given(drone: DroneConfig) -> None:
+def test_the_largest_yaw_moment_is_reached(drone: DroneConfig) -> None:
     body = MassProperties(HOVER / GRAVITY, np.array([0.02, 0.0, -0.1]), 0.1 * np.eye(3))
     most = Allocation(drone).turning_moment(body)
     for turn, is_given in ((0.99 * most, True), (1.5 * most, False)):

@@ -42,7 +42,7 @@ def run(arm: ArmFeedForward, begin: float, end: float):
     return now, told
 
 
-def test_what_is_not_told_far_enough_ahead_is_late(arm: ArmFeedForward) -> None:
+def test_a_forecast_that_ends_too_early_is_late(arm: ArmFeedForward) -> None:
     assert not arm.is_late(1.0)  # nobody tells anything
     tell(arm, 0.0, 1.0 + AHEAD)
     assert not arm.is_late(1.0)
@@ -54,7 +54,7 @@ def test_what_is_not_told_far_enough_ahead_is_late(arm: ArmFeedForward) -> None:
     assert not arm.is_late(2.0)
 
 
-def test_it_is_of_when_a_command_acts(arm: ArmFeedForward) -> None:
+def test_the_feed_forward_is_that_of_the_time_at_which_a_command_acts(arm: ArmFeedForward) -> None:
     tell(arm, 0.0, 1.0 + AHEAD)
     now, told = run(arm, 0.0, 1.0)
     rotation, mount = DRONE.mount.rotation, np.array(DRONE.mount.position)
@@ -102,7 +102,7 @@ def test_silence_lets_the_motion_fade_and_keeps_the_posture(arm: ArmFeedForward)
     assert np.linalg.norm(told.wrench) > 1.0
 
 
-def test_told_too_late_for_a_lead_the_last_serves(arm: ArmFeedForward) -> None:
+def test_with_a_late_forecast_the_last_one_is_used(arm: ArmFeedForward) -> None:
     tell(arm, 0.0, 1.0)
     now, told = run(arm, 0.0, 1.0)
     np.testing.assert_allclose(told.wrench, told.wrench_now, atol=0.05)

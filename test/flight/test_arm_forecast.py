@@ -37,7 +37,7 @@ def run(forecast: ArmForecast, begin: float, end: float, plans: bool, error: flo
         yield now, forecast.motion(now, off(swing(now), error))
 
 
-def test_a_plan_tells_the_motion_ahead_exactly(forecast: ArmForecast) -> None:
+def test_a_plan_predicts_the_motion_exactly(forecast: ArmForecast) -> None:
     for now, told in run(forecast, 0.0, 0.5, plans=True, error=0.02):
         # A lasting error of the joints goes on.
         np.testing.assert_allclose(told.q, swing(now + LEAD).q + 0.02, atol=1e-7)
@@ -46,7 +46,7 @@ def test_a_plan_tells_the_motion_ahead_exactly(forecast: ArmForecast) -> None:
     assert forecast.problem == ''
 
 
-def test_without_a_plan_the_measured_motion_goes_on(forecast: ArmForecast) -> None:
+def test_without_a_plan_the_measured_motion_is_extrapolated(forecast: ArmForecast) -> None:
     for now, told in run(forecast, 0.0, 0.1, plans=False):
         seen = swing(now)
         np.testing.assert_allclose(told.q, seen.q + LEAD * seen.dq)
@@ -82,7 +82,7 @@ def test_a_plan_that_ends_or_comes_fades(forecast: ArmForecast) -> None:
     assert forecast.problem == ''
 
 
-def test_a_plan_that_the_arm_does_not_follow_is_not_believed(forecast: ArmForecast) -> None:
+def test_a_plan_that_the_arm_does_not_follow_is_not_used(forecast: ArmForecast) -> None:
     blocked = JointReference.at_rest(swing(0.0).q)
     for cycle in range(400):
         now = 1e-3 * cycle
@@ -93,7 +93,7 @@ def test_a_plan_that_the_arm_does_not_follow_is_not_believed(forecast: ArmForeca
     assert 'planned' in forecast.problem
 
 
-def test_after_a_gap_an_old_plan_is_none(forecast: ArmForecast) -> None:
+def test_after_a_gap_an_old_plan_is_not_used(forecast: ArmForecast) -> None:
     list(run(forecast, 0.0, 0.1, plans=True))
     told = forecast.motion(100.0, JointReference.at_rest(np.ones(4)))
     np.testing.assert_array_equal(told.q, 1.0)
@@ -114,7 +114,7 @@ def test_after_a_gap_an_old_plan_is_none(forecast: ArmForecast) -> None:
         (lambda t, q, dq, ddq: (200.0 * t, q, dq, ddq), '10 s at most'),
     ],
 )
-def test_what_is_no_plan_is_refused_and_changes_nothing(
+def test_an_invalid_plan_is_rejected_without_effect(
     forecast: ArmForecast, change, reason: str
 ) -> None:
     forecast.offer(0.0, TIMES, *swing(TIMES))

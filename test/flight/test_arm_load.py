@@ -70,7 +70,7 @@ def test_at_the_drones_centre_the_body_turns_alike() -> None:
     np.testing.assert_allclose(rotation.T @ back, acceleration[:3], atol=1e-12)
 
 
-def test_mass_properties_and_weight_of_a_payload_are_told() -> None:
+def test_the_arm_load_includes_the_payload() -> None:
     loads = ArmLoadModel(ROBOT)
     motion = JointReference.at_rest([0.2, 1.3, -0.4, 0.6])
     empty = loads.evaluate(motion)

@@ -50,7 +50,7 @@ def fast_motion(time: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize('name', DRONES)
-def test_it_stays_up_while_the_arm_swings_fast(fly, name: str) -> None:
+def test_the_drone_keeps_flying_while_the_arm_swings_fast(fly, name: str) -> None:
     flight = fly(DRONES[name])
     farthest, steepest = 0.0, 0.0
     while flight.time < 4.0:
@@ -84,7 +84,7 @@ def fed(flight, motion, seconds: float, turning: float = 0.0) -> tuple[np.ndarra
     return np.array(seen).T
 
 
-def test_what_is_fed_forward_of_the_arm_keeps_the_drone_in_place(fly) -> None:
+def test_feed_forward_of_the_arm_keeps_the_drone_in_place(fly) -> None:
     drone, farthest = DRONES['3 kg tilted'], []
     for is_fed in (False, True):
         flight = fly(drone)
@@ -95,7 +95,7 @@ def test_what_is_fed_forward_of_the_arm_keeps_the_drone_in_place(fly) -> None:
     assert farthest[1] < 0.4 * farthest[0]
 
 
-def test_what_is_fed_forward_turns_with_the_heading(fly) -> None:
+def test_feed_forward_rotates_with_the_heading(fly) -> None:
     """The tilt follows the arm's force in rotating axes."""
     flight = fly(DRONES['3 kg'])
     flight.arm = ArmFeedForward(flight.plant.drone, flight.body, lead=0.03)
@@ -104,7 +104,7 @@ def test_what_is_fed_forward_turns_with_the_heading(fly) -> None:
     assert tilt.max() < 0.25
 
 
-def test_a_heading_that_is_not_reached_leans_no_drone(fly) -> None:
+def test_a_heading_error_causes_no_tilt(fly) -> None:
     """The arm reaches out, so a product of inertia couples heading and tilt."""
 
     def reach(time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -143,7 +143,7 @@ def test_height_and_place_have_stiffnesses_of_their_own(fly) -> None:
 
 
 @pytest.mark.parametrize('name', ['3 kg tilted', '1.3 kg quadrotor'])
-def test_it_goes_where_it_is_told_and_turns(fly, name: str) -> None:
+def test_the_drone_flies_to_its_target_and_heading(fly, name: str) -> None:
     flight = fly(DRONES[name])
     flight.target = FlightTarget(np.array([0.5, -0.3, 0.4]), 0.6)
     fastest = 0.0
@@ -167,7 +167,7 @@ def test_a_fully_actuated_drone_stays_level_on_its_way(fly) -> None:
     assert steepest < 0.06
 
 
-def test_it_catches_itself_after_a_shove(fly) -> None:
+def test_the_drone_recovers_after_a_push(fly) -> None:
     flight = fly(DRONES['3 kg'])
     while flight.time < 1.0:
         flight.step()

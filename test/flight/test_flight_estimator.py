@@ -118,7 +118,7 @@ def test_a_jump_is_refused_and_the_state_stays(
     np.testing.assert_allclose(state.position, 0.0, atol=1e-12)
 
 
-def test_a_jump_that_stays_is_believed(estimator: FlightEstimator) -> None:
+def test_a_persistent_jump_is_accepted(estimator: FlightEstimator) -> None:
     feed(estimator, 0.0, 0.5)
     place, believed = np.array([3.0, -1.0, 0.0]), []
     for stamp in np.arange(0.5, 1.2, 0.004):
@@ -135,7 +135,7 @@ def test_a_jump_that_stays_is_believed(estimator: FlightEstimator) -> None:
     assert estimator.jumps == 1
 
 
-def test_frozen_sensors_are_told_from_a_drone_that_stands(estimator: FlightEstimator) -> None:
+def test_frozen_sensors_are_distinguished_from_a_drone_at_rest(estimator: FlightEstimator) -> None:
     feed(estimator, 0.0, 1.0)  # nothing moves: repetition proves nothing
     turning = np.array([0.0, 0.0, 0.4])
     with pytest.raises(RejectedInputError, match='odometry: repeated pose'):

@@ -11,7 +11,7 @@ PLACES = np.array([[0.0, 0.0, 1.0], [1.0, 0.5, 1.0], [2.0, -0.5, 2.0]])
 HERE = FlightTarget(np.array([0.3, 0.0, 0.5]), 0.2)
 
 
-def test_it_passes_the_points_from_where_the_drone_is_and_stays_at_the_end() -> None:
+def test_the_path_starts_at_the_drone_passes_the_points_and_ends_at_rest() -> None:
     path = FlightPath(TIMES, PLACES, [0.2, 3.0, -3.0], start=HERE)
     first = path.at(0.0)
     np.testing.assert_allclose(first.position, HERE.position)
@@ -57,7 +57,7 @@ def test_a_single_point_is_a_place() -> None:
         ({'velocities': np.zeros((2, 3))}, 'or for none'),
     ],
 )
-def test_what_is_no_way_is_refused(change: dict[str, object], reason: str) -> None:
+def test_an_invalid_path_is_rejected(change: dict[str, object], reason: str) -> None:
     given = {'times': TIMES, 'positions': PLACES, 'yaws': [0.0] * 3, **change}
     with pytest.raises(RejectedInputError, match=reason):
         FlightPath(**given)

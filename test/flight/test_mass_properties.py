@@ -5,7 +5,7 @@ from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.flight.arm_load import MassProperties
 
 
-def test_drone_and_arm_add_up_as_pinocchio_says() -> None:
+def test_mass_properties_of_drone_and_arm_agree_with_pinocchio() -> None:
     drone = load_drone_config()
     arm = pin.Inertia(1.5, np.array([0.02, -0.01, 0.4]), np.diag([0.08, 0.09, 0.01]))
     both = MassProperties.of(drone, arm.mass, arm.lever, arm.inertia)

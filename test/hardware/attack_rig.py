@@ -242,7 +242,7 @@ class AttackRig:
         self.log.time.append(now)
         self.log.q_rows.append(self.plant.position)
         self.log.dq_rows.append(self.plant.velocity)
-        if self.log.driven_rows is None and any(b.has_let_go for b in self.boards.boards):
+        if self.log.driven_rows is None and any(b.is_torque_free for b in self.boards.boards):
             self.log.driven_rows = len(self.log.time) - 1
 
     def inject(

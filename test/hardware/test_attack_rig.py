@@ -52,7 +52,7 @@ def test_a_host_that_sleeps_lets_the_arm_live_on(config, robot):
     assert {board.error for board in rig.boards.boards} == {2}
 
 
-def test_a_host_may_be_held_up_within_a_cycle(config, robot):
+def test_the_rig_can_delay_the_host_within_a_cycle(config, robot):
     points = {READ: 1e-3, f'{EXCHANGE} 1': 2e-3}
     rig = AttackRig(config, robot, delays=lambda cycle, at: points.get(at, 0.0) * (cycle == 5))
     rig.bring_up().run(0.02, swing)

@@ -70,7 +70,7 @@ def test_joint_2_with_the_rated_payload_stops_before_its_limit(config, robot, mo
 
 
 @pytest.mark.parametrize('mode', ['full law', 'effort'])
-def test_a_base_that_is_turned_over_makes_no_joint_too_fast(config, robot, mode):
+def test_on_a_base_turned_over_no_joint_exceeds_the_guaranteed_speed(config, robot, mode):
     # All that the bridge knows of the weight, with the rated payload, is the wrong way round.
     start, up = [0.0, -0.3, 0.0, 0.0], [0.0, 0.0, 9.81]
     payload = config.rated_payload[0]

@@ -210,7 +210,7 @@ def test_an_arm_that_is_to_be_held_at_the_end_of_commands_is_never_damped(make_r
     assert rig.plant.position == pytest.approx(held, abs=2e-3)
 
 
-def test_to_hold_an_arm_says_nothing_of_whoever_commands_it_next(make_rig):
+def test_a_hold_request_does_not_apply_to_the_next_controller(make_rig):
     rig = make_rig(position=[0.0, 0.8, 0.0, 0.0]).bring_up()
     rig.run(0.1, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
     rig.bridge.hold()
@@ -338,7 +338,7 @@ def test_a_drive_that_could_not_damp_the_arm_is_refused(make_rig, config, change
         make_rig(config=weak(config, **changes))
 
 
-def test_what_no_frame_could_say_is_refused_at_once(config, robot):
+def test_limits_that_no_frame_can_represent_are_rejected_at_start(config, robot):
     # A saturation in steps of 40 A is 0 for these motors, which some boards take for none.
     profile = load_profile().with_lsb('current_saturation', 40.0)
     with pytest.raises(ValueError, match='limits cannot be sent to board0: current_saturation'):

@@ -102,7 +102,7 @@ def test_a_stuck_encoder_at_rest_is_found_when_the_joint_shall_move(rig):
 
 @pytest.mark.parametrize('fault', ['bit_errors', 'lost_frames'])
 @pytest.mark.parametrize('moving', [False, True], ids=['at rest', 'in motion'])
-def test_some_bad_frames_are_counted_and_the_arm_goes_on(rig, fault, moving):
+def test_single_bad_frames_are_counted_and_the_arm_continues(rig, fault, moving):
     run(rig, 0.2, moving)
     rig.inject(fault, 1, value=0.1)
     run(rig, 1.0, moving)
@@ -233,7 +233,7 @@ def test_unknown_faults_and_places_are_refused(rig):
         inject(rig.boards, 'stuck_encoder', motor=2)
 
 
-def test_every_fault_says_what_it_means():
+def test_every_fault_has_a_description():
     assert {fault for fault, *_ in STOPPING} | set(ELSEWHERE) == set(FAULTS)
     assert all(fault.meaning for fault in FAULTS.values())
 

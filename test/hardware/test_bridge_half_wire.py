@@ -38,7 +38,7 @@ def cut(rig, fault, board):
     ('board', 'posture', 'payload', 'seed'),
     [(0, STRETCHED, 0.3, None), (1, [0.5, 1.0, 0.4, -0.6], 0.0, 4), (0, None, 0.1, 7)],
 )
-def test_the_unheard_board_is_told_to_damp_and_nothing_falls(
+def test_a_board_without_answers_receives_damping_and_the_arm_does_not_fall(
     config, robot, fault, source, board, posture, payload, seed
 ):
     rig = AttackRig(config, robot, posture=posture, payload=payload, seed=seed).bring_up()
@@ -66,7 +66,7 @@ def test_the_unheard_board_is_told_to_damp_and_nothing_falls(
 
 @pytest.mark.parametrize('source', [fling, push], ids=['velocity', 'effort'])
 @pytest.mark.parametrize('board', [0, 1])
-def test_at_full_speed_what_is_not_heard_is_not_driven_and_the_other_board_holds_its_limits(
+def test_at_full_speed_a_board_without_answers_is_not_driven_and_the_other_keeps_its_limits(
     config, robot, source, board
 ):
     # Its last speed says nothing any more: a barrier that led the joint on by it would drive it.
@@ -86,7 +86,7 @@ def test_at_full_speed_what_is_not_heard_is_not_driven_and_the_other_board_holds
     assert log.beyond(config)[heard].max() < 0.02
 
 
-def test_until_somebody_disables_it(config, robot):
+def test_damping_continues_until_the_user_disables_the_arm(config, robot):
     rig = AttackRig(config, robot, posture=STRETCHED).bring_up()
     cut(rig, 'mute_board', 0)
     rig.run(0.05)
@@ -194,7 +194,7 @@ def test_a_loose_contact(config, robot):
     assert np.abs(rig.log.dq).max() < 1.0
 
 
-def test_references_that_no_frame_can_hold_let_nobody_fall(config, robot):
+def test_references_that_no_frame_can_represent_do_not_drop_the_arm(config, robot):
     rig = AttackRig(config, robot, posture=STRETCHED, seed=13).bring_up()
     motor = rig.bridge._references.motors[1]
     at = rig.now
@@ -207,7 +207,7 @@ def test_references_that_no_frame_can_hold_let_nobody_fall(config, robot):
     assert np.abs(log.dq).max() < 1.0
 
 
-def test_a_board_that_let_go_while_nothing_left_for_it_is_told_to_stay_off(config, robot):
+def test_a_board_that_timed_out_during_a_pause_is_commanded_to_stay_off(config, robot):
     # Its time-out passes in a pause of the host: who hears it next may not be aligned again.
     pause = {'at': -1}
     rig = AttackRig(

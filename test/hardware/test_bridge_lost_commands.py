@@ -25,7 +25,7 @@ def test_no_joint_is_too_fast_while_its_board_drives_it(attack, number, rate):
     assert outcome.names_the_wire, outcome
 
 
-def test_a_board_whose_last_command_is_no_torque_lets_go_after_its_time_out():
+def test_a_board_whose_last_command_is_zero_current_releases_its_joints_after_the_time_out():
     # Its arm falls, at 1.23 times the limit 0.2 s later, without an error.
     outcome = run('effort_chatter', 3, seconds=0.3, lost_commands=1.0)
     assert outcome.speed <= SPEED_MAX, outcome

@@ -42,7 +42,7 @@ def halt(rig):
 
 
 @pytest.mark.parametrize('motion', MOTIONS)
-def test_random_pauses_and_preemptions_are_nobodys_fault(motion):
+def test_random_pauses_and_preemptions_cause_no_fault(motion):
     """Some 30 per second, of 1 to 15 ms, anywhere in a cycle; `make attacks` does thousands."""
     trial = run(motion, 1001)
     assert trial.delays > 15
@@ -51,7 +51,7 @@ def test_random_pauses_and_preemptions_are_nobodys_fault(motion):
 
 @pytest.mark.parametrize('source', [hold, spin, halt])
 @pytest.mark.parametrize(('posture', 'payload', 'seed'), [(STRETCHED, 0.0, None), (None, 0.3, 5)])
-def test_a_pause_just_below_the_time_out_drops_nobody(
+def test_a_pause_just_below_the_time_out_does_not_drop_the_arm(
     config, robot, source, posture, payload, seed
 ):
     pause = TIME_OUT - 2e-3
@@ -80,7 +80,7 @@ def test_a_latched_fault_and_pauses_longer_than_the_age_of_a_state(config, robot
     assert log.faults == ['emergency stop: of the test']
 
 
-def test_a_pause_under_full_torque_makes_no_joint_too_fast(config, robot):
+def test_a_pause_under_full_torque_keeps_the_guaranteed_speed(config, robot):
     """Earlier the speed was 1.3 times the limit after 5 ms, and 1.9 times after 10 ms."""
     push = Offer(velocity=[0.0, 0.0, 0.0, np.nan], effort=[np.nan] * 3 + [9.39])
     for cycle, pause in ((6, 0.015), (18, 0.015), (18, 0.005), (16, 0.036)):
@@ -132,7 +132,7 @@ def test_an_encoder_that_stands_still_is_found_as_soon_as_without_pauses(config,
     assert found[1] < found[0] + 0.05
 
 
-def test_a_doubted_joint_is_damped_until_a_second_look(config, robot):
+def test_a_joint_with_a_suspect_encoder_is_damped_until_the_second_reading(config, robot):
     """A single wrong reading stops the arm, but the joint stays damped."""
     rig = AttackRig(config, robot, seed=1).bring_up()
     rig.run(0.2, spin)
@@ -187,7 +187,7 @@ def test_a_storm_of_pauses(config, robot):
     assert is_driven(rig)
 
 
-def test_one_board_whose_exchange_is_slow_now_and_then_holds_nobody_up(config, robot):
+def test_occasional_slow_exchanges_of_one_board_cause_no_fault(config, robot):
     slow = f'{EXCHANGE} 0'
     rig = AttackRig(config, robot, posture=STRETCHED, seed=8).bring_up()
     rig.world.script(lambda at, where: 15e-3 if at % 12 == 0 and where == slow else 0.0)
@@ -233,7 +233,7 @@ def test_exactly_the_time_out_is_no_time_out(config, robot):
             assert 'error 2 (SPI receive time-out)' in rig.bridge.faults[0]
 
 
-def test_a_clock_that_goes_back_lets_nobody_follow_a_dead_controller(make_rig):
+def test_after_a_clock_step_back_the_bridge_does_not_follow_a_dead_controller(make_rig):
     rig = make_rig().bring_up()
     rig.run(0.1, lambda now: (None, [0.5, 0.0, 0.0, 0.0], None))
     assert rig.bridge.mode == 'running'

@@ -111,7 +111,7 @@ def test_shutdown_survives_a_lost_frame(rig):
     assert not board.system_enabled
 
 
-def test_boards_switch_off_by_themselves_when_the_bridge_is_gone(rig):
+def test_boards_switch_off_by_themselves_after_the_bridge_has_ended(rig):
     rig.run(0.3, lambda now: (None, [0.5, 0.0, 0.5, 0.5], None))
     for _ in range(38):
         rig.now += 1e-3
@@ -162,7 +162,7 @@ def test_a_falling_arm_is_not_enabled(make_rig):
     rig.bring_up()
 
 
-def test_an_arm_that_is_let_go_while_it_aligns_is_stopped_and_switched_off(make_rig):
+def test_an_arm_released_during_alignment_is_stopped_and_switched_off(make_rig):
     rig = make_rig()
     rig.enable()
     let_go(rig, 5.2)

@@ -48,7 +48,7 @@ def warmed(rig: AttackRig, estimated: float, true: float) -> AttackRig:
     return rig
 
 
-def test_an_arm_held_stretched_is_warned_reduced_stopped_and_let_down_before_its_board_fails(
+def test_a_stretched_arm_is_warned_reduced_stopped_and_lowered_before_its_board_fails(
     config, robot
 ):
     arm = quick(config, 8.0)
@@ -83,8 +83,10 @@ def test_an_arm_held_stretched_is_warned_reduced_stopped_and_let_down_before_its
     )
     assert len(news) == len(steps)
     assert all(step in text for step, text in zip(steps, news, strict=True)), news
-    assert 'wait until the motor of joint2 has cooled to 90 degC, ' in rig.bridge.way_out(True)
-    assert rig.bridge.way_out(True).startswith("'arm disable'")
+    assert 'wait until the motor of joint2 has cooled to 90 degC, ' in rig.bridge.recovery_hint(
+        True
+    )
+    assert rig.bridge.recovery_hint(True).startswith("'arm disable'")
 
 
 def test_a_warm_arm_can_be_folded_with_its_payload(config, robot):
@@ -109,7 +111,7 @@ def test_limits_hold_while_torques_are_reduced(config, robot, attack):
 
 
 @pytest.mark.parametrize('ahead', [None, 0.45], ids=['effort', 'full law'])
-def test_a_command_gets_the_reduced_torque_and_no_more(config, robot, ahead):
+def test_a_command_is_limited_to_the_reduced_torque(config, robot, ahead):
     rig = warmed(AttackRig(config, robot).bring_up(), 107.0, 95.0)
     limit, motor = rig.bridge.heat.limits[0], rig.boards.boards[0].motors[0]
     rig.run(0.7)

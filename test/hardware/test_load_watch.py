@@ -18,7 +18,7 @@ def warnings(rig, seconds=SETTLED):
     return [text for text in rig.bridge.faults if text.startswith('joint')]
 
 
-def test_made_arms_are_within_what_is_allowed_with_and_without_the_rated_payload(config, robot):
+def test_manufactured_arms_cause_no_load_warning_with_and_without_the_rated_payload(config, robot):
     check, nominal = LoadCheck(config, robot), PlantParameters.nominal(config, robot)
     mass, *centre = config.rated_payload
     random = np.random.default_rng(0)

@@ -10,7 +10,7 @@ import pytest
 
 from aerarm_ros.hardware.bridge_modes import Answer
 from aerarm_ros.hardware.emulation.emulated_board import BoardFaults
-from aerarm_ros.hardware.fault_watch import StoppedArm, way_out
+from aerarm_ros.hardware.fault_watch import StoppedArm, recovery_hint
 
 MOVING = [0.8, 0.0, 0.8, 0.8]
 # What is found in motion, or where a current flows.
@@ -134,7 +134,7 @@ def by_hand(rig, step: str) -> None:
 def follow(rig, steps: str, emulated: bool) -> None:
     for step in steps.split(', '):
         # What is left to do is named at each step.
-        left = rig.bridge.way_out(emulated)
+        left = rig.bridge.recovery_hint(emulated)
         assert left.endswith("'arm home'") or not steps.endswith("'arm home'"), (step, left)
         quoted = re.match("'arm ([^']*)'", step)
         if quoted is None:
@@ -154,40 +154,44 @@ def follow(rig, steps: str, emulated: bool) -> None:
 
 @KINDS
 @pytest.mark.parametrize('fault', FAULTS)
-def test_the_way_out_that_is_named_works(make_rig, fault: str, emulated: bool) -> None:
+def test_the_stated_recovery_steps_clear_the_fault(make_rig, fault: str, emulated: bool) -> None:
     rig = make_rig(seed=3).bring_up()
-    assert rig.bridge.way_out(emulated) == ''
+    assert rig.bridge.recovery_hint(emulated) == ''
     FAULTS[fault](rig)
     assert rig.bridge.mode == 'fault', fault
-    steps = rig.bridge.way_out(emulated)
+    steps = rig.bridge.recovery_hint(emulated)
     follow(rig, steps, emulated)
     assert rig.bridge.mode == 'ready', (steps, rig.bridge.faults)
-    assert rig.bridge.way_out(emulated) == ''
+    assert rig.bridge.recovery_hint(emulated) == ''
     # Its angles are the true ones, and it can be commanded.
     assert rig.bridge.q == pytest.approx(rig.plant.position, abs=1e-3)
     rig.run(0.3, lambda now: (None, [0.2, 0.0, 0.0, 0.0], None))
     assert rig.bridge.mode == 'running', (steps, rig.bridge.faults)
 
 
-def test_an_arm_that_needs_nothing_else_is_held_where_it_is(rig) -> None:
+def test_after_clear_fault_an_intact_arm_is_held_in_place(rig) -> None:
     stopped_by_hand(rig)
-    assert rig.bridge.way_out(False) == rig.bridge.way_out(True) == "'arm clear_fault'"
+    assert rig.bridge.recovery_hint(False) == rig.bridge.recovery_hint(True) == "'arm clear_fault'"
 
 
 def test_boards_that_forget_an_error_by_themselves_need_no_switch() -> None:
     arm = StoppedArm([(1, 'board1')], until_power_cycle=False)
-    assert 'switch' not in way_out(arm, emulated=False)
-    assert 'switch the supply of board1' in way_out(StoppedArm([(1, 'board1')]), emulated=False)
+    assert 'switch' not in recovery_hint(arm, emulated=False)
+    assert 'switch the supply of board1' in recovery_hint(
+        StoppedArm([(1, 'board1')]), emulated=False
+    )
 
 
 def test_motors_that_are_off_are_enabled() -> None:
-    assert way_out(StoppedArm(driven=False), emulated=False) == "'arm clear_fault', 'arm enable'"
+    assert (
+        recovery_hint(StoppedArm(driven=False), emulated=False) == "'arm clear_fault', 'arm enable'"
+    )
 
 
-def test_what_lost_its_zero_or_will_is_homed() -> None:
-    lost = way_out(StoppedArm(zero_unknown=True), emulated=False)
+def test_the_recovery_hint_includes_homing_if_a_zero_is_lost() -> None:
+    lost = recovery_hint(StoppedArm(zero_unknown=True), emulated=False)
     by_hand = 'move the arm by hand to its home configuration'
     assert lost.endswith(f"{by_hand}, 'arm clear_fault', 'arm home'")
-    assert way_out(StoppedArm([(1, 'board1')]), emulated=True).endswith("'arm home'")
+    assert recovery_hint(StoppedArm([(1, 'board1')]), emulated=True).endswith("'arm home'")
     kept = StoppedArm([(1, 'board1')], until_power_cycle=False)
-    assert way_out(kept, emulated=False).endswith("'arm clear_fault', 'arm enable'")
+    assert recovery_hint(kept, emulated=False).endswith("'arm clear_fault', 'arm enable'")

@@ -54,7 +54,7 @@ def test_one_that_sticks_under_torque_is_found(
     assert f'the zero of joint{joint + 1} is unknown' in rig.bridge.zeros.problem
 
 
-def test_a_joint_that_is_held_or_that_gives_way_to_a_hand_is_not_doubted(config, robot):
+def test_a_joint_held_or_moved_by_a_hand_is_not_suspect(config, robot):
     """An inverted base, an unknown payload, and an obstacle that does not yield."""
     rig = AttackRig(
         config, robot, posture=[0.4, 0.9, 0.0, 0.6], payload=0.2, seed=5, gravity=[0.0, 6.9, 6.9]

@@ -53,7 +53,7 @@ def test_zeros_are_written_once_a_second_and_when_one_changes(path, make_rig):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_what_is_written_is_read_by_the_next_bridge(path, make_rig):
+def test_the_next_bridge_reads_the_written_state(path, make_rig):
     rig = begun(make_rig())
     file = ZeroFile(path, rig.config)
     assert file.read(rig.now) is None
@@ -144,7 +144,7 @@ def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):
     assert 'cannot be written' in file.problem
 
 
-def test_what_is_no_file_is_not_waited_for(tmp_path, config):
+def test_a_pipe_or_device_is_not_read(tmp_path, config):
     pipe = tmp_path / 'arm.json'
     os.mkfifo(pipe)
     assert 'is not a regular file' in ZeroFile(pipe, config).read(time.monotonic())

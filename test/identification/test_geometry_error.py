@@ -36,7 +36,7 @@ def test_the_cost_of_1_mm_is_that_of_random_displacements() -> None:
     assert 0.05 < expected < 2.0
 
 
-def test_a_calibrated_urdf_says_so() -> None:
+def test_a_calibrated_urdf_is_recognized() -> None:
     text = load_robot().urdf_text
     assert not is_calibrated(load_robot(text[text.index('<robot') :]))
     assert is_calibrated(load_robot(text.replace('<robot', '<!-- calibrated geometry: x --><robot')

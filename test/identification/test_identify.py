@@ -69,7 +69,7 @@ def test_identified_beats_cad_and_is_physical(result: IdentificationResult) -> N
     assert np.all((sdp.estimate.determined >= 0.0) & (sdp.estimate.determined <= 1.0))
 
 
-def test_only_the_prior_knows_what_the_motion_cannot_show(result: IdentificationResult) -> None:
+def test_parameters_without_excitation_follow_from_the_prior(result: IdentificationResult) -> None:
     """The first link's mass doesn't matter on a fixed base."""
     names = result.fit.model.columns
     determined = dict(zip(names, result.recommended.estimate.determined, strict=True))
@@ -166,7 +166,7 @@ def test_joints_at_rest_are_reported_and_the_rest_identified(
     assert not deviations[2].any()
 
 
-def test_what_is_only_predicted_may_be_short(arm, robot: Robot, config: ArmConfig) -> None:
+def test_validation_bags_may_be_short(arm, robot: Robot, config: ArmConfig) -> None:
     """A second and a half says little of a model, but as much as it can."""
     other = arm.recording(2, noise=1.0)
     middle = 12.0 / other.duration

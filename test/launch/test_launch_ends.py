@@ -109,14 +109,14 @@ def launched(start: Callable[..., Launched]) -> Launched:
         ('experiment', 'identified:=/nowhere.urdf', 'the file /nowhere.urdf of'),
     ],
 )
-def test_what_is_missing_is_said_before_anything_starts(
+def test_missing_requirements_are_reported_before_the_start(
     file: str, argument: str, reason: str, ros_domain: dict[str, str]
 ) -> None:
     assert_refused(file, argument, reason)
 
 
 @pytest.mark.skipif(is_in_the_index('rviz2'), reason='rviz2 is installed here')
-def test_rviz_where_there_is_none_starts_no_arm(ros_domain: dict[str, str]) -> None:
+def test_without_rviz_the_launch_with_rviz_starts_no_arm(ros_domain: dict[str, str]) -> None:
     assert_refused('bringup', 'rviz:=true', 'rviz:=true: rviz2 is not installed')
 
 
@@ -139,7 +139,7 @@ def test_a_controller_that_cannot_start_ends_everything(
     assert '[fake_hardware-1]: process has finished cleanly' in output
 
 
-def test_without_a_controller_the_bridge_goes_on_if_asked(
+def test_with_go_on_the_bridge_survives_the_controller(
     wrong_gains: str, start: Callable[..., Launched]
 ) -> None:
     go_on = 'if_controller_fails:=go_on'
@@ -177,7 +177,7 @@ def assert_clean_nodes(launched: Launched) -> None:
     assert {int(pid) for pid in (*clean, *unseen)} == set(launched.started), output
 
 
-def test_a_motion_that_is_cut_short_is_an_ordinary_end(
+def test_an_interrupted_motion_ends_launch_with_success(
     tmp_path: Path, start: Callable[..., Launched]
 ) -> None:
     launched = start('identification.launch.py', f'out:={tmp_path / "run"}')

@@ -111,13 +111,13 @@ def test_shared_arguments_are_described() -> None:
 
 
 @pytest.mark.parametrize('path', [*LAUNCH_FILES, PARTS], ids=lambda path: path.name)
-def test_every_argument_says_what_it_is(path: Path) -> None:
+def test_every_argument_has_a_description(path: Path) -> None:
     for call in calls(path, 'DeclareLaunchArgument'):
         assert 'description' in keywords(call), ast.unparse(call)
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
-def test_it_is_documented_and_takes_the_arguments_of_bringup(path: Path) -> None:
+def test_each_launch_file_is_documented_and_has_the_arguments_of_bringup(path: Path) -> None:
     text = path.read_text()
     assert ast.get_docstring(ast.parse(text))
     assert f'ros2 launch aerarm_ros {path.name}' in text
@@ -144,7 +144,7 @@ def test_each_side_takes_the_address_of_the_other(side: str, other: str) -> None
 
 
 @pytest.mark.parametrize('path', PARAMETER_FILES, ids=lambda path: path.name)
-def test_parameter_files_hold_what_the_nodes_have(
+def test_parameter_files_contain_only_parameters_of_the_nodes(
     path: Path, reference: ModuleType, ros_domain: dict[str, str]
 ) -> None:
     content = yaml.safe_load(path.read_text())

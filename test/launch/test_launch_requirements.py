@@ -30,7 +30,7 @@ def without(monkeypatch: pytest.MonkeyPatch):
     return take
 
 
-def test_what_the_package_brings_is_there() -> None:
+def test_packaged_requirements_are_met() -> None:
     assert missing(GIVEN) == []
 
 
@@ -132,6 +132,6 @@ def test_modules_are_missed_only_where_they_are_needed(
     assert text.startswith(f'{name}:={value} needs the Python package {module}: ')
 
 
-def test_everything_that_is_missing_is_told_at_once(without) -> None:
+def test_all_missing_requirements_are_reported_together(without) -> None:
     without('viser')
     assert len(missing({**GIVEN, 'view': 'true', 'config': '/nowhere', 'urdf': '/nowhere'})) == 3

@@ -51,7 +51,7 @@ def generate_test_description(executable):
 
 
 class TestNode(ListeningTestCase):
-    def test_it_is_found_and_heard(self, executable, started, proc_info):
+    def test_the_node_is_discovered_and_received(self, executable, started, proc_info):
         self.until(lambda: executable in self.node.get_node_names())
         self.until_heard(topics.JOINT_STATES, *filter(None, [NODES[executable][1]]))
         self.assertNotIn(started, proc_info)  # it has not ended

@@ -76,7 +76,7 @@ def test_a_node_that_fails_is_exit_status_1(
 
 
 @pytest.mark.parametrize('file', ['bringup', 'identification', 'motor_bench'])
-def test_without_a_bridge_nobody_waits_for_the_arm(
+def test_launch_ends_if_the_bridge_fails(
     file: str, tmp_path: Path, ros_domain: dict[str, str]
 ) -> None:
     parameters = tmp_path / 'parameters.yaml'
@@ -107,7 +107,7 @@ def test_real_boards_are_of_the_given_urdf(renamed_urdf: Path, ros_domain: dict[
         ('drone', 'autopilot:=ardupilot', "['flight_control', 'mavros', 'px4']"),
     ],
 )
-def test_what_cannot_be_chosen_is_refused_before_anything_starts(
+def test_invalid_arguments_are_rejected_before_the_start(
     file: str, argument: str, choices: str, ros_domain: dict[str, str]
 ) -> None:
     status, output = ros2_launch(file, argument)

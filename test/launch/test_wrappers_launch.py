@@ -53,7 +53,7 @@ def generate_test_description(case):
 
 
 class TestWrapper(ListeningTestCase):
-    def test_the_arm_runs_with_everything_beside_it(self, case):
+    def test_the_arm_runs_with_all_optional_nodes(self, case):
         _, nodes, topic = CASES[case]
         self.until_heard(topics.ARM_MODE, *filter(None, [topic]))
         self.until(lambda: self.newest(topics.ARM_MODE).data == 'running')
@@ -62,7 +62,7 @@ class TestWrapper(ListeningTestCase):
     def test_the_page_is_served(self, case, port):
         self.until(lambda: case != 'view' or is_served(port))
 
-    def test_who_uses_the_imu(self, case):
+    def test_the_controller_uses_the_imu_as_requested(self, case):
         # The controller and base_reaction.
         if case == 'drone':
             self.until(lambda: self.node.count_subscribers('/drone/imu') == 2)

@@ -111,7 +111,7 @@ def test_the_offset_of_the_clocks_is_estimated(link: Link, ahead: float) -> None
     assert 0.02 <= link.ground.round_trip < 0.06
 
 
-def test_what_was_recorded_or_forged_is_not_taken(link: Link) -> None:
+def test_recorded_or_forged_datagrams_are_rejected(link: Link) -> None:
     link.ground.send(1, b'stop', URGENT)
     link.run(2.0, lambda: link.came['drone'])
     recorded = [datagram for side, datagram in link.spy if side == 'drone']
@@ -138,7 +138,7 @@ def test_a_payload_cannot_be_read_on_the_way(link: Link) -> None:
     assert not any(b'secret' in datagram for _, datagram in link.spy)
 
 
-def test_states_do_not_wait_behind_what_was_kept_during_a_cut() -> None:
+def test_states_do_not_wait_behind_messages_queued_during_a_cut() -> None:
     link = Link()
     link.run(1.0)
     link.is_cut = True
@@ -183,7 +183,7 @@ def test_a_former_ground_that_returns_is_received_again() -> None:
 
 
 @pytest.mark.parametrize('is_known', [False, True], ids=['no ground yet', 'ground lost'])
-def test_the_backlog_is_bounded_and_keeps_what_is_urgent(is_known: bool) -> None:
+def test_the_backlog_is_bounded_and_keeps_urgent_messages(is_known: bool) -> None:
     link = Link()
     if is_known:
         link.run(5.0, lambda: link.drone.is_joined and link.ground.is_joined)
@@ -265,7 +265,7 @@ def test_a_message_of_hundreds_of_parts_arrives(link: Link) -> None:
     assert link.payloads('ground') == [payload]
 
 
-def test_what_is_too_long_is_dropped_and_counted() -> None:
+def test_too_long_messages_are_dropped_and_counted() -> None:
     link = Link()
     link.run(2.0)
     assert link.drone.send(9, bytes(MESSAGE_MAX + 1)).is_expired

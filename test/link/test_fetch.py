@@ -84,7 +84,7 @@ def same(one: Path, other: Path) -> bool:
 
 
 @pytest.mark.parametrize('loss', [0.0, 0.2, 0.5])
-def test_a_bag_arrives_whole(bag: Path, tmp_path: Path, loss: float) -> None:
+def test_a_bag_is_fetched_completely(bag: Path, tmp_path: Path, loss: float) -> None:
     radio = Radio(bag, loss)
     fetch = fetch_into(radio, tmp_path / 'ground')
     assert radio.run(fetch, 120.0, lambda: fetch.is_complete) < 60.0
@@ -104,7 +104,7 @@ def test_a_cut_only_delays_it(bag: Path, tmp_path: Path) -> None:
     assert same(bag, tmp_path / 'ground')
 
 
-def test_a_fetch_that_starts_again_goes_on_behind_what_is_stored(bag: Path, tmp_path: Path) -> None:
+def test_a_restarted_fetch_continues_after_the_stored_blocks(bag: Path, tmp_path: Path) -> None:
     radio = Radio(bag)
     first = fetch_into(radio, tmp_path / 'ground', 100.0)
     radio.run(first, 60.0, lambda: first.stored > 100 * BLOCK)
@@ -144,7 +144,7 @@ def test_a_slow_disk_does_not_hold_up_the_connection(
     assert same(bag, tmp_path / 'ground')
 
 
-def test_blocks_that_nobody_asked_for_take_no_memory(bag: Path, tmp_path: Path) -> None:
+def test_unrequested_blocks_take_no_memory(bag: Path, tmp_path: Path) -> None:
     (bag / 'bag_0.mcap').write_bytes(bytes(5000 * BLOCK))
     radio = Radio(bag)
     fetch: Any = fetch_into(radio, tmp_path / 'ground')
@@ -153,7 +153,7 @@ def test_blocks_that_nobody_asked_for_take_no_memory(bag: Path, tmp_path: Path) 
     assert len(fetch._waiting) < 512
 
 
-def test_random_bytes_raise_only_what_is_documented(bag: Path, tmp_path: Path) -> None:
+def test_random_bytes_raise_only_documented_errors(bag: Path, tmp_path: Path) -> None:
     source = random.Random(8)
     server = FileServer(bag, 3)
     fetch = fetch_into(Radio(bag), tmp_path / 'ground')

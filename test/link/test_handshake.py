@@ -54,7 +54,7 @@ def test_passing_on_answers_to_recorded_datagrams_restarts_nothing(link: Link) -
     assert link.drone.peers == link.ground.peers == 1
 
 
-def test_recorded_starts_do_not_open_the_way_for_recorded_commands(link: Link) -> None:
+def test_replayed_handshakes_do_not_enable_replayed_commands(link: Link) -> None:
     link.ground.send(2, b'go', PROMPT)
     link.run(1.0, lambda: link.came['drone'])
     assert link.payloads('drone') == [b'go']

@@ -126,7 +126,7 @@ def is_copy(rig: Rig, here: Path) -> bool:
 
 
 @pytest.mark.usefixtures('flight')  # a parallel test run may have another pair of hosts
-def test_a_fetch_goes_on_after_a_restart_of_the_drones_link(rig: Rig) -> None:
+def test_a_fetch_continues_after_a_restart_of_the_drones_link(rig: Rig) -> None:
     process = rig.arm('fetch', 'again/flight')
     log = rig.folder / 'arm_fetch.log'
     wait_for_text(log, 'MB of')

@@ -42,6 +42,6 @@ def test_one_unknown_sample_makes_the_extremes_of_its_window_unknown(place: int)
 
 
 @pytest.mark.parametrize('content', [b'', b'12345', bytes(20)])
-def test_what_is_no_window_is_an_error(content: bytes) -> None:
+def test_invalid_window_bytes_raise_an_error(content: bytes) -> None:
     with pytest.raises(ValueError, match='window'):
         unpack_window(content + b'x')

@@ -54,7 +54,7 @@ def test_power_passes_the_gear(
     assert np.allclose(drive.current_to_effort(current) * dq, motor_power)
 
 
-def test_a_lossy_gear_passes_its_share(config: ArmConfig, drive: DriveTrain) -> None:
+def test_a_lossy_gear_transmits_its_efficiency(config: ArmConfig, drive: DriveTrain) -> None:
     lossy_gear = replace(config.joints[0].gear, efficiency=0.8)
     lossy = DriveTrain(changed(config, 0, gear=lossy_gear, effort_max=10.0))
     current = np.ones(4)

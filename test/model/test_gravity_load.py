@@ -5,7 +5,7 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.model.dynamics import GRAVITY, Dynamics, largest_gravity_load
 
 
-def test_no_direction_of_gravity_asks_for_more() -> None:
+def test_no_direction_of_gravity_causes_a_larger_torque() -> None:
     robot = load_robot()
     largest = largest_gravity_load(robot)
     random = np.random.default_rng(1)

@@ -116,7 +116,7 @@ def test_a_pseudo_inertia_of_wrong_size_is_refused() -> None:
         from_pseudo_inertia(np.eye(3))
 
 
-def test_bodies_that_are_joined_add_up_as_pinocchio_says() -> None:
+def test_the_inertia_of_joined_bodies_agrees_with_pinocchio() -> None:
     bodies = [pin.Inertia.Random() for _ in range(3)]
     mass, centre, inertia = joined(*((body.mass, body.lever, body.inertia) for body in bodies))
     expected = bodies[0] + bodies[1] + bodies[2]

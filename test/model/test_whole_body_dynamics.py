@@ -146,7 +146,7 @@ def test_the_feedback_gain_is_that_of_the_loop(whole, samples) -> None:
         assert whole.feedback_gain(x[12:16]) == pytest.approx(gain)
 
 
-def test_a_heavier_carrier_has_less_gain_and_an_infinite_one_is_fixed(arm, samples) -> None:
+def test_a_heavier_vehicle_has_a_smaller_gain_and_an_infinite_one_is_fixed(arm, samples) -> None:
     def gain(scale: float) -> float:
         return WholeBodyDynamics(arm, ROTORS, scale * CARRIER).feedback_gain(q)
 
@@ -215,7 +215,7 @@ def test_a_payload_is_a_part_of_the_last_link(arm: Robot, whole, samples) -> Non
 
 
 @pytest.mark.parametrize('carrier', [-CARRIER, CARRIER[:4], np.full(10, np.nan)])
-def test_an_impossible_carrier_is_refused(arm: Robot, carrier: np.ndarray) -> None:
+def test_an_impossible_vehicle_is_rejected(arm: Robot, carrier: np.ndarray) -> None:
     with pytest.raises(ValueError, match='no body has these'):
         WholeBodyDynamics(arm, ROTORS, carrier)
 

@@ -3,7 +3,7 @@ import numpy as np
 from aerarm_ros.motion.signals import limited
 
 
-def test_what_is_too_long_is_shortened_in_its_direction() -> None:
+def test_long_vectors_are_shortened_in_their_direction() -> None:
     vector = np.array([3.0, 0.0, -4.0])
     np.testing.assert_allclose(limited(vector, 2.5), 0.5 * vector, rtol=1e-15)
     np.testing.assert_array_equal(limited(vector, 5.0), vector)

@@ -30,7 +30,9 @@ def words(text: str) -> str:
     return ''.join(x for x in text.splitlines(True) if not x.startswith('arm: waiting for '))
 
 
-def test_a_refusal_is_an_error_and_the_bridge_goes_on(bridge: NodeProcess, tmp_path: Path) -> None:
+def test_a_rejected_request_is_an_error_and_the_bridge_continues(
+    bridge: NodeProcess, tmp_path: Path
+) -> None:
     assert ask(*ENABLE)[0] == 0
     status, text = ask(*ENABLE)
     assert (status, 'already enabled' in text) == (0, True)
@@ -42,7 +44,7 @@ def test_a_refusal_is_an_error_and_the_bridge_goes_on(bridge: NodeProcess, tmp_p
     assert ask('clear_fault', '--wait', 'idle', 'ready')[0] == 0
 
 
-def test_with_two_bridges_only_what_stops_goes_to_both(
+def test_with_two_bridges_only_stop_requests_go_to_both(
     bridge: NodeProcess, ros_node: Node, tmp_path: Path
 ) -> None:
     client = ArmClient(ros_node)
@@ -69,7 +71,7 @@ def test_with_two_bridges_only_what_stops_goes_to_both(
         client.wait_for_mode(['fault'], 60.0)
 
 
-def test_an_injected_fault_and_the_way_back(start_bridge: StartBridge) -> None:
+def test_an_injected_fault_is_cleared_by_the_recovery_steps(start_bridge: StartBridge) -> None:
     start_bridge(encoders='incremental')
     status, text = ask('enable', '--wait-before', 'unhomed', '--timeout', '100')
     assert (status, "then run 'arm home'" in text) == (1, True), text
@@ -103,7 +105,7 @@ def test_an_injected_fault_and_the_way_back(start_bridge: StartBridge) -> None:
     )
 
 
-def test_goes_to_a_posture_and_says_when_it_does_not(bridge: NodeProcess, tmp_path: Path) -> None:
+def test_arm_go_reports_success_and_failure(bridge: NodeProcess, tmp_path: Path) -> None:
     posture = ('0.3', '1.4', '-0.2', '0.4')
     # The recorder listens to set_point as well, and moves nothing.
     listening = NodeProcess('recorder', parameters={'bag': str(tmp_path / 'bag')})
@@ -152,7 +154,9 @@ def test_sets_live_parameters(ros_domain: dict[str, str], tmp_path: Path) -> Non
     assert (status, 'node gravity_compensation was not found' in text) == (1, True)
 
 
-def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_path: Path) -> None:
+def test_without_a_bridge_the_error_states_what_to_check(
+    ros_domain: dict[str, str], tmp_path: Path
+) -> None:
     status, text = ask('enable', '--timeout', '1.2')
     assert status == 1
     number = ros_domain['ROS_DOMAIN_ID']
@@ -165,13 +169,13 @@ def test_without_a_bridge_it_says_what_to_check(ros_domain: dict[str, str], tmp_
     assert f'no bridge offers e_stop: check that one runs in {domain}' in text
 
 
-def test_only_who_needs_a_stop_gives_up_soon() -> None:
+def test_only_e_stop_has_a_short_time_out() -> None:
     asked = {name: make_parser().parse_args([name]).timeout for name in ('enable', 'hold', 'home')}
     assert asked == {'enable': 20.0, 'hold': 20.0, 'home': 20.0}
     assert make_parser().parse_args(['e_stop']).timeout == 8.0
 
 
-def test_what_other_executables_do_is_done_by_them(tmp_path: Path) -> None:
+def test_play_and_record_run_the_other_executables(tmp_path: Path) -> None:
     status, text = ask('play', '012')  # a text, not a number
     assert (status, text.startswith('excitation: 012 cannot be read (No such file')) == (1, True), (
         text

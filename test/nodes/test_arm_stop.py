@@ -61,7 +61,7 @@ def until_said(process: NodeProcess, text: str) -> None:
     until(lambda: text in process.tail(100))
 
 
-def test_it_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
+def test_e_stop_finds_bridges_of_any_name_and_namespace(bridges: Bridges) -> None:
     renamed = bridges.start('renamed', '__node:=my_arm')
     left = bridges.start('left', '__ns:=/left', '__node:=other')
     for process in (renamed, left):
@@ -90,7 +90,7 @@ def test_the_mode_of_a_bridge_in_another_namespace_is_waited_for(bridges: Bridge
     assert (done.returncode, done.stderr) == (0, '')
 
 
-def test_it_reaches_all_though_nobody_can_be_told(ros_node: Node) -> None:
+def test_e_stop_reaches_all_bridges_if_its_output_cannot_be_written(ros_node: Node) -> None:
     bridges = AnsweringBridges()
 
     def appear() -> None:
@@ -107,7 +107,9 @@ def test_it_reaches_all_though_nobody_can_be_told(ros_node: Node) -> None:
     assert set(bridges.asked) == {'hardware_bridge', 'fake_hardware'}
 
 
-def test_two_bridges_of_one_name_are_told_and_not_enabled(bridges: Bridges, ros_node: Node) -> None:
+def test_two_bridges_of_one_name_are_reported_and_not_enabled(
+    bridges: Bridges, ros_node: Node
+) -> None:
     client = ArmClient(ros_node)
     twins = [bridges.start(log) for log in ('first', 'second')]
     for process in twins:

@@ -39,7 +39,9 @@ def demo(made_once: Callable[[str, Callable[[Path], None]], Path]) -> tuple[str,
     return (folder / 'printed').read_text(), folder / 'out'
 
 
-def test_identified_model_beats_the_drawing_and_is_physical(demo: tuple[str, Path]) -> None:
+def test_the_identified_model_is_better_than_cad_and_physically_consistent(
+    demo: tuple[str, Path],
+) -> None:
     solvers = json.loads((demo[1] / 'result' / 'summary.json').read_text())['solvers']
     cad, identified = (solvers[name]['validation'][0]['filtered'] for name in ('cad', 'sdp'))
     assert identified < 0.25 * cad
@@ -48,7 +50,7 @@ def test_identified_model_beats_the_drawing_and_is_physical(demo: tuple[str, Pat
     assert solvers['sdp']['min_pseudo_inertia_eigenvalue'] > 0
 
 
-def test_its_validation_asks_for_nothing_that_the_designed_motion_did_not_show(
+def test_the_validation_motion_stays_in_the_range_of_the_designed_motion(
     demo: tuple[str, Path],
 ) -> None:
     summary = json.loads((demo[1] / 'result' / 'summary.json').read_text())
@@ -58,7 +60,7 @@ def test_its_validation_asks_for_nothing_that_the_designed_motion_did_not_show(
         assert words not in demo[0]
 
 
-def test_results_are_whole(demo: tuple[str, Path]) -> None:
+def test_the_results_are_complete(demo: tuple[str, Path]) -> None:
     result = demo[1] / 'result'
     robot = load_robot(result / 'identified.urdf')
     assert all(is_physically_consistent(link) for link in robot.inertial_parameters)
@@ -69,7 +71,9 @@ def test_results_are_whole(demo: tuple[str, Path]) -> None:
     assert 'true parameters' in (result / 'report.html').read_text()
 
 
-def test_says_what_was_missed_and_lost_and_where_the_report_is(demo: tuple[str, Path]) -> None:
+def test_the_summary_states_missed_cycles_lost_messages_and_the_report(
+    demo: tuple[str, Path],
+) -> None:
     text, out = demo
     assert re.search(
         r'^Bridge +\d+ cycles, the simulation ran at [\d.]+ % of real time', text, re.MULTILINE

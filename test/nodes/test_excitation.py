@@ -161,7 +161,7 @@ def test_drives_the_emulated_boards(tmp_path: Path, environment, ros_node: Node)
     np.testing.assert_allclose(plans[-1].points[-1].velocities, 0.0, atol=1e-6)
 
 
-def test_goes_on_after_a_pause_of_an_arm_with_a_clock_of_another_name(
+def test_continues_after_a_pause_of_an_arm_with_a_renamed_clock(
     tmp_path: Path, environment, ros_node: Node
 ) -> None:
     log = tmp_path / 'excitation.log'
@@ -243,7 +243,9 @@ def test_trouble_ends_the_motion(tmp_path: Path, environment, fault: str, messag
 
 
 @pytest.mark.parametrize(('allowed', 'expected'), [(0.001, 1), (0.9, 0)])
-def test_says_how_much_was_damped(tmp_path: Path, environment, allowed, expected) -> None:
+def test_the_log_states_the_duration_of_damping(
+    tmp_path: Path, environment, allowed, expected
+) -> None:
     with ideal_arm(tmp_path, environment, '--damped', '0.1'):
         status, log = run(tmp_path, damped_share_max=allowed)
     assert status == expected, log
@@ -262,7 +264,7 @@ def run_until_it_hears_the_mode(tmp_path: Path, **parameters: object) -> tuple[i
     return status, log, seconds
 
 
-def test_says_what_it_waits_for(tmp_path: Path, environment) -> None:
+def test_the_log_states_the_awaited_conditions(tmp_path: Path, environment) -> None:
     with ideal_arm(tmp_path, environment, '--mode', 'idle'):
         status, log, seconds = run_until_it_hears_the_mode(
             tmp_path, subscribers=2, wait_for_recorder=True

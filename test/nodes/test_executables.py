@@ -34,7 +34,7 @@ sys.exit(arm())
         (['fake_hardwar'], "executables: 'fake_hardwar' is not a command: choose one of arm, "),
     ],
 )
-def test_by_name_what_is_wrong_is_one_line(arguments: list[str], told: str) -> None:
+def test_wrong_command_lines_print_one_line(arguments: list[str], told: str) -> None:
     command = [sys.executable, '-m', 'aerarm_ros.executables', *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120.0)
     assert (done.returncode, done.stdout) == (USER_ERROR, '')
@@ -54,7 +54,7 @@ def test_ctrl_c_at_the_start_is_quiet() -> None:
     assert process.returncode == INTERRUPTED
 
 
-def test_what_is_no_command_is_no_attribute() -> None:
+def test_unknown_commands_are_no_attributes() -> None:
     with pytest.raises(AttributeError):
         executables._private  # noqa: B018
 
@@ -136,7 +136,7 @@ print(len(os.listdir('/proc/self/task')) - len(before))
 
 
 @pytest.mark.skipif(os.cpu_count() == 1, reason='one core: NumPy has no threads here anyway')
-def test_executables_share_no_matrix_among_threads() -> None:
+def test_executables_use_one_thread_for_linear_algebra() -> None:
     assert threads_added_by('numpy') > 0
     assert threads_added_by('aerarm_ros.nodes.controllers.impedance_control') == 0
 

@@ -174,6 +174,6 @@ def test_a_missing_model_is_one_clear_line(tmp_path, capsys) -> None:
         (['--out', '/proc/experiment'], '/proc/experiment'),
     ],
 )
-def test_what_cannot_be_run_or_written_is_said_at_once(arguments, text, capsys) -> None:
+def test_impossible_runs_and_outputs_are_reported_at_the_start(arguments, text, capsys) -> None:
     assert experiment.main(arguments) == 1
     assert text in capsys.readouterr().err

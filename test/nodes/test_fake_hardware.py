@@ -174,7 +174,7 @@ def test_a_closed_terminal_switches_the_motors_off(ros_node: Node) -> None:
             bridge.kill()
 
 
-def test_two_arms_can_be_told_apart(ros_node: Node, tmp_path: Path) -> None:
+def test_two_arms_have_distinct_diagnostics(ros_node: Node, tmp_path: Path) -> None:
     found: dict[str, str] = {}
 
     def store(message: DiagnosticArray) -> None:

@@ -72,7 +72,9 @@ def recover(client: BridgeClient, fault: str, align: bool) -> None:
 
 
 @pytest.mark.parametrize('velocity', [STILL, MOVING], ids=['at rest', 'in motion'])
-def test_every_fault_stops_the_arm_and_is_told(client: BridgeClient, velocity: list[float]) -> None:
+def test_every_fault_stops_the_arm_and_is_reported(
+    client: BridgeClient, velocity: list[float]
+) -> None:
     for fault, text, heard, align in FAULTS:
         move(client, velocity)
         assert client.set_parameters(fault=fault) == []

@@ -125,7 +125,7 @@ def drone(
         yield DroneSensors(ros_node, process)
 
 
-def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: DroneSensors) -> None:
+def test_hovers_in_answer_to_odometry_and_flies_to_set_points(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     command = drone.commands[-1]
     assert list(command.name) == list(DRONE.rotor_names)
@@ -154,7 +154,7 @@ def test_it_answers_odometry_with_the_weight_and_goes_to_set_points(drone: Drone
         raise AssertionError('it does not rise')
 
 
-def test_what_is_told_of_the_arm_is_fed_forward(drone: DroneSensors) -> None:
+def test_messages_of_base_reaction_are_fed_forward(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.MOTION_WRENCH
     wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -191,7 +191,9 @@ def test_what_is_told_of_the_arm_is_fed_forward(drone: DroneSensors) -> None:
 
 
 @pytest.mark.parametrize('arm_wait', [0.0, 10.0])
-def test_it_waits_for_the_arm_if_it_may(drone: DroneSensors, arm_wait: float) -> None:
+def test_waits_for_the_forecast_of_the_arm_if_arm_wait_is_set(
+    drone: DroneSensors, arm_wait: float
+) -> None:
     drone.hover_until('in order')  # nothing is told: nothing to wait for
     topic = topics.MOTION_WRENCH
     wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -228,7 +230,7 @@ def test_it_waits_for_the_arm_if_it_may(drone: DroneSensors, arm_wait: float) ->
 
 
 @pytest.mark.parametrize('arm_wait', [4.0])
-def test_who_tells_no_more_of_the_arm_is_waited_for_once(drone: DroneSensors) -> None:
+def test_a_silent_base_reaction_is_awaited_once(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.MOTION_WRENCH
     wrenches = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -244,7 +246,7 @@ def test_who_tells_no_more_of_the_arm_is_waited_for_once(drone: DroneSensors) ->
         drone.hover(1)
 
 
-def test_it_goes_along_a_trajectory_and_refuses_what_is_none(drone: DroneSensors) -> None:
+def test_follows_a_trajectory_and_rejects_an_invalid_one(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     topic = topics.FLIGHT_TRAJECTORY
     ways = drone.node.create_publisher(topic.type, topic.name, topic.qos)
@@ -265,7 +267,7 @@ def test_it_goes_along_a_trajectory_and_refuses_what_is_none(drone: DroneSensors
         raise AssertionError('it does not rise')
 
 
-def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: DroneSensors) -> None:
+def test_implausible_inputs_are_named_and_the_drone_stays_level(drone: DroneSensors) -> None:
     drone.hover_until('in order')
     drone.refuse(
         'odometry: a value is NaN', lambda: (drone.odometry_message(np.nan, 0.0, 0.0), None)
@@ -312,7 +314,7 @@ def test_what_cannot_be_believed_is_named_and_the_drone_kept_level(drone: DroneS
     ('parameters', 'reason'),
     [({}, 'drone_file is empty'), ({'drone_file': '/nowhere/drone.yaml'}, 'check the path')],
 )
-def test_it_does_not_start_without_a_drone(
+def test_does_not_start_without_a_drone_file(
     ros_domain: dict[str, str], parameters: dict[str, object], reason: str
 ) -> None:
     done = run('flight_control', parameters=parameters)

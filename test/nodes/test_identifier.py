@@ -60,7 +60,7 @@ def test_all_files_are_there(run: tuple[str, Path]) -> None:
     ]
 
 
-def test_summary_tells_what_was_found(run: tuple[str, Path]) -> None:
+def test_the_summary_contains_the_results(run: tuple[str, Path]) -> None:
     summary = json.loads((run[1] / 'summary.json').read_text())
     assert summary['samples'] == 4000
     assert summary['regressor']['thesis']['rank'] == 30
@@ -108,7 +108,7 @@ def test_a_payload_is_weighed_and_slow_solvers_run_on_demand(
     assert 'carried by link4' in (out / 'report.html').read_text()
 
 
-def test_mujoco_loads_what_was_identified(run: tuple[str, Path], robot: Robot) -> None:
+def test_mujoco_loads_the_identified_model(run: tuple[str, Path], robot: Robot) -> None:
     model = mujoco.MjModel.from_xml_path(str(run[1] / 'identified.xml'))
     identified = load_robot(run[1] / 'identified.urdf')
     parameters = yaml.safe_load((run[1] / 'estimate.yaml').read_text())['/**']['ros__parameters']
@@ -154,7 +154,7 @@ def test_same_bags_same_bits(bags: Path, run: tuple[str, Path], tmp_path: Path) 
         assert (out / name).read_bytes() == (run[1] / name).read_bytes()
 
 
-def test_an_earlier_result_is_replaced_and_said_to_be(bags: Path, tmp_path: Path) -> None:
+def test_an_earlier_result_is_replaced_with_a_message(bags: Path, tmp_path: Path) -> None:
     out = tmp_path / 'out'
     arguments = ('--bag', bags / 'identification', '--friction', 'coulomb', '--out', out)
     for words in ((), (f'identifier: {out}: an earlier result was replaced',)):
@@ -200,7 +200,9 @@ def test_renamed_and_amperes(bags: Path, tmp_path: Path, robot: Robot) -> None:
     assert summary['solvers']['sdp']['identification'][0]['filtered'] < 2.0
 
 
-def test_a_cut_bag_without_metadata_is_used_and_said_to_be_cut(bags: Path, tmp_path: Path) -> None:
+def test_a_truncated_bag_without_metadata_is_used_with_a_warning(
+    bags: Path, tmp_path: Path
+) -> None:
     bag = Path(shutil.copytree(bags / 'identification', tmp_path / 'bag'))
     (bag / 'metadata.yaml').unlink()
     (file,) = bag.glob('*.mcap')
@@ -225,7 +227,7 @@ def test_a_cut_bag_without_metadata_is_used_and_said_to_be_cut(bags: Path, tmp_p
         (('--harmonics', 2), 'the motion has harmonics up to number 5'),
     ],
 )
-def test_implausible_results_say_what_to_check(
+def test_implausible_results_cause_a_warning_with_a_remedy(
     option: tuple, words: str, bags: Path, tmp_path: Path
 ) -> None:
     done = identifier('--bag', bags / 'identification', '--out', tmp_path / 'out', *option)

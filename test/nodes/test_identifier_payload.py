@@ -88,7 +88,7 @@ def test_from_one_motion_with_the_arm_as_it_was_identified(
 
 
 @pytest.mark.parametrize('model', [True, False])
-def test_what_is_wrong_with_its_bag_is_told(
+def test_defects_of_the_payload_bag_are_reported(
     model: bool, run: Path, bags: Path, tmp_path: Path
 ) -> None:
     bag = Path(shutil.copytree(bags / 'with', tmp_path / 'with'))

@@ -147,7 +147,7 @@ def bench(request: pytest.FixtureRequest, ros_node: Node, tmp_path: Path) -> Ite
     autopilot.close()
 
 
-def test_it_serves_arm_and_autopilot_and_leaves_arming_to_others(bench: Bench) -> None:
+def test_publishes_sensors_and_set_points_without_arming(bench: Bench) -> None:
     assert bench.until(lambda: len(bench.received) == 3)
     odometry, imu, rotors = (bench.received[name] for name in ('odometry', 'imu', 'rotor_command'))
     place = odometry.pose.pose.position
@@ -172,7 +172,7 @@ def test_it_serves_arm_and_autopilot_and_leaves_arming_to_others(bench: Bench) -
     assert bench.autopilot.commands() == []
 
 
-def test_it_arms_and_changes_the_mode_by_name_alone(bench: Bench) -> None:
+def test_arms_and_changes_the_mode_only_by_its_services(bench: Bench) -> None:
     assert bench.until(lambda: bench.status.get('mode') == 'auto hold')
     response = bench.call('offboard')
     assert (response.success, response.message) == (True, 'accepted')

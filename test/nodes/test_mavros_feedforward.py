@@ -29,7 +29,7 @@ def values(vector: Vector3) -> list[float]:
 
 
 @pytest.mark.parametrize(('ignored', 'own'), [(0, [0.1, 0.2, 0.3]), (IGNORE_ACCELERATION, [0] * 3)])
-def test_it_is_added_to_what_is_asked_for(ignored: int, own: list[float]) -> None:
+def test_the_acceleration_is_added_to_that_of_the_set_point(ignored: int, own: list[float]) -> None:
     before = set_point(IGNORE_VELOCITY | ignored)
     after = mavros_feedforward.add_acceleration(before, ADDED, 3_000_000_007)
     np.testing.assert_allclose(values(after.acceleration_or_force), own + ADDED)

@@ -89,7 +89,7 @@ def test_sigint_stops_the_arm_and_leaves_nothing(
     assert not (tmp_path / 'results').exists()
 
 
-def test_says_what_it_waits_for(ros_domain: dict[str, str], tmp_path: Path) -> None:
+def test_the_log_states_the_awaited_conditions(ros_domain: dict[str, str], tmp_path: Path) -> None:
     assert 'waited 1 s, but ' in refusal(tmp_path, wait_timeout=1.0)
     assert not (tmp_path / 'results').exists()
 

@@ -23,7 +23,7 @@ def set_point(acceleration: np.ndarray) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize('asked', [OPEN, np.array([0.1, 0.2, 0.3], dtype=np.float32)])
-def test_it_is_added_north_east_down_and_the_rest_stays(asked: np.ndarray) -> None:
+def test_the_acceleration_is_added_north_east_down_and_other_fields_stay(asked: np.ndarray) -> None:
     before = set_point(asked)
     after = px4_feedforward.add_acceleration(before, np.array([1.0, 2.0, 0.5]), 7_000_000)
     expected = np.nan_to_num(asked) + [2.0, 1.0, -0.5]

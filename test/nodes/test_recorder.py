@@ -133,7 +133,7 @@ def test_records_four_topics_at_1_khz_without_a_loss(start, source, tmp_path, nu
     assert f'{tmp_path / "bag"}: {6002 + diagnostics} messages, 0 lost' in log
 
 
-def test_says_what_it_does(start, source, tmp_path) -> None:
+def test_the_recorder_publishes_and_logs_its_status(start, source, tmp_path) -> None:
     recorder = start()
     source.wait_for(lambda status: status['state'] == 'recording')
     source.wait_until_matched(6)
@@ -167,7 +167,7 @@ def test_a_killed_recorder_leaves_a_readable_bag(start, source, tmp_path) -> Non
     np.testing.assert_array_equal(series.position, values[:, 0])
 
 
-def test_records_what_it_is_asked_for(start, source, ros_node, tmp_path) -> None:
+def test_only_requested_topics_are_recorded(start, source, ros_node, tmp_path) -> None:
     own = ros_node.create_publisher(Float64MultiArray, 'own', 10)
     recorder = start(
         topics=['joint_states', 'own=std_msgs/msg/Float64MultiArray'], compression='lz4'
@@ -283,7 +283,7 @@ def diagnostics_of_the_recorder(node: Node) -> list[DiagnosticStatus]:
     return found
 
 
-def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> None:
+def test_diagnostics_contain_written_and_lost_messages(start, source, ros_node) -> None:
     found = diagnostics_of_the_recorder(ros_node)
     recorder = start(depth=10)
     source.wait_until_matched(6)
@@ -320,9 +320,7 @@ def test_what_is_written_and_lost_is_on_diagnostics(start, source, ros_node) -> 
     assert '[WARN]' in line
 
 
-def test_what_several_nodes_publish_is_lost_for_none_of_them(
-    start, source, ros_node, tmp_path
-) -> None:
+def test_messages_of_several_publishers_are_all_recorded(start, source, ros_node, tmp_path) -> None:
     topic = names.DIAGNOSTICS
     others = [ros_node.create_publisher(topic.type, topic.name, topic.qos) for _ in range(4)]
     # They have published before, each another number of messages.

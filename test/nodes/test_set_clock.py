@@ -55,7 +55,7 @@ class ClockBench(ControllerBench):
 
 
 @pytest.mark.skipif(spi_boards.compiler() is None, reason='no C compiler to build clock_shim.c')
-def test_an_arm_that_moves_goes_on_while_the_system_clock_is_set(
+def test_a_moving_arm_continues_while_the_system_clock_is_set(
     tmp_path: Path, ros_node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = SetClock(tmp_path)

@@ -54,7 +54,7 @@ def test_follows_the_tool(ros_node: Node, tmp_path: FilePath) -> None:
     assert np.all(np.diff(points[:, 2]) > 0.0)
 
 
-def test_rviz_asks_for_the_path_that_was_sent_before_it_came() -> None:
+def test_rviz_receives_the_path_that_was_published_earlier() -> None:
     displays = yaml.safe_load(resource('rviz', 'aerarm.rviz').read_text())
     (path,) = [
         display['Topic']

@@ -145,7 +145,7 @@ def drawn(tmp_path: Path) -> dict[str, object]:
     return {'excitation_config': config, 'wait_timeout': 0.1}
 
 
-def test_what_cannot_stand_before_names_ends_a_node_with_one_line(
+def test_an_invalid_tf_prefix_ends_a_node_with_one_line(
     ros_domain: dict[str, str],
 ) -> None:
     done = run('fake_hardware', parameters={'tf_prefix': '/left'})

@@ -162,7 +162,7 @@ def assert_fits_a_phone(browser: HeadlessBrowser) -> None:
 
 
 @needs_browser
-def test_says_what_is_missing_without_a_bridge(browser: HeadlessBrowser) -> None:
+def test_the_page_reports_a_missing_bridge(browser: HeadlessBrowser) -> None:
     until(lambda: 'no joint_states in this ROS domain' in browser.text())
     browser.press('EMERGENCY STOP')
     until(lambda: 'NOT STOPPED' in browser.text())
@@ -211,7 +211,7 @@ def test_the_address_with_its_token_is_a_working_page(
             browser.close()
 
 
-def test_on_the_network_it_is_shown_to_who_has_its_address_only(
+def test_on_the_network_the_page_requires_the_token(
     ros_domain: dict[str, str], port: int, tmp_path: Path
 ) -> None:
     with open_to_the_network(port, tmp_path) as (node, address):

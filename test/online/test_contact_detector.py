@@ -63,7 +63,7 @@ def test_a_payload_that_is_put_down_is_no_longer_subtracted(
     assert found.event is None
 
 
-def test_dry_friction_hides_torque_only_at_creeping_speed(run: CarryingRun) -> None:
+def test_dry_friction_hides_torque_only_at_very_low_speed(run: CarryingRun) -> None:
     q = np.array([0.3, 0.8, -0.5, 0.4])
     creeping, slow = (
         ExternalTorque(known_arm(run), GAIN)
@@ -251,7 +251,9 @@ def test_a_force_against_gravity_is_no_negative_payload(
     assert causes
 
 
-def test_what_is_there_from_the_start_is_no_contact(run: CarryingRun, bound: ResidualBound) -> None:
+def test_torque_present_from_the_start_is_no_contact(
+    run: CarryingRun, bound: ResidualBound
+) -> None:
     motion = recording(run, 0.7, run.pick_up)
     wrong = replace(motion, tau=motion.tau + 2.0)
     found = detector(run, bound)
@@ -416,7 +418,7 @@ def test_the_place_of_a_force_on_the_tool(run: CarryingRun) -> None:
     assert np.linalg.norm(place.force) == pytest.approx(np.sqrt(14.0), rel=0.5)
 
 
-def test_no_joint_feels_nothing(run: CarryingRun) -> None:
+def test_without_external_torque_no_contact_is_located(run: CarryingRun) -> None:
     locator = ContactLocator(run.robot())
     assert locator.locate(np.zeros(4), np.zeros(4), np.ones(4)) is None
     assert locator.locate(np.zeros(4), np.ones(4), np.full(4, np.inf)) is None

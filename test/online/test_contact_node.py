@@ -125,12 +125,12 @@ def test_a_saturated_drive_is_named(known: ContactEstimatorNode, run: CarryingRu
     assert known.describe()['contacts'] == 0
 
 
-def test_without_thresholds_it_says_how_to_learn_them(make: Make) -> None:
+def test_without_thresholds_the_error_states_how_to_learn_them(make: Make) -> None:
     with pytest.raises(ValueError, match='residuals_file is not set: learn thresholds'):
         make()
 
 
-def test_a_file_that_is_none_is_named(make: Make, tmp_path: Path) -> None:
+def test_an_invalid_thresholds_file_is_named(make: Make, tmp_path: Path) -> None:
     file = tmp_path / 'residuals.yaml'
     file.write_text('a: 1\n')
     with pytest.raises(ValueError, match='residual_bound'):

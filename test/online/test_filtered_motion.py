@@ -47,7 +47,7 @@ def play(robot: Robot, is_swaying: bool, friction: np.ndarray) -> MotionRow:
 
 
 @pytest.mark.parametrize('is_swaying', [False, True])
-def test_what_the_payload_asks_for_is_left(robot: Robot, is_swaying: bool) -> None:
+def test_the_residual_is_the_torque_of_the_payload(robot: Robot, is_swaying: bool) -> None:
     row = play(robot, is_swaying, FRICTION)
     np.testing.assert_allclose(row.regressor[:, :10] @ PAYLOAD, row.torque, atol=5e-3)
     assert np.abs(row.torque).max() > 0.3

@@ -20,7 +20,7 @@ def week_of_use(count: int, wear: float, seed: int = 0) -> list[FrictionRecord]:
     return records
 
 
-def test_what_wears_in_a_week_shows_and_nothing_else_does() -> None:
+def test_only_the_worn_coefficient_changes_significantly() -> None:
     changes = FrictionTrend(NAMES, week_of_use(50, 0.1)).changes()
     assert [change.name for change in changes if change.is_clear] == ['Coulomb [Nm] of joint2']
     (worn,) = (change for change in changes if change.is_clear)
@@ -29,7 +29,7 @@ def test_what_wears_in_a_week_shows_and_nothing_else_does() -> None:
     assert worn.new - worn.old == pytest.approx(worn.rate, rel=0.01)
 
 
-def test_what_scatters_more_than_it_says_is_no_trend() -> None:
+def test_values_that_scatter_more_than_their_deviations_are_no_trend() -> None:
     random = np.random.default_rng(3)
     records = [
         record._replace(friction=record.friction * (1.0 + 0.3 * random.normal()))

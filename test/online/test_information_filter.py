@@ -24,7 +24,7 @@ def test_without_forgetting_it_is_regression_with_a_prior(random: np.random.Gene
     np.testing.assert_allclose(recursive.belief.covariance, np.linalg.inv(information))
 
 
-def test_what_is_not_excited_stays_at_the_prior(random: np.random.Generator) -> None:
+def test_unexcited_parameters_stay_at_the_prior(random: np.random.Generator) -> None:
     recursive = InformationFilter(3)
     kept = np.full(3, 0.95)
     for _ in range(500):
@@ -36,7 +36,7 @@ def test_what_is_not_excited_stays_at_the_prior(random: np.random.Generator) -> 
     assert belief.covariance[2, 2] == pytest.approx(1.0)
 
 
-def test_what_was_known_fades_to_the_prior_at_its_own_rate(random: np.random.Generator) -> None:
+def test_estimates_return_to_the_prior_at_their_own_rates(random: np.random.Generator) -> None:
     recursive = InformationFilter(3)
     rows = random.normal(size=(30, 3))
     recursive.update(rows, rows @ TRUTH, np.full(30, 1e-3), np.ones(3))
@@ -50,7 +50,7 @@ def test_what_was_known_fades_to_the_prior_at_its_own_rate(random: np.random.Gen
     assert spread[1] < 0.05
 
 
-def test_what_is_forgotten_at_once_leaves_the_rest_known(random: np.random.Generator) -> None:
+def test_a_reset_of_some_parameters_keeps_the_others(random: np.random.Generator) -> None:
     recursive = InformationFilter(3)
     rows = random.normal(size=(30, 3))
     recursive.update(rows, rows @ TRUTH, np.full(30, 0.1), np.ones(3))

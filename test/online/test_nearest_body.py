@@ -11,7 +11,7 @@ BODY = parameters_of_body(0.2, [0.1, 0.01, -0.02], np.diag([2e-4, 3e-4, 4e-4]))
 SCALE = 0.2 * np.array([1.0, *[SIZE] * 3, *[SIZE**2] * 6])
 
 
-def test_a_body_that_is_well_known_stays_what_it_is() -> None:
+def test_an_accurate_body_is_unchanged() -> None:
     information = np.diag((1e-3 * SCALE) ** -2.0)
     found = nearest_body(BODY, information, SIZE)
     np.testing.assert_allclose(found / SCALE, BODY / SCALE, atol=2e-4)

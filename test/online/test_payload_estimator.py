@@ -56,16 +56,16 @@ def test_pick_up_and_put_down_are_found(run: CarryingRun, estimates: list[Online
     assert estimates[-1].payload.mass == SPECK
 
 
-def test_it_is_a_body_in_every_estimate(estimates: list[OnlineEstimate]) -> None:
+def test_every_estimate_is_physically_consistent(estimates: list[OnlineEstimate]) -> None:
     assert min(minimum_eigenvalue(estimate.payload.inertial) for estimate in estimates) > 0.0
 
 
-def test_it_tells_fifty_times_a_second(estimates: list[OnlineEstimate]) -> None:
+def test_estimates_are_returned_fifty_times_per_second(estimates: list[OnlineEstimate]) -> None:
     gaps = np.diff([estimate.time for estimate in estimates])
     assert np.median(gaps) == pytest.approx(0.02)
 
 
-def test_friction_of_another_day_is_learnt_beside(
+def test_changed_friction_is_estimated_as_well(
     run: CarryingRun, estimates: list[OnlineEstimate]
 ) -> None:
     true, last = run.truth.coulomb, estimates[-1]
@@ -74,7 +74,7 @@ def test_friction_of_another_day_is_learnt_beside(
     assert (error < 3.0 * last.friction_std[1]).all()
 
 
-def test_viscous_coulomb_and_load_friction_are_told_apart(robot: Robot) -> None:
+def test_viscous_coulomb_and_load_dependent_friction_are_separated(robot: Robot) -> None:
     """Each coefficient is wrong in another joint."""
     plant = PlantParameters.nominal(load_arm_config(), robot)
     known = np.array([plant.viscous, plant.coulomb, plant.load_friction])
@@ -137,7 +137,7 @@ def test_a_knock_is_not_carried_for_long(robot: Robot) -> None:
     assert told[-1].payload.mass == SPECK
 
 
-def test_what_a_model_gets_wrong_by_a_percent_is_no_payload(
+def test_model_errors_of_one_percent_are_no_payload(
     example_urdf: Callable[[str], Path],
 ) -> None:
     """Six joints that carry up to 10 Nm move between postures, some of which are new."""
@@ -169,12 +169,12 @@ def test_what_a_model_gets_wrong_by_a_percent_is_no_payload(
         np.array([known.viscous, known.coulomb, known.load_friction]),
     ).estimator(EstimatorSettings(tare_mass=0.03))
     assert not any(estimate.carries for estimate in feed(estimator, states))
-    assert estimator.is_tared
+    assert estimator.has_moved_empty
     assert estimator.changes == 0
     assert not estimator.problem
 
 
-def test_what_is_carried_from_the_start_is_told_and_not_weighed(run: CarryingRun) -> None:
+def test_a_payload_present_from_the_start_is_reported_and_not_estimated(run: CarryingRun) -> None:
     estimator = run.estimator()
     carrying = [
         (now, state) for now, state in run.states() if run.pick_up < now < run.pick_up + 2.0
@@ -249,7 +249,7 @@ def test_an_arm_at_rest_learns_nothing(run: CarryingRun) -> None:
     states = [(1e-3 * k, still._replace(tau=start.tau + row)) for k, row in enumerate(noise)]
     last = list(feed(estimator, states))[-1]
     assert 'm' in last.unexcited
-    assert not estimator.is_tared
+    assert not estimator.has_moved_empty
 
 
 def test_settings_are_checked() -> None:

@@ -49,7 +49,7 @@ def tell(node: PayloadEstimatorNode, run: CarryingRun, first: float, last: float
             node.answer(node.stamp_ns, state)
 
 
-def test_what_is_picked_up_is_published(make: Make, run: CarryingRun, tmp_path: Path) -> None:
+def test_a_picked_up_payload_is_published(make: Make, run: CarryingRun, tmp_path: Path) -> None:
     kept = tmp_path / 'friction.csv'
     node = make(
         load_friction=run.truth.load_friction.tolist(), friction_file=kept, friction_interval=1.0
@@ -115,7 +115,7 @@ def test_an_arm_that_nothing_holds_is_not_weighed(make: Make, run: CarryingRun) 
     assert node.describe()['carries'] == 'not yet identified'
 
 
-def test_a_flying_base_that_is_not_known_is_told(make: Make, run: CarryingRun) -> None:
+def test_an_unknown_base_motion_is_reported(make: Make, run: CarryingRun) -> None:
     node = make(drone_file=resource('config', 'drone.yaml'), base_motion='free')
     tell(node, run, 0.0, 2.0)
     assert 'no IMU sample yet' in node.warning()

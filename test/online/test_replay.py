@@ -29,7 +29,7 @@ def recording(run: CarryingRun, first: float, last: float, start: float = 0.0) -
     return Recording('bag', names, time.ravel() - first + start, q, dq, tau, np.zeros(4, bool))
 
 
-def test_a_bare_bag_and_a_loaded_one_weigh_what_is_in_the_second(
+def test_an_empty_and_a_loaded_bag_yield_the_payload_of_the_second(
     run: CarryingRun, arm: KnownArm
 ) -> None:
     replay = Replay(arm, arm.estimator())
@@ -49,7 +49,7 @@ def test_a_bag_that_begins_loaded_is_refused(run: CarryingRun, arm: KnownArm) ->
         replay.play(recording(run, run.pick_up, run.pick_up + 1.2))
 
 
-def test_what_can_tell_nothing_is_refused(run: CarryingRun, arm: KnownArm) -> None:
+def test_uninformative_recordings_are_rejected(run: CarryingRun, arm: KnownArm) -> None:
     short, moving = recording(run, 0.6, 0.8), recording(run, 1.5, 2.0)
     for bad, words in (
         (short, 'to learn from'),
@@ -61,7 +61,7 @@ def test_what_can_tell_nothing_is_refused(run: CarryingRun, arm: KnownArm) -> No
             Replay(arm, arm.estimator()).play(bad)
 
 
-def test_it_stops_when_it_is_asked_to(run: CarryingRun, arm: KnownArm) -> None:
+def test_a_requested_stop_ends_the_replay(run: CarryingRun, arm: KnownArm) -> None:
     with pytest.raises(KeyboardInterrupt):
         Replay(arm, arm.estimator(), lambda: True).play(recording(run, 0.6, 0.8))
 

@@ -25,7 +25,7 @@ def trend(count: int = 3) -> FrictionTrend:
     return FrictionTrend(NAMES, records)
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_a_written_trend_is_read_back(tmp_path: Path) -> None:
     path, written = tmp_path / 'friction.csv', trend()
     assert read_trend(path, NAMES).records == ()
     write_trend(path, written)
@@ -37,7 +37,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ['friction.csv']
 
 
-def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / 'friction.csv'
     write_trend(path, trend(2))
     before = path.read_bytes()

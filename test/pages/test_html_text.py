@@ -42,7 +42,7 @@ def test_the_points_of_a_column_of_numbers_lie_below_each_other() -> None:
     assert cells == ['1.25', '12\N{PUNCTUATION SPACE}' + 2 * '\N{FIGURE SPACE}', '1e+09']
 
 
-def test_a_page_tells_what_it_was_made_with_and_what_is_in_it() -> None:
+def test_a_page_states_its_command_version_and_contents() -> None:
     body = [section(f'part {k} {NASTY}', 'text') for k in range(5)]
     made = origin(['/opt/bin/identifier', '--bag', 'a b'])
     html = page('title', '', body, made)

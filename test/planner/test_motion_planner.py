@@ -26,7 +26,7 @@ def joules(plan: MotionPlan) -> float:
 
 
 @pytest.mark.parametrize(('start', 'goal'), [(LOW, HIGH), (HIGH, UPRIGHT)])
-def test_it_takes_much_less_than_a_quintic(start, goal, planner, dense_check) -> None:
+def test_the_plan_needs_much_less_energy_than_a_quintic(start, goal, planner, dense_check) -> None:
     plan = planner.plan(start, goal)
     quintic = planner.with_settings(objective='quintic').plan(start, goal)
     assert plan.path.duration == quintic.path.duration == 2.0
@@ -51,7 +51,7 @@ def test_no_neighbour_of_the_plan_is_cheaper(planner, model) -> None:
         assert model.balance(bent).motors.sum() > joules(plan)
 
 
-def test_light_joints_do_not_creep(planner) -> None:
+def test_light_joints_do_not_move_at_very_low_speed(planner) -> None:
     """Below 0.02 rad/s, dry friction holds a joint away from its reference."""
 
     def creeping(**settings) -> np.ndarray:
@@ -84,7 +84,7 @@ def test_the_dearer_a_second_the_quicker_the_motion(planner) -> None:
     assert joules(plans[0]) < joules(plans[1])
 
 
-def test_it_goes_around_what_is_in_the_straight_way(planner, dense_check) -> None:
+def test_the_planner_avoids_an_obstacle_on_the_straight_path(planner, dense_check) -> None:
     with pytest.raises(PlanError, match='clearance of'):
         planner.with_settings(objective='quintic').plan(*IN_THE_WAY)
     straight = PolynomialPath.rest_to_rest(*map(np.array, IN_THE_WAY), 2.0)
@@ -125,7 +125,7 @@ REFUSED: dict[str, tuple[Callable[[MotionPlanner], object], str]] = {
 
 
 @pytest.mark.parametrize('name', list(REFUSED))
-def test_what_cannot_be_done_is_one_line_that_names_the_limit(name, planner) -> None:
+def test_an_infeasible_goal_raises_one_line_that_names_the_limit(name, planner) -> None:
     ask, message = REFUSED[name]
     with pytest.raises(PlanError, match=message) as caught:
         ask(planner)

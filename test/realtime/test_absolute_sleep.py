@@ -18,7 +18,7 @@ def test_a_past_deadline_returns() -> None:
     sleep_until(time.monotonic_ns() - 5_000_000_000)
 
 
-def test_a_signal_handler_runs_during_the_sleep_which_then_goes_on() -> None:
+def test_the_sleep_continues_after_a_signal_handler() -> None:
     caught = []
     before = signal.signal(signal.SIGALRM, lambda *_: caught.append(time.monotonic_ns()))
     try:
@@ -31,7 +31,7 @@ def test_a_signal_handler_runs_during_the_sleep_which_then_goes_on() -> None:
     assert caught[0] < deadline <= time.monotonic_ns()
 
 
-def test_what_a_signal_handler_raises_ends_the_sleep() -> None:
+def test_an_exception_of_a_signal_handler_ends_the_sleep() -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 

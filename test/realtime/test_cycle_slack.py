@@ -25,5 +25,5 @@ def test_work_begins_when_a_cycle_ends(monkeypatch):
     thread.join()
 
 
-def test_nobody_waits_long_for_a_loop_that_stands_still():
+def test_waiting_for_a_stopped_loop_ends_soon():
     CycleSlack().wait()

@@ -47,7 +47,7 @@ def test_a_host_that_pauses_shifts_the_deadlines_and_nothing_in_the_world() -> N
     assert 'behind real time: this computer is too slow for a real arm' in loop.account()
 
 
-def test_a_world_that_never_went_on_says_so() -> None:
+def test_a_simulation_without_cycles_reports_no_cycle() -> None:
     loop = WorldLoop(2e-3, lambda: False)
     loop.stop()
     loop.run(lambda now_ns, index: None)
@@ -78,13 +78,13 @@ def test_stops_while_it_is_held() -> None:
     assert loop.cycles == 0
 
 
-def test_goes_on_from_an_earlier_time() -> None:
+def test_the_loop_continues_from_an_earlier_time() -> None:
     loop = WorldLoop(2e-3, lambda: True, False, start_ns=7)
     assert run(loop, 3)[0] == grid(3, 7)
     assert loop.world_ns == 7 + 3 * PERIOD_NS
 
 
-def test_refuses_a_period_that_is_none() -> None:
+def test_invalid_periods_are_rejected() -> None:
     with pytest.raises(ValueError, match='period'):
         WorldLoop(0.0, lambda: True)
 

@@ -40,7 +40,7 @@ def test_agrees_with_the_controllers_model_without_friction(rng, gravity, seed):
         assert model.inverse(q, dq, plant.acceleration) == pytest.approx(tau, abs=1e-9)
 
 
-def test_what_is_grasped_in_motion_is_felt_from_then_on(rng):
+def test_a_payload_grasped_in_motion_acts_from_then_on(rng):
     parameters = NOMINAL.without_friction().perturbed(3)
     loaded = parameters.carrying(0.2, (0.1, 0.01, -0.02), 0.03)
     plant = ArmPlant(ROBOT, parameters)

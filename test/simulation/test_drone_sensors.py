@@ -18,7 +18,7 @@ LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 FORCE = np.array([0.0, 0.0, 9.81])
 
 
-def test_a_sensor_reads_at_its_rate_and_tells_late() -> None:
+def test_readings_have_the_configured_rate_and_delay() -> None:
     clock = iter(range(100))
     sensor = DelayedSensor(lambda: next(clock), rate=250.0, cycle=1e-3, delay=0.01)
     told = {k: sensor.update(k * 1_000_000) for k in range(30)}
@@ -57,7 +57,7 @@ def test_odometry_is_noisy_in_each_part() -> None:
     np.testing.assert_allclose(angles.std(axis=0), 0.002, rtol=0.06)
 
 
-def test_drift_is_as_large_and_as_slow_as_asked_for() -> None:
+def test_drift_has_the_configured_size_and_correlation_time() -> None:
     drift = RandomDrift(2.0, 0.05, 1e-3, np.random.default_rng(4))
     values = np.array([drift.update() for _ in range(60_000)])
     np.testing.assert_allclose(values.std(axis=0), 2.0, rtol=0.1)

@@ -96,7 +96,7 @@ def test_inertia_is_that_of_pinocchio(plant: FlyingPlant, drone: DroneConfig) ->
     np.testing.assert_allclose(full, expected, atol=1e-9)
 
 
-def test_rotors_push_the_whole_as_the_equation_of_motion_says(
+def test_rotor_thrust_accelerates_drone_and_arm_by_the_equation_of_motion(
     plant: FlyingPlant, drone: DroneConfig
 ) -> None:
     model = pinocchio_model(drone)
@@ -120,7 +120,9 @@ def test_rotors_push_the_whole_as_the_equation_of_motion_says(
         np.testing.assert_allclose(pin.rnea(model, data, q, dq, ddq), expected, atol=1e-6)
 
 
-def test_the_imu_reads_what_its_place_feels(plant: FlyingPlant, drone: DroneConfig) -> None:
+def test_the_imu_measures_the_specific_force_at_its_position(
+    plant: FlyingPlant, drone: DroneConfig
+) -> None:
     let_tumble(plant)
     body = drone.imu
     place, previous = np.array(body.position), []

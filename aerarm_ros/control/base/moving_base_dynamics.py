@@ -69,7 +69,7 @@ class MovingBaseDynamics:
         self._zero = np.zeros(robot.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Attach a body to the last link, see `Dynamics.carry`; an exception changes nothing."""
+        """Attach a body to the last link, see `Dynamics.carry`; no change after an exception."""
         self._arm.carry(payload)
         if self.whole is not self._arm:
             self.whole.carry(payload)
@@ -171,7 +171,7 @@ class MovingBaseDynamics:
         return self._arm.composite_inertia(q)
 
     def _felt(self, base: FreeBaseMotion, answer: Array) -> Array:
-        """Return the acceleration of a base that responds, (6,)."""
+        """Return the acceleration (6,) of a base that responds to the arm."""
         felt = self._acceleration
         felt[:3] = base.specific_force
         felt[3:] = base.angular_acceleration

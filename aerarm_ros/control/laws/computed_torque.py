@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointRefere
 
 
 class InverseDynamicsLaw:
-    """Torque for an acceleration, thesis (2.18), optionally with friction and an integral.
+    """Joint torque for a desired acceleration, thesis (2.18), optional friction and integral term.
 
     Parameters
     ----------

@@ -154,7 +154,7 @@ class VelocityResolution:
     def _within_bounds(
         self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
     ) -> Array:
-        """Solve, fixing one joint after the other at the bound that it exceeds most."""
+        """Return the joint rates; fix joints that exceed a bound at it, the worst joint first."""
         dq, self.least_singular_value = resolve_within(
             self._inverse, jacobian, velocity, preferred, low, high
         )

@@ -29,7 +29,7 @@ class MotionEnd(Enum):
 
     REACHED = 'the motion reached its goal'
     OFF_PATH = 'the arm left the tolerance around its path'
-    OFF_GOAL = 'the arm was outside the goal tolerance when the time was over'
+    OFF_GOAL = 'the arm was outside the goal tolerance at the end of the goal time'
     REPLACED = 'another motion replaced this one'
     STOPPED = 'the motion was stopped, or the controller was reset'
 
@@ -324,7 +324,7 @@ class TrajectoryFollower:
         self._silent_stream = 'stopped: no streamed point arrived in time'
         if motion.duration < timeout:
             self._silent_stream = (
-                'stopped: the streamed point led to a limit, and no other followed'
+                'stopped before a joint limit, because no further streamed point arrived'
             )
         self._replace(motion, now, now, 'streaming')
 
@@ -383,7 +383,7 @@ class TrajectoryFollower:
         self._used = self._tolerances
 
     def _watch(self, q: Array, now: float) -> None:
-        """End the motion at its goal, when its stream falls silent, or when the arm lags."""
+        """End the motion at its goal, after a missing streamed point, or after a path error."""
         error, used = np.abs(self.reference.q - q), self._used
         if (error > used.path).any():
             joint = int(np.argmax(error / used.path))

@@ -156,10 +156,10 @@ class StreamedPoint:
         # The present reference is exempt, because another point may still bring it back.
         first_bad = int(np.argmin(good[1:].all(axis=1))) + 1 if not good[1:].all() else len(times)
         if first_bad == 1:
-            what = 'streamed point, as the arm would follow it'
+            what = 'motion to the streamed point'
             limits.check_velocity(what, braking.fastest[1])
             limits.check_acceleration(what, ddq[1])
-            within.check_position('streamed point, where the arm can stop', ends[1])
+            within.check_position('stopping position of the streamed point', ends[1])
             raise RejectedInputError(f'{what}: the motion leaves the limits; slow it down')
         return float(times[first_bad - 1, 0])
 

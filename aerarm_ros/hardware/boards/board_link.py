@@ -181,7 +181,7 @@ class BoardLink:
         return self.is_aligned and not self.state.error and not self._lapsed
 
     @property
-    def is_damped_unheard(self) -> bool:
+    def is_damped_without_answer(self) -> bool:
         """Whether the board is sent damping commands although it sends no valid answers."""
         return self._command.enable_system and self.monitor.is_silent
 
@@ -376,7 +376,7 @@ class ArmMeasurements:
         (n,) bits that flip at an encoder's index pulse.
     fresh
         (n,) whether the motor's board answered in the last cycle.
-    heard
+    has_answered
         (n,) False once the motor's board has been silent for so long that it counts as not
         answering.
     driven
@@ -399,7 +399,7 @@ class ArmMeasurements:
         self.reported_position = unknown()
         self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
         self.fresh: Mask = np.zeros(config.n, dtype=bool)
-        self.heard: Mask = np.zeros(config.n, dtype=bool)
+        self.has_answered: Mask = np.zeros(config.n, dtype=bool)
         self.driven: Mask = np.zeros(config.n, dtype=bool)
         self.unconfirmed = [0] * config.n
         self.interval, self.interval_max = unknown(), unknown()
@@ -450,10 +450,14 @@ class ArmMeasurements:
         for link in links:
             state, echo = link.state, link.monitor.echo
             unconfirmed = echo.unconfirmed if echo.is_losing else 0
-            is_fresh, is_heard, is_driven = link.fresh, not link.monitor.is_silent, link.is_aligned
+            is_fresh, has_answered, is_driven = (
+                link.fresh,
+                not link.monitor.is_silent,
+                link.is_aligned,
+            )
             for joint, channel in link.joints:
                 self.fresh[joint] = is_fresh
-                self.heard[joint] = is_heard
+                self.has_answered[joint] = has_answered
                 self.driven[joint] = is_driven
                 self.unconfirmed[joint] = unconfirmed
                 if is_fresh:

@@ -301,7 +301,7 @@ class CommissioningProbe:
         return self._report(self._id, self._phase, self._reason, mode)
 
     def end(self, reason: str) -> None:
-        """Switch off the driven motor, if any, and stop watching."""
+        """Switch off the driven motor, if any, and end the measurement."""
         if self.is_driving:
             self._links[self._config.joints[self._joint].board].drive_only(None)
             self._phase, self._reason = 'failed', reason

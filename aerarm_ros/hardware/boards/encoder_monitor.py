@@ -216,7 +216,7 @@ class ExpectedMotion:
         self._follow(current, elapsed)
 
     def _follow(self, current: float, elapsed: float) -> None:
-        """Move the load towards the current, at most at the rate at which loads change."""
+        """Adapt the load estimate to the motor current, no faster than loads change."""
         step = self._rate * elapsed
         self._load += min(max(current - self._load, -step), step)
 
@@ -275,7 +275,7 @@ class EncoderMonitor:
     ----------
     trusted
         (n,) False for motors whose encoder had an implausible reading, until `clear`.
-    tells_position
+    is_position_reliable
         (n,) False for motors whose encoder has jumped or stands still implausibly. The flag is
         True again once the angle changes, because a changing load may have held the motor still.
     damping_speed
@@ -285,7 +285,7 @@ class EncoderMonitor:
 
     def __init__(self, config: ArmConfig, stall_time: float, load_max: ArrayLike = 0.0) -> None:
         self.trusted: Mask = np.ones(config.n, dtype=bool)
-        self.tells_position: Mask = np.ones(config.n, dtype=bool)
+        self.is_position_reliable: Mask = np.ones(config.n, dtype=bool)
         self.damping_speed: Array = np.full(config.n, inf)
         self._stall_time = stall_time
         fastest = _JUMP_VELOCITY_FACTOR * config.column('velocity_max')
@@ -306,7 +306,7 @@ class EncoderMonitor:
 
     def clear(self) -> None:
         """Trust every encoder again, starting at its present angle."""
-        self.trusted[:] = self.tells_position[:] = True
+        self.trusted[:] = self.is_position_reliable[:] = True
         self.damping_speed[:] = inf
         for encoder in self._encoders:
             encoder.clear()
@@ -382,7 +382,7 @@ class EncoderMonitor:
                 self.trusted[i] = False
                 first = first or fault
             if not self.trusted[i]:
-                self.tells_position[i] = encoder.tells_position
+                self.is_position_reliable[i] = encoder.is_position_reliable
                 self.damping_speed[i] = encoder.damping_speed
         return first
 
@@ -446,7 +446,7 @@ class _Encoder:
         self.expected.restart()
 
     @property
-    def tells_position(self) -> bool:
+    def is_position_reliable(self) -> bool:
         """Whether the joint position computed from this encoder is reliable."""
         return not self.jumps and self.stood_at != self.stood_at
 

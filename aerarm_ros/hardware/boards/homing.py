@@ -135,7 +135,7 @@ class EncoderZeros:
         """Return the expected motor angles (n,) [rad]: measured if absolute, otherwise at home."""
         return np.where(self.absolute, motor_position, self.rest)
 
-    def vouched(self) -> str:
+    def assumed_home(self) -> str:
         """Return a description of the home configuration in which the arm is assumed to be."""
         return f'homing assumes that the arm is at its home configuration, {self._posture()}'
 
@@ -235,7 +235,7 @@ class Homing:
         # [rad] difference between expected and reported motor angle
         self._shift = expected - position
         self._offset: Array = np.zeros(config.n) + np.asarray(pulse_offset, np.float64)
-        self._side = roomy_side(config) * self._sign
+        self._side = homing_sides(config) * self._sign
         ahead = (self._offset - expected) / _TURN
         nearest = np.where(ahead >= np.round(ahead), 1.0, -1.0)
         self._direction = np.where(self._side == 0.0, nearest, self._side)
@@ -339,8 +339,9 @@ class Homing:
             [joint],
             f'homing found the index pulse of {self._names[joint]} {residual:+.2f} motor turns '
             f'({angle:.3f} rad at the joint) from its expected angle, above the limit of '
-            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and home again. If the '
-            'arm was there, the encoder, motor or configuration has changed; commission the joint',
+            f'{RESIDUAL_MAX:.2f}: bring the arm to its home configuration and run '
+            "'arm home' again. If the arm was already there, the encoder, motor or "
+            'configuration has changed; commission the joint',
         )
 
     def _turn_and_residual(self, reported: Array) -> tuple[Array, Array]:
@@ -368,7 +369,7 @@ class Homing:
                 [],
                 f'homing was delayed while {self._names[joint]} moved by {moved[joint]:.2f} '
                 f'motor turns, above the limit of {_SAME_PULSE:.2f}: check other processes on '
-                'this computer, and the encoder, then home again',
+                "this computer, and the encoder, then run 'arm home' again",
             )
 
     def _search_again(self, blurred: Mask, position: Array) -> None:
@@ -389,14 +390,14 @@ class Homing:
         self.doubted += joints
 
 
-def roomy_side(config: ArmConfig) -> Array:
-    """Return the sides of the home configuration with room for the pulses of each joint.
+def homing_sides(config: ArmConfig) -> Array:
+    """Return on which sides of home the position limits leave range for each joint's pulses.
 
     Returns
     -------
     (n,) ndarray
-        0 if both sides of the home configuration have room for a turn; 1 or -1 if only the side of
-        the upper or lower limit has room; NaN if neither side has room.
+        0 if both sides of the home configuration have range for a turn; 1 or -1 if only the side of
+        the upper or lower limit has enough range; NaN if neither side has.
     """
     turn = _TURN * config.column('gear.ratio')
     home = np.array(config.rest_position)
@@ -410,7 +411,7 @@ def roomy_side(config: ArmConfig) -> Array:
 def motion_in_words(config: ArmConfig) -> str:
     """Return a description of the homing motion for the user, with the largest travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
-    one_sided = roomy_side(config) != 0.0
+    one_sided = homing_sides(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'
     return (
         f'the joints turn slowly by one motor turn ({travel.min():.2f} to {travel.max():.2f} '
@@ -418,9 +419,9 @@ def motion_in_words(config: ArmConfig) -> str:
     )
 
 
-def no_room(config: ArmConfig) -> str:
-    """Return why a joint's position limits leave too little room for homing, or ''."""
-    tight = np.isnan(roomy_side(config))
+def homing_range_problem(config: ArmConfig) -> str:
+    """Return why a joint's position limits leave too little range for homing, or ''."""
+    tight = np.isnan(homing_sides(config))
     if not tight.any():
         return ''
     joint = int(np.argmax(tight))
@@ -454,7 +455,7 @@ class ZeroSearch:
     def __init__(
         self, config: ArmConfig, state: ArmMeasurements, pulse_offset: ArrayLike = 0.0
     ) -> None:
-        self.problem = no_room(config)
+        self.problem = homing_range_problem(config)
         self.motion = motion_in_words(config)
         self._config = config
         self._state = state

@@ -294,7 +294,10 @@ class ZeroRecall:
         if away < 0.0:
             return 'answered before its zero was stored'
         if away > AWAY_MAX:
-            return f'was not observed for {away:.0f} s, and its clock covers at most {AWAY_MAX:g} s'
+            return (
+                f'was not observed for {away:.0f} s, but its clock can show a restart only '
+                f'within {AWAY_MAX:g} s'
+            )
         ahead = state.timestamp - board.timestamp - away
         off = (ahead + 0.5 * TIMESTAMP_PERIOD) % TIMESTAMP_PERIOD - 0.5 * TIMESTAMP_PERIOD
         lost_error = link.keeps_errors and board.error and not state.error

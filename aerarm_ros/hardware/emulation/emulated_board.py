@@ -215,10 +215,10 @@ class EmulatedBoard:
         return self._command.enable_system and self.error == 0 and not self.faults.dead
 
     @property
-    def has_let_go(self) -> bool:
-        """Whether both motors give no torque until the next command arrives.
+    def is_torque_free(self) -> bool:
+        """Whether both motors stay without torque until the next command arrives.
 
-        The motors give no torque if the board is switched off, or if its time-out has expired
+        The motors have no torque if the board is switched off, or if its time-out has expired
         after a command of zero current (which is not an error of the board).
         """
         is_silent = 0.0 < self._command.timeout < self._silence

@@ -120,7 +120,7 @@ class EmulatedEncoder:
         self.velocity = 0.0
 
     def remount(self, angle: float) -> None:
-        """Continue counting on the shaft of another motor, which is at an angle [rad]."""
+        """Keep the count after a move of the encoder to another motor shaft, at an angle [rad]."""
         if self._angle is None:
             return  # the encoder has not begun to count
         self._shift += self._angle - angle

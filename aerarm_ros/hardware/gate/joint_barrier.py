@@ -299,8 +299,8 @@ class JointBarrier:
         """Whether the joint's speed is reduced, because of another joint or its warm motor."""
         return self._fastest < self._unhindered or self._allowed < self._unhindered
 
-    def give_way(self, interval: float) -> None:
-        """Lower the speed limit for a time [s], as the motion overloads another joint."""
+    def lower_speed_limit(self, interval: float) -> None:
+        """Lower the speed limit for a time [s], because the motion overloads another joint."""
         least = _GIVE_WAY_SHARE * self._unhindered
         self._fastest = max(self._fastest - self._unhindered * interval / _GIVE_WAY_TIME, least)
 

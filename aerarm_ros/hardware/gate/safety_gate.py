@@ -167,7 +167,7 @@ class JointLimiter:
         return self._last_effort
 
     def _held(self, value: float, lowest: float, highest: float, name: str) -> float:
-        """Return a reference limited to bounds; record the limit's name if it acted."""
+        """Return a reference limited to bounds; record the limit if it changed the reference."""
         if lowest <= value <= highest:
             return value
         self.limited.append(name)
@@ -325,7 +325,7 @@ class SafetyGate:
             return  # no new measurement, or an unknown motion during a pause
         for barrier in self.barriers:
             if overwhelmed > barrier.is_overwhelmed:
-                barrier.give_way(interval)
+                barrier.lower_speed_limit(interval)
             else:
                 barrier.recover(interval)
 

@@ -204,7 +204,7 @@ _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
 def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Array) -> Array:
-    """Return the edges (n,) without frequencies of only bursts or the vibration of one joint [Hz].
+    """Return lower edges (n,) [Hz] that ignore short bursts and the vibration of a single joint.
 
     A few jolts, or the vibration of one joint, contain more than a thousandth of a joint's power.
     The function ignores the 20 % of a joint's blocks with the most high-frequency power. Above the

@@ -225,7 +225,7 @@ def _transformed(rows: Array, gain: Gain, step: int) -> Array:
 
 
 def _smooth_multiple(factor: int, least: int) -> int:
-    """Return the smallest multiple of a number from `least` on whose other factors are small."""
+    """Return the smallest multiple of a number, at least `least`, whose cofactor is smooth."""
     multiple = -(-least // factor)
     while not _is_smooth(multiple):
         multiple += 1

@@ -108,7 +108,7 @@ _HEADER = """\
 # it, the kind, and the coefficient. Kind cv: torque per velocity of the driving joint. Kind ca:
 # torque per acceleration of the driving joint.
 # from_data: 1 if the recordings determine the parameter, 0 if it keeps its CAD value. Where the
-# recordings determine only a sum of parameters (base_parameters), CAD divides that sum.
+# recordings determine only a sum of parameters (base_parameters), the CAD values divide it.
 # friction_deviations: standard deviations of each joint's friction torque without offset, at
 # increasing speeds, for the RMS torque on the joint's links (loads).
 # base_parameters: the sums of parameters on which the torque depends and which the recordings

@@ -171,7 +171,7 @@ class CrossValidation:
 
 
 def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Array:
-    """Return weighted rows for unknowns that are deviations from the prior in its deviations."""
+    """Return weighted rows; unknowns are deviations from the prior, in standard deviations."""
     rows = weight * factor
     links = len(mean)
     rows[:, -1] -= rows[:, :links] @ mean

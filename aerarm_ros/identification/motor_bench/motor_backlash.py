@@ -59,8 +59,8 @@ def fit_backlash(
     IdentificationError
         If the recordings are too short.
     """
-    heard = [run for run in runs if len(run.time)]
-    swings = [_Swing(run) for run in heard if run.time[-1] - run.time[0] >= _SHORTEST]
+    recorded = [run for run in runs if len(run.time)]
+    swings = [_Swing(run) for run in recorded if run.time[-1] - run.time[0] >= _SHORTEST]
     if not swings:
         raise IdentificationError(
             f'{name}: the sine waves are shorter than {_SHORTEST} s; measure more of them'
@@ -84,7 +84,7 @@ def fit_backlash(
     return round(mean, _DIGITS), std
 
 
-def is_told(found: tuple[float, float]) -> bool:
+def is_significant(found: tuple[float, float]) -> bool:
     """Return whether a backlash is significant relative to its standard deviation [rad]."""
     return found[0] > _CLEAR * found[1]
 

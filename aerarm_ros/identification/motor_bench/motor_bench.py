@@ -13,7 +13,7 @@ from aerarm_ros.identification.motor_bench.motor_backlash import (
     LARGEST,
     fit_backlash,
     is_largest,
-    is_told,
+    is_significant,
 )
 from aerarm_ros.identification.motor_bench.motor_friction import (
     MotorFriction,
@@ -344,9 +344,9 @@ class MotorBench:
         except IdentificationError as error:
             self.warnings.append(f'backlash not measured: {error}')
             return None
-        heard = [run for run in swings if len(run.time)]
-        amplitude = 0.5 * max(float(np.ptp(run.q)) for run in heard)
-        fastest = max(float(np.abs(run.dq).max()) for run in heard)
+        recorded = [run for run in swings if len(run.time)]
+        amplitude = 0.5 * max(float(np.ptp(run.q)) for run in recorded)
+        fastest = max(float(np.abs(run.dq).max()) for run in recorded)
         dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
         shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
         # The shift by other joints' backlash is assumed to be equally likely between zero and its
@@ -359,7 +359,7 @@ class MotorBench:
                 'their backlash; choose a posture in which gravity presses their gears to one '
                 'side, or in which they do not move'
             )
-        if not is_told(found):
+        if not is_significant(found):
             self.warnings.append(
                 f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad '
                 'is not significant; for a finer result choose a posture with heavy links about '

@@ -12,7 +12,7 @@ import yaml
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.motor_bench.motor_backlash import is_told
+from aerarm_ros.identification.motor_bench.motor_backlash import is_significant
 from aerarm_ros.identification.motor_bench.motor_bench import Earlier
 from aerarm_ros.identification.motor_bench.motor_friction import BOARD
 from aerarm_ros.identification.motor_bench.motor_result import MotorResult
@@ -230,7 +230,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
         resistance = f'({resistance})'
     inertia, constant, play = result.rotor_inertia, result.torque_constant, result.backlash
     backlash = '-' if play is None else _with_std((1e3 * play[0], 1e3 * play[1]))
-    if play is not None and not is_told(play):
+    if play is not None and not is_significant(play):
         backlash = f'({backlash})'
     shown = '-' if inertia is None else _with_std(inertia)
     if inertia is not None and not result.rotor_inertia_known:

@@ -12,7 +12,7 @@ from aerarm_ros.identification.recording.signal_checks import (
     check_stamp_unit,
     check_units,
     saturated_effort,
-    sound_messages,
+    usable_messages,
     without_spikes,
 )
 from aerarm_ros.motion.signals import Array
@@ -391,7 +391,7 @@ def recording_from_states(
     if not whole:
         rows, reason = _used_rows(states, order, commanded)
     _check_locked(name, states.names, states.position[rows], mapping)
-    kept, warnings = sound_messages(name, states.stamp[rows], float(states.stamp[0]))
+    kept, warnings = usable_messages(name, states.stamp[rows], float(states.stamp[0]))
     stamp = states.stamp[rows][kept]
     q, measured_dq, tau = (
         _taken(values[rows], kept, order)
@@ -415,8 +415,8 @@ def recording_from_states(
     time = stamp - start
     span = UsedSpan(float(time[0]), float(time[-1]), float(states.stamp[-1]) - start, reason)
     names = tuple(joint_names)
-    told = tuple(warnings)
-    return Recording(name, names, time, q, dq, tau, dead, told, start, span, saturated)
+    notes = tuple(warnings)
+    return Recording(name, names, time, q, dq, tau, dead, notes, start, span, saturated)
 
 
 def _used_rows(

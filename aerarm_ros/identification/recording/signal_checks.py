@@ -146,7 +146,7 @@ def check_stamp_unit(bag: str, stamp: Array) -> None:
         )
 
 
-def sound_messages(
+def usable_messages(
     bag: str, stamp: Array, begin: float | None = None
 ) -> tuple[npt.NDArray[np.intp], list[str]]:
     """Return the numbers of the messages to use, in the order of their stamps, and warnings.

@@ -198,7 +198,7 @@ def noise_from_residuals(
 
 
 def _correlation_time(residual: Array) -> float:
-    """Return the integrated autocorrelation time [samples], summed up to five times itself.
+    """Return the integrated autocorrelation time [samples]; the sum ends at five times its value.
 
     The length of the sum is that of Sokal: a longer sum adds noise, and a shorter sum truncates
     the correlation.

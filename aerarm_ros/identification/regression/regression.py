@@ -192,7 +192,7 @@ class SampleColumns:
         self._states.clear()
 
     def forget_loads(self) -> None:
-        """Drop the loads at the fine samples, which are those of one set of parameters."""
+        """Drop the stored loads at the fine samples, which depend on the parameters."""
         self._loads = np.zeros(0), np.zeros((0, self.samples.n))
 
 

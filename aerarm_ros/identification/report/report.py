@@ -363,11 +363,11 @@ _THESIS = (
     'consistent links'
 )
 _SOLVERS = {
-    'cad': 'as drawn',
+    'cad': 'input URDF',
     'cad_friction': 'nominal links and rotors, with identified friction',
     'ols': 'ordinary least squares on the base parameters',
     'wls': "least squares on the base parameters, weighted by each joint's noise",
-    'huber': 'as sdp, with a lower weight of outliers',
+    'huber': 'as sdp, with a lower weight for outliers',
     'slsqp': f'{_THESIS}, by sequential quadratic programming',
     'annealing': f'{_THESIS}, by simulated annealing',
     'entropic': 'as sdp, with an entropic prior that keeps links solid',
@@ -445,8 +445,8 @@ _TRUE_BASE = (
 )
 _EXCITATION = (
     'Range of each bag relative to the identification motion, and uncertainty of the predicted '
-    'torque due to the parameters. If this uncertainty exceeds the noise, the bag needs '
-    'parameters that the identification motion has not excited.'
+    'torque due to the parameters. If this uncertainty exceeds the noise, the torque of the bag '
+    'depends on parameters that the identification motion did not excite.'
 )
 
 

@@ -55,7 +55,7 @@ _CLOUD = {'color': '#7d94b5', 'size': 4}  # markers of single points
 
 
 class StackedFigure:
-    """Figure with one plot per joint below each other, with a common horizontal axis.
+    """Figure with one plot per joint, stacked vertically, with a common horizontal axis.
 
     Parameters
     ----------

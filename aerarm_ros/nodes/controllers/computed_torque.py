@@ -21,9 +21,9 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     REACTION,
     REACTION_PARAMETERS,
     observer_parameters,
-    one_or_each,
+    scalar_or_array,
 )
-from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
+from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.trajectory_input import (
     follow_trajectory,
     go_to_set_point,
@@ -38,7 +38,7 @@ HOST, BOARDS = 'host', 'boards'
 PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
     *observer_parameters(REACHING_COMPENSATION),
-    *HAND_OVER_PARAMETERS,
+    *PAYLOAD_COMPENSATION_PARAMETERS,
     *FOLLOWER_PARAMETERS,
     *REACTION_PARAMETERS,
     Parameter(
@@ -93,7 +93,7 @@ class ComputedTorqueNode(ControllerNode):
             integral = ErrorIntegral(np.full(n, values.ki), np.full(n, values.integral_max))
         self.law: ComputedTorque | BoardComputedTorque
         if values.feedback == HOST:
-            kp, kd = one_or_each(values.kp), one_or_each(values.kd)
+            kp, kd = scalar_or_array(values.kp), scalar_or_array(values.kd)
             timing = values.command_delay, values.velocity_lag
             self.law = ComputedTorque(dynamics, kp, kd, integral, friction, *timing)
         else:
@@ -118,7 +118,7 @@ class ComputedTorqueNode(ControllerNode):
             topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now)
         )
         serve_trajectories(self, self.follower)
-        self.tell_plan(self.follower.ahead)
+        self.publish_plan(self.follower.ahead)
         self.take_payload()
 
     def on_parameter(self, name: str, value: Any) -> None:
@@ -126,7 +126,7 @@ class ComputedTorqueNode(ControllerNode):
         if name == REACTION:
             self.reaction.reaction = Reaction(value)
             return
-        setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
+        setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
         """Require one gain or one per joint, and a control law that uses it or can comply."""
@@ -141,7 +141,7 @@ class ComputedTorqueNode(ControllerNode):
                 raise ValueError(
                     "with feedback 'boards', set the gains as parameters of the bridge"
                 )
-            non_negative(name, one_or_each(value), self.arm.config.n)
+            non_negative(name, scalar_or_array(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
         """Return the progress of the motion and, under a drone, the tolerated command delay."""

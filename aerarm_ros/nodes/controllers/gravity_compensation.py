@@ -23,9 +23,9 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     REACTION,
     REACTION_PARAMETERS,
     observer_parameters,
-    one_or_each,
+    scalar_or_array,
 )
-from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
+from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.trajectory_input import (
     follow_trajectory,
     go_to_set_point,
@@ -40,7 +40,7 @@ KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 PARAMETERS = controller_parameters(
     *FRICTION_PARAMETERS,
     *observer_parameters(REACHING_COMPENSATION),
-    *HAND_OVER_PARAMETERS,
+    *PAYLOAD_COMPENSATION_PARAMETERS,
     *FOLLOWER_PARAMETERS,
     *REACTION_PARAMETERS,
     Parameter(
@@ -76,7 +76,7 @@ class GravityCompensationNode(ControllerNode):
         hand = FrictionCompensation(arm.robot.viscous, arm.robot.coulomb, 0.1, values.hand_friction)
         self.follower = arm.follower(values)
         self.law = GravityCompensation(
-            dynamics, one_or_each(values.kp), one_or_each(values.kd), friction, hand
+            dynamics, scalar_or_array(values.kp), scalar_or_array(values.kd), friction, hand
         )
         self.law.hand_guiding = self._was_guided = values.hand_guiding
         observer = arm.observer(values, dynamics, friction)
@@ -91,7 +91,7 @@ class GravityCompensationNode(ControllerNode):
         follow = partial(follow_trajectory, partial=is_partial, reaction=self.reaction)
         self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow))
         serve_trajectories(self, self.follower, self._guidance_problem)
-        self.tell_plan(lambda times: None if self._was_guided else self.follower.ahead(times))
+        self.publish_plan(lambda times: None if self._was_guided else self.follower.ahead(times))
         self.take_payload()
 
     def before_update(self, state: ArmState, now: float) -> None:
@@ -113,12 +113,12 @@ class GravityCompensationNode(ControllerNode):
         elif name == REACTION:
             self.reaction.reaction = Reaction(value)
         else:
-            setattr(self.law, name, non_negative(name, one_or_each(value), self.arm.config.n))
+            setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
 
     def check_parameter(self, name: str, value: Any) -> None:
         """Require one gain, or one per joint."""
         if name in ('kp', 'kd'):
-            non_negative(name, one_or_each(value), self.arm.config.n)
+            non_negative(name, scalar_or_array(value), self.arm.config.n)
 
     def describe(self) -> dict[str, object]:
         """Return the progress of the motion for diagnostics."""

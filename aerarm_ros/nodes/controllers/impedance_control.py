@@ -12,9 +12,9 @@ from aerarm_ros.ros.controllers.controller_node import ControllerNode, controlle
 from aerarm_ros.ros.controllers.controller_parameters import (
     FRICTION_PARAMETERS,
     observer_parameters,
-    one_or_each,
+    scalar_or_array,
 )
-from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
+from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.tool_topics import (
     TARGET_PARAMETERS,
     ToolTopics,
@@ -32,7 +32,7 @@ PARAMETERS = controller_parameters(
     Parameter('friction_fraction', 0.7, 'fraction of friction that is compensated', '', 0.0, 0.95),
     # The observer must not compensate contact forces.
     *observer_parameters(compensation=0.0),
-    *HAND_OVER_PARAMETERS,
+    *PAYLOAD_COMPENSATION_PARAMETERS,
     Parameter(
         'stiffness',
         [300.0],
@@ -77,8 +77,8 @@ class ImpedanceControlNode(ControllerNode):
         self.law = CartesianImpedance(
             dynamics,
             Kinematics(arm.robot, values.frame),
-            one_or_each(values.stiffness),
-            one_or_each(values.damping),
+            scalar_or_array(values.stiffness),
+            scalar_or_array(values.damping),
             arm.config.rest_position,
             values.rest_stiffness,
             values.rest_damping,
@@ -95,12 +95,12 @@ class ImpedanceControlNode(ControllerNode):
 
     def on_parameter(self, name: str, value: Any) -> None:
         """Change stiffness or damping."""
-        setattr(self.law, name, non_negative(name, one_or_each(value), 3))
+        setattr(self.law, name, non_negative(name, scalar_or_array(value), 3))
 
     def check_parameter(self, name: str, value: Any) -> None:
         """Require one value, or one per axis."""
         if name in ('stiffness', 'damping'):
-            non_negative(name, one_or_each(value), 3)
+            non_negative(name, scalar_or_array(value), 3)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -27,7 +27,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     ROTOR_PARAMETERS,
     observer_parameters,
 )
-from aerarm_ros.ros.controllers.payload_intake import HAND_OVER_PARAMETERS
+from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.controllers.tool_topics import TARGET_PARAMETERS, make_target_follower
 from aerarm_ros.ros.controllers.world_topics import WorldTopics
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
@@ -52,7 +52,7 @@ PARAMETERS = controller_parameters(
     # Friction compensation by measured velocity stays below one, so that the arm is passive.
     Parameter('friction_fraction', 0.9, 'fraction of friction that is compensated', '', 0.0, 0.95),
     *observer_parameters(REACHING_COMPENSATION),
-    *HAND_OVER_PARAMETERS,
+    *PAYLOAD_COMPENSATION_PARAMETERS,
     *(p for p in ROTOR_PARAMETERS if p.name == 'rotor_share'),
     *grouped(
         'Tool position in the world',
@@ -80,8 +80,8 @@ PARAMETERS = controller_parameters(
             'tool error at which the controller stops the tool in the base frame',
                   'm', 1e-3, 1.0),
         Parameter('trust_min', 0.9, (
-            'smallest used fraction of the predicted base response; wind makes the prediction '
-            'look wrong'
+            'lower limit of the estimated weight of the predicted base response; wind lowers the '
+            'estimated weight'
         ), '', 0.0, 1.0),
     ),
     *grouped(
@@ -97,10 +97,12 @@ PARAMETERS = controller_parameters(
     *grouped(
         'Set point for the drone',
         Parameter('request_drone', False,
-            'publish flight_set_point, which keeps the arm in the middle of its reach'),
+            'publish on flight_set_point the drone position at which the arm is in the middle of '
+            'its reach'),
         Parameter('request_speed', 0.05, 'velocity of the set point', 'm/s', 1e-3, 1.0),
         Parameter('request_deadband', 0.03,
-            'distance within which the drone keeps its position', 'm', 1e-3,
+            'distance of the request from the wanted drone position beyond which the request '
+            'begins to move', 'm', 1e-3,
                   1.0),
     ),
 )  # fmt: skip
@@ -162,7 +164,7 @@ class WorldControlNode(ControllerNode):
         """Subscribe to targets, and advertise the plan, the tool and the remaining reach."""
         self.topics = WorldTopics(self, self.reference, self.values)
         self.attend(self.topics)
-        self.tell_plan(self._ahead)
+        self.publish_plan(self._ahead)
         self.take_payload()
 
     def take_imu(self, sample: ImuSample, now: float) -> None:

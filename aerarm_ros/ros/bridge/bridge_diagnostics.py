@@ -25,7 +25,7 @@ from aerarm_ros.realtime.periodic_loop import (
 from aerarm_ros.ros.bridge.commissioning_topics import RecordWatch
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
+from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
 
 # [s] A larger difference between the stamps and the system clock is a warning.
 _BEHIND_MAX = 0.02
@@ -139,7 +139,7 @@ class Watched:
     timing: BridgeTiming
     publishers: CommandPublishers
     watch: PublisherWatch
-    rivals: RivalWatch
+    rivals: DuplicatePublisherWatch
     zero_file: ZeroFile
     emulated: bool = False
     record: RecordWatch | None = None
@@ -233,7 +233,7 @@ def _arm(watched: Watched) -> tuple[bytes, str, dict[str, object]]:
     values = {
         'mode': cycle.mode,
         'zeros': _zeros(cycle),
-        'recovery hint': cycle.way_out(watched.emulated),
+        'recovery hint': cycle.recovery_hint(watched.emulated),
         'publishers of joint_command': ', '.join(publishers.names) or 'none',
         **cycle.counters,
     }
@@ -323,14 +323,14 @@ class ModeLog:
         self._noted: deque[tuple[str, Sequence[str], str]] = deque()
         self._news = node.create_guard_condition(self._write)
         self._mode = self._text = self._way_out = ''
-        self._told: dict[str, float] = {}
+        self._logged_at: dict[str, float] = {}
         self._patience = create_steady_timer(
             node, _PATIENCE, self._write_patiently, autostart=False
         )
 
-    def note(self, mode: str, reasons: Sequence[str] = (), way_out: str = '') -> None:
+    def note(self, mode: str, reasons: Sequence[str] = (), recovery_hint: str = '') -> None:
         """Store a new mode with its reason and recovery hint; called from the cycle's thread."""
-        self._noted.append((mode, reasons, way_out))
+        self._noted.append((mode, reasons, recovery_hint))
         self._news.trigger()
 
     def warn(self, text: str) -> None:
@@ -340,11 +340,11 @@ class ModeLog:
 
     def _write(self) -> None:
         while self._noted:
-            mode, reasons, way_out = self._noted.popleft()
+            mode, reasons, recovery_hint = self._noted.popleft()
             if not mode:
                 self._node.get_logger().warning(reasons[0])
                 continue
-            self._mode, self._way_out = mode, way_out
+            self._mode, self._way_out = mode, recovery_hint
             has_reason = self._mode in _WITH_REASON and reasons
             self._text = f'{self._mode}: {"; ".join(reasons)}' if has_reason else self._mode
             self._patience.cancel()
@@ -354,7 +354,7 @@ class ModeLog:
                 self._say()
 
     def _is_to_and_fro(self) -> bool:
-        since = time.monotonic() - self._told.get(self._mode, -inf)
+        since = time.monotonic() - self._logged_at.get(self._mode, -inf)
         return self._mode in _TO_AND_FRO and since < _PATIENCE
 
     def _write_patiently(self) -> None:
@@ -362,7 +362,7 @@ class ModeLog:
         self._say()
 
     def _say(self) -> None:
-        self._told[self._mode] = time.monotonic()
+        self._logged_at[self._mode] = time.monotonic()
         log = self._node.get_logger()
         # rclpy fixes the severity of each line of code that logs.
         if self._mode == 'fault':
@@ -403,8 +403,8 @@ class RejectionLog:
     def __init__(self, node: Node, publishers_warning: Callable[[], str]) -> None:
         self._logger = node.get_logger()
         self._publishers_warning = publishers_warning
-        self._heard: dict[str, float] = {}
-        self._told: dict[str, float] = {}
+        self._rejected_at: dict[str, float] = {}
+        self._logged_at: dict[str, float] = {}
         self._mode = ''
         self._mode_since = -inf
         self._noted: deque[str] = deque()
@@ -422,11 +422,11 @@ class RejectionLog:
         reason = intake.last_rejection
         if reason == 'not_ready' and now - self._mode_since < _ON_THE_WAY:
             return
-        silence = now - self._heard.get(reason, -inf)
-        self._heard[reason] = now
-        if silence < _QUIET or now - self._told.get(reason, -inf) < _PERIOD:
+        silence = now - self._rejected_at.get(reason, -inf)
+        self._rejected_at[reason] = now
+        if silence < _QUIET or now - self._logged_at.get(reason, -inf) < _PERIOD:
             return
-        self._told[reason] = now
+        self._logged_at[reason] = now
         self._noted.append(reason)
         self._news.trigger()
 

@@ -59,7 +59,8 @@ _SETTINGS = {
     'effort_factor': ('', 'multiple of the effort limits at which the bridge stops the arm'),
     'position_error_max': (
         'rad',
-        'distance of a reference from the arm at which the bridge stops the arm',
+        'distance of a position reference from the joint position at which the bridge stops the '
+        'arm',
     ),
     'velocity_lag': ('s', "time constant of the boards' velocity low-pass"),
     'current_lag': ('s', "time constant of the boards' current loop, for the mean torque"),
@@ -129,8 +130,13 @@ BRIDGE_PARAMETERS = (
         # The fields of a frame profile have smaller ranges, which are checked when they are set.
         for name, what, unit, maximum in (
             ('board_kp', 'stiffness', 'A/rad', 100.0),
-            ('board_kd', 'damping, sufficient to slow a falling arm,', 'A s/rad', 10.0),
-            ('board_ki', 'integral gain, if the profile carries it,', 'A/(rad s)', 1000.0),
+            ('board_kd', 'damping (must be sufficient to slow a falling arm)', 'A s/rad', 10.0),
+            (
+                'board_ki',
+                'integral gain (only if the frame profile has this field)',
+                'A/(rad s)',
+                1000.0,
+            ),
         )
     ),
     *(

@@ -24,7 +24,7 @@ class NotActiveError(RuntimeError):
     """No cycle is running: the bridge has not been activated, or it is ending."""
 
 
-def says_not_active(text: str) -> bool:
+def reports_not_active(text: str) -> bool:
     """Return whether the answer of a bridge's service reports that no cycle is running."""
     return text.endswith(_NOT_ACTIVE)
 

@@ -115,10 +115,10 @@ class CommissioningTopics:
         self._node = node
         self._ask = ask
         self._record = record
-        asked, told = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
-        self._publisher = node.create_publisher(told.type, told.name, told.offered)
+        requests, reports = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
+        self._publisher = node.create_publisher(reports.type, reports.name, reports.offered)
         self._subscription = node.create_subscription(
-            asked.type, asked.name, self._answer, asked.qos
+            requests.type, requests.name, self._answer, requests.qos
         )
 
     def destroy(self) -> None:

@@ -48,7 +48,7 @@ from aerarm_ros.ros.bridge.bridge_parameters import (
 from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
+from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
 from aerarm_ros.ros.process.process_end import StopSignals, print_account
@@ -120,7 +120,7 @@ _GAINS = {'board_kp', 'board_kd', 'board_ki'}
 
 
 class World:
-    """Boards, clock and pace of a bridge's arm in the real world.
+    """Boards, clock and cycle loop of a real arm.
 
     `aerarm_ros/ros/emulation` derives the emulated world from this class. The bridge itself
     therefore does not depend on emulated boards and simulation time.
@@ -281,7 +281,7 @@ class HardwareBridge(LifecycleNode):
         self._command_publishers = CommandPublishers(self.values.allowed_publishers)
         self.streams = BridgeStreams(self, config.joint_names)
         self._watch = PublisherWatch(self, topics.JOINT_COMMAND, self._command_publishers.look)
-        self._rivals = RivalWatch(self, topics.JOINT_STATES)
+        self._rivals = DuplicatePublisherWatch(self, topics.JOINT_STATES)
         self._description = RobotDescription(self, urdf)
         return SUCCESS
 
@@ -366,8 +366,8 @@ class HardwareBridge(LifecycleNode):
         if answer.accepted:
             return answer
         # The hint depends on the present state, because a damped arm sinks after the fault.
-        way_out = f'To recover: {cycle.way_out(self.world.emulated)}'
-        return Answer(False, followed_by(answer.message, way_out))
+        recovery_hint = f'To recover: {cycle.recovery_hint(self.world.emulated)}'
+        return Answer(False, followed_by(answer.message, recovery_hint))
 
     def _set_gains(self, cycle: BridgeCycle) -> Answer:
         cycle.set_gains(*self._gains())
@@ -488,8 +488,10 @@ class HardwareBridge(LifecycleNode):
         self.world.clock.may_step = mode in _MOTORS_OFF
         self._mode_publisher.publish(String(data=mode))
         cycle = self.cycle
-        reasons, way_out = (cycle.faults, cycle.way_out(self.world.emulated)) if cycle else ((), '')
-        self._mode_log.note(mode, reasons, way_out)
+        reasons, recovery_hint = (
+            (cycle.faults, cycle.recovery_hint(self.world.emulated)) if cycle else ((), '')
+        )
+        self._mode_log.note(mode, reasons, recovery_hint)
         self._diagnostics.publish_soon()
 
 

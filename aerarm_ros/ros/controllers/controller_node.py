@@ -82,7 +82,7 @@ class ControllerNode(StateNode):
         """Add an observer of the loop's updates and of the arm's release."""
         self._attendants.append(attendant)
 
-    def tell_plan(self, ahead: Callable[[Any], JointReference | None]) -> None:
+    def publish_plan(self, ahead: Callable[[Any], JointReference | None]) -> None:
         """Publish the planned motion: `ahead` returns the references at times (M,) [s]."""
 
         def after_state(times: NDArray[np.float64]) -> JointReference | None:
@@ -106,7 +106,7 @@ class ControllerNode(StateNode):
         self.attend(self._payload)
 
     def react_to_contact(self, follower: TrajectoryFollower, law: ComplyingLaw) -> ContactReaction:
-        """Subscribe to contacts; return the attendant that reacts as `contact_reaction` states."""
+        """Subscribe to contacts; return the observer that reacts as `contact_reaction` states."""
         values = self.values
         reaction = ContactReaction(
             follower, self.loop, law, values.retreat_time, values.comply_stiffness
@@ -150,7 +150,7 @@ class ControllerNode(StateNode):
         self.loop = self.make_loop()
         self._codec = JointStateCdr(self.arm.config.joint_names)
         self._mode = ''
-        self._answered = self._told = 0
+        self._answered = self._logged = 0
         self._attendants: list[Attendant] = []
         self._payload = None
         self._reaction = None
@@ -183,7 +183,7 @@ class ControllerNode(StateNode):
         self.answers.publish(self._commands, payload)
         # No other node waits for the following work.
         self.count_answer(latency_ns)
-        self._tell_take_over(state)
+        self._log_begin(state)
         self.loop.observe()
         for attendant in self._attendants:
             attendant.update()
@@ -242,11 +242,11 @@ class ControllerNode(StateNode):
             )
         return ''
 
-    def _tell_take_over(self, state: ArmState) -> None:
+    def _log_begin(self, state: ArmState) -> None:
         """Log once that control has begun, and at which configuration."""
-        if self.loop.take_overs == self._told:
+        if self.loop.take_overs == self._logged:
             return
-        self._told = self.loop.take_overs
+        self._logged = self.loop.take_overs
         where = ', '.join(
             f'{name} {angle:.2f}'
             for name, angle in zip(self.arm.config.joint_names, state.q.tolist(), strict=True)

@@ -112,8 +112,7 @@ ARM_PARAMETERS = grouped(
         "crossover frequency of a free base's acceleration: measured below, predicted above",
         'Hz', 0.01, 0.5),
     Parameter('accelerometer_bias', 0.2,
-        "largest bias of the IMU's acceleration on a free base, which attributes smaller "
-                'lasting deviations from the weight to the IMU',
+        "largest bias of the IMU's acceleration that the estimator of a free base subtracts",
         'm/s^2', 0.0, 5.0),
 )  # fmt: skip
 
@@ -143,8 +142,8 @@ PAYLOAD_PARAMETER = Parameter(
 FRICTION_PARAMETERS = grouped(
     'Model',
     PAYLOAD_PARAMETER,
-    Parameter('friction_file', '', 'estimate.yaml of the identifier with all of its friction, also '
-        'what the URDF cannot hold (Stribeck friction); friction of the URDF if empty'),
+    Parameter('friction_file', '', 'estimate.yaml of the identifier, with friction terms that a '
+        'URDF cannot contain (Stribeck friction); friction of the URDF if empty'),
     Parameter('friction_fraction', 1.0,
         "fraction of the URDF's joint friction that is compensated", '', 0, 1),
     Parameter('friction_width', 0.02,
@@ -154,7 +153,7 @@ FRICTION_PARAMETERS = grouped(
         'kg m^2', 0.0, 10.0, element=float),
     Parameter('load_friction', [], (
         'fraction of the transmitted torque that the gears lose, one value or one per joint; as '
-        'in the URDF of identifier if empty'
+        'in the URDF written by identifier if empty'
     ), '', 0.0, 1.0,
               element=float),
 )  # fmt: skip
@@ -271,7 +270,7 @@ REACTION_PARAMETERS = grouped(
     Parameter(
         'retreat_time',
         0.3,
-        'the arm returns to the position of its reference this long before the contact',
+        'time before the contact at which the reference had the position to which the arm retreats',
         's',
         0.01,
         5.0,
@@ -283,7 +282,7 @@ REACTION_PARAMETERS = grouped(
 
 
 class CarryingModel(Protocol):
-    """A model of an arm that may carry something."""
+    """Interface of an arm's model that can include a payload."""
 
     def carry(self, payload: npt.ArrayLike) -> None:
         """Add a body to the last link, see `Dynamics.carry`."""
@@ -493,9 +492,9 @@ def _payload(values: Sequence[float]) -> Sequence[float]:
 def load_share(values: SimpleNamespace, robot: Robot) -> npt.NDArray[np.float64]:
     """Return the load-dependent friction [-], by default the URDF's; one value or (n,)."""
     given = values.load_friction
-    return one_or_each(given) if len(given) else robot.load_friction
+    return scalar_or_array(given) if len(given) else robot.load_friction
 
 
-def one_or_each(values: Sequence[float]) -> npt.NDArray[np.float64]:
+def scalar_or_array(values: Sequence[float]) -> npt.NDArray[np.float64]:
     """Return a list parameter as an array, or as a number if the list has only one value."""
     return np.array(values[0] if len(values) == 1 else values, dtype=float)

@@ -27,8 +27,8 @@ ESTIMATOR_PARAMETERS = (
     Parameter('torque_noise', 0.02,
         'initial RMS torque residual, used until a residual is measured', 'Nm', 1e-4, 10.0),
     Parameter('model_error', 0.01, (
-        'relative standard deviation of gravity and inertia in the model; the estimator attributes '
-        'no payload to errors below it'
+        'relative standard deviation of gravity and inertia in the model; smaller torque errors '
+        'do not count as payload'
     ), '', 1e-4, 0.5),
     Parameter('correlation_time', 0.1, 'correlation time of the model error', 's',
               0.02, 10.0),
@@ -137,7 +137,7 @@ class FrictionLog:
         """Return the changes of friction since the first record."""
         with self._lock:
             records, changes = self._trend.records, self._trend.changes()
-        told = [
+        texts = [
             f'{change.name} {change.old:.4g} -> {change.new:.4g} '
             f'({change.deviations:+.1f} standard deviations)'
             for change in changes
@@ -145,7 +145,7 @@ class FrictionLog:
         ]
         return {
             'friction records': len(records),
-            'friction changed since the first record': '; '.join(told) or 'none',
+            'friction changed since the first record': '; '.join(texts) or 'none',
         }
 
     def _record(self, estimate: OnlineEstimate) -> None:

@@ -12,7 +12,7 @@ from aerarm_ros.control.base.base_motion import BaseMotion
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState
-from aerarm_ros.online.payload_hand_over import PayloadHandOver
+from aerarm_ros.online.payload_compensation import PayloadCompensation
 from aerarm_ros.ros.controllers.controller_parameters import PAYLOAD, ControlledArm, body_of_message
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 
@@ -21,7 +21,7 @@ _STEP = 0.005
 _JUDGED = 0.02
 _LONGEST = 0.1  # [s] longest interval between consecutive states
 
-HAND_OVER_PARAMETERS = grouped(
+PAYLOAD_COMPENSATION_PARAMETERS = grouped(
     'Payload compensation',
     Parameter('hand_over', 0.0,
         'fraction of the payload estimate that the controller adds to its model; 0 '
@@ -40,7 +40,7 @@ class PayloadIntake:
 
     PayloadIntake is an `Attendant` that adds the compensated payload to
     `payload.inertial_parameters`. Without new estimates the compensation stays until the arm's
-    torques contradict it (`PayloadHandOver`).
+    torques contradict it (`PayloadCompensation`).
 
     Parameters
     ----------
@@ -70,11 +70,11 @@ class PayloadIntake:
         self._residual = residual
         self._base = base
         self._regressor = MomentumRegressor(arm.robot)
-        self._hand_over = PayloadHandOver(
+        self._hand_over = PayloadCompensation(
             values.hand_over, values.hand_over_mass_rate, values.hand_over_centre_rate
         )
         self._link = arm.robot.link_names[-1]
-        self._told = self._judged = -np.inf
+        self._updated = self._judged = -np.inf
         self._undone = 0
         self._own = getattr(values, PAYLOAD)
 
@@ -93,15 +93,15 @@ class PayloadIntake:
     def update(self) -> None:
         """Move the model's payload one step, and check whether the disturbance becomes smaller."""
         now, state = self._now()
-        if not 0.0 <= now - self._told < _LONGEST or state is None:
-            self._told = self._judged = now
+        if not 0.0 <= now - self._updated < _LONGEST or state is None:
+            self._updated = self._judged = now
             return
         if now - self._judged >= _JUDGED - 1e-4:
             self._judge(now, state)
-        elapsed = now - self._told
+        elapsed = now - self._updated
         if elapsed < _STEP - 1e-4:
             return
-        self._told = now
+        self._updated = now
         before = self._hand_over.carried
         carried = self._hand_over.update(elapsed)
         own, last = getattr(self._values, PAYLOAD), self._own
@@ -118,10 +118,10 @@ class PayloadIntake:
     def describe(self) -> dict[str, object]:
         """Return the compensated payload for diagnostics."""
         carried = self._hand_over.carried
-        told: dict[str, object] = {'compensated payload [kg]': round(float(carried[0]), 4)}
+        report: dict[str, object] = {'compensated payload [kg]': round(float(carried[0]), 4)}
         if self._undone:
-            told['payload compensations withdrawn'] = self._undone
-        return told
+            report['payload compensations withdrawn'] = self._undone
+        return report
 
     @property
     def problem(self) -> str:

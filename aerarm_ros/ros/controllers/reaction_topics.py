@@ -212,7 +212,7 @@ def _fill(message: Any, vector: NDArray[np.float64]) -> None:
     message.x, message.y, message.z = vector.tolist()
 
 
-TOLD = 'told'
+PUBLISHED = 'published'
 BANDWIDTH = 'contact_bandwidth'
 CONTACT_PARAMETERS = grouped(
     'Contact of the drone',
@@ -297,9 +297,9 @@ class ContactTopic:
 
     def fade(self) -> float | None:
         """Fade the last estimate; return the time until the next step [s], None at the end."""
-        if self._estimator is None or (told := self._estimator.fade(FADE_STEP)) is None:
+        if self._estimator is None or (report := self._estimator.fade(FADE_STEP)) is None:
             return None
-        self._publish(told)
+        self._publish(report)
         return FADE_STEP
 
     def set_bandwidth(self, bandwidth: float) -> None:
@@ -319,20 +319,20 @@ class ContactTopic:
         if self._estimator is None:
             text = "the drone's mass and rotors are unknown: set drone_file"
         else:
-            text = self._estimator.problem() or TOLD
+            text = self._estimator.problem() or PUBLISHED
         return {'contact': text}
 
-    def _publish(self, told: tuple[float, NDArray[np.float64]] | None) -> None:
-        if told is None:
+    def _publish(self, report: tuple[float, NDArray[np.float64]] | None) -> None:
+        if report is None:
             return
-        stamp, wrench = told
+        stamp, wrench = report
         self._count += 1
         header = base_header(round(1e9 * stamp), self._frame)
         self._publisher.publish(wrench_message(header, wrench))
 
     def _on_zero(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         estimator, problem = self._estimator, str(self.describe()['contact'])
-        response.success = estimator is not None and problem == TOLD
+        response.success = estimator is not None and problem == PUBLISHED
         response.message = f'contact_wrench is not published: {problem}'
         if estimator is not None and response.success:
             zero = estimator.zero
@@ -409,14 +409,14 @@ class EnergyTopic:
     def describe(self) -> dict[str, object]:
         """Return the energies of all joints together, and the source of the winding resistances."""
         total = self._meter.total
-        told: dict[str, object] = {
+        report: dict[str, object] = {
             f'{name} [J]': round(float(value), 2)
             for name, value in zip(total.PARTS, total.parts.sum(axis=1), strict=True)
         }
         return {
             'duration of the energy measurement [s]': round(total.seconds, 2),
             'supplied energy [J]': round(float(total.supplied.sum()), 2),
-            **told,
+            **report,
             'skipped gaps': self._meter.gaps,
             **self._resistances,
         }

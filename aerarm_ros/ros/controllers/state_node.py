@@ -158,7 +158,7 @@ class StateNode:
         self.status = 0
         self.state: ArmState | None = None
         self.stamp_ns = 0
-        self._heard = 0.0  # arrival of the newest state, in this host's time [s]
+        self._state_arrival = 0.0  # arrival of the newest state, in this host's time [s]
         self._requests: deque[Callable[[float], None]] = deque()
         self._stopping = False
         self.node = rclpy.create_node(name)
@@ -278,7 +278,10 @@ class StateNode:
             while not self._stopping and rclpy.ok():
                 if self._stream.wait(patience):
                     self._take()
-                silent_for, timeout = time.monotonic() - self._heard, self.values.state_timeout
+                silent_for, timeout = (
+                    time.monotonic() - self._state_arrival,
+                    self.values.state_timeout,
+                )
                 patience = self.silence(silent_for) if silent_for > timeout else timeout
             if rclpy.ok():
                 self.leave()
@@ -305,7 +308,7 @@ class StateNode:
             else:
                 self._offer(sample, _arrival(before_ns, stamp_ns, lead_ns))
         if newest is not None:
-            self._heard = time.monotonic()
+            self._state_arrival = time.monotonic()
             self.stamp_ns, self.state = newest
             while self._requests:
                 self._try(self._requests.popleft(), stamp_ns)

@@ -204,7 +204,7 @@ class EmulatedArm(World):
             values.answer_timeout,
             round(self._now * 1e9),
             self._is_still,
-            self._tell_again,
+            self._republish,
             self._wait_idly,
             self._flying,
         )
@@ -280,7 +280,7 @@ class EmulatedArm(World):
         # A released arm rests at first, then falls.
         return mode not in OFF or boards.is_carried or since > _FALL_TIME
 
-    def _tell_again(self) -> None:
+    def _republish(self) -> None:
         cycle = self.bridge.cycle
         if cycle is not None:
             joints = cycle.q_known, cycle.dq, cycle.tau

@@ -27,8 +27,8 @@ SENSOR_PARAMETERS = (
     Parameter(
         'geometry_seed',
         -1,
-        'seed of the geometric errors of the emulated arm (zeros by 10 mrad, lengths by 1 mm, '
-        'mount and IMU); -1 for a nominal arm',
+        'seed of the geometric errors of the emulated arm (joint zeros by 10 mrad, lengths by 1 '
+        'mm, mount and IMU); -1 for a nominal arm',
         minimum=-1,
         maximum=10**9,
     ),
@@ -41,7 +41,7 @@ SENSOR_PARAMETERS = (
     Parameter(
         'hardware_urdf',
         '',
-        'URDF of the emulated arm, if urdf is a calibrated one; urdf if empty',
+        'URDF of the emulated arm, if the parameter urdf names a calibrated one; as urdf if empty',
     ),
     Parameter(
         'mocap_rate',

@@ -16,7 +16,7 @@ from aerarm_ros.realtime.periodic_loop import OK, PeriodicLoop, TimingSummary, s
 from aerarm_ros.ros.bridge.bridge_services import CycleRequests
 from aerarm_ros.ros.bridge.hardware_bridge import BridgeStreams, Command
 from aerarm_ros.ros.emulation.flying_drone import FlyingDrone
-from aerarm_ros.ros.graph import RivalWatch
+from aerarm_ros.ros.graph import DuplicatePublisherWatch
 from aerarm_ros.ros.parameters.parameter import Parameter
 
 # Below this fraction of real time, the summary calls the host too slow for a real arm.
@@ -149,7 +149,7 @@ class WorldLoop(PeriodicLoop):
 
 
 _LAG_NS = 500_000_000
-"""[ns]; a recorder's queues and the middleware's shared memory hold some seconds."""
+"""[ns]; a recorder's queues and the middleware's shared memory hold some seconds of messages."""
 
 
 class RecordingWatch:
@@ -219,20 +219,20 @@ class WorldClock:
         self._node = node
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._due = 0
-        self._told = b''
-        self._rivals = RivalWatch(node, topic, _ADVICE)
+        self._serialized = b''
+        self._rivals = DuplicatePublisherWatch(node, topic, _ADVICE)
 
-    def tell(self, now_ns: int) -> None:
+    def publish(self, now_ns: int) -> None:
         """Publish `now_ns` [ns] if a message is due."""
         if now_ns >= self._due:
             self._due = now_ns + _PERIOD_NS
-            self._told = _CDR.pack(*_ENCAPSULATION, *divmod(now_ns, 1_000_000_000))
-            self._publisher.publish(self._told)
+            self._serialized = _CDR.pack(*_ENCAPSULATION, *divmod(now_ns, 1_000_000_000))
+            self._publisher.publish(self._serialized)
 
-    def tell_again(self) -> None:
+    def republish(self) -> None:
         """Republish the last time, for late subscribers."""
-        if self._told:
-            self._publisher.publish(self._told)
+        if self._serialized:
+            self._publisher.publish(self._serialized)
 
     def poll(self) -> None:
         """Check for another clock; to be called in every cycle, takes a microsecond."""
@@ -300,7 +300,7 @@ class EmulatedWorld:
         continues its time.
     is_still
         Returns whether the arm has been at rest since a simulation time [s] in the present mode.
-    tell_again
+    republish
         Republishes the last state.
     wait_idly
         Called about 20 times per second during a pause.
@@ -326,7 +326,7 @@ class EmulatedWorld:
         patience: float,
         start_ns: int,
         is_still: Callable[[str, float], bool],
-        tell_again: Callable[[], None],
+        republish: Callable[[], None],
         wait_idly: Callable[[], None],
         drone: FlyingDrone | None = None,
     ) -> None:
@@ -341,7 +341,7 @@ class EmulatedWorld:
         self._recording = RecordingWatch(node, self.now_ns())
         self._patience = patience
         self._is_still = is_still
-        self._tell_again = tell_again
+        self._republish = republish
         self._wait_idly = wait_idly
         self._drone = drone
         self._stands = False
@@ -368,7 +368,7 @@ class EmulatedWorld:
         if mode != self._mode:
             self._mode, self._mode_since_ns = mode, self.loop.world_ns
             self._warned.clear()
-        self._clock.tell(self.now_ns())
+        self._clock.publish(self.now_ns())
 
     def poll(self) -> None:
         """Check for another simulation in this domain; called once per cycle."""
@@ -432,8 +432,8 @@ class EmulatedWorld:
     def _wait(self, is_needed: Callable[[], bool], patience: float | None) -> bool:
         """Wait while a condition holds; a request ends the wait, a time-out returns False."""
         waited = 0.0  # counts only while other processes could run
-        last = told = time.monotonic()
-        has_told = False
+        last = republished = time.monotonic()
+        has_republished = False
         while is_needed() and not (self.loop.is_stopped or self._requests.are_waiting):
             # An answer takes a fraction of a millisecond, so polling is faster than a blocking
             # wait.
@@ -444,14 +444,14 @@ class EmulatedWorld:
             last = now
             if patience is not None and waited > patience:
                 return False
-            if now - told > _REPEAT:
-                told, has_told = now, True
-                self._tell_again()
+            if now - republished > _REPEAT:
+                republished, has_republished = now, True
+                self._republish()
                 if self._drone is not None:
-                    self._drone.tell_again()
-                self._clock.tell_again()
+                    self._drone.republish()
+                self._clock.republish()
                 self._wait_idly()
-        self.is_waiting = self._is_alone(has_told)
+        self.is_waiting = self._is_alone(has_republished)
         return True
 
     def _listen(self, timeout: float) -> None:
@@ -467,12 +467,12 @@ class EmulatedWorld:
     def _awaits_command(self) -> bool:
         return self._stands or self._watch.awaits(self.now_ns())
 
-    def _is_alone(self, has_told: bool) -> bool:
+    def _is_alone(self, has_republished: bool) -> bool:
         """Return whether the awaited controller is gone: its publisher ended, or no answer came."""
         commands = self._streams.commands
         if not self._watch.awaits(self.now_ns()):
             return False
-        return has_told or commands.publishers() < self._publishers
+        return has_republished or commands.publishers() < self._publishers
 
     def _look(self) -> None:
         """Take the newest command, if there is one."""
@@ -494,7 +494,7 @@ class EmulatedWorld:
         self._watch.note(stamp_ns, now_ns)
 
     def _is_early(self, stamp_ns: int) -> bool:
-        """Return whether a first command answers a state before the present one."""
+        """Return whether the first command of a controller answers an earlier state."""
         if not self._in_lockstep or self._mode != 'ready' or self._watch.expects:
             return False
         is_answer = self._watch.is_answer(stamp_ns, self.now_ns())

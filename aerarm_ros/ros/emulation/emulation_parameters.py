@@ -63,8 +63,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'stribeck',
         0.0,
-        'static friction beyond that of a sliding joint, relative to the latter; joints that move '
-        'slowly then stick and slip',
+        'additional friction at rest, relative to the friction of a sliding joint; slow joints '
+        'then stick and slip',
         '',
         0.0,
         5.0,
@@ -72,7 +72,7 @@ EMULATION_PARAMETERS = (
     Parameter(
         'stribeck_velocity',
         0.05,
-        'velocity at which a third of it is left',
+        'velocity at which the additional static friction has fallen to 1/e',
         'rad/s',
         1e-3,
         10.0,
@@ -102,8 +102,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'hand',
         '',
-        'JOINT:ANGLE turns that joint to that angle [rad] by hand, with the motors off; once per '
-        'set',
+        'JOINT:ANGLE: an emulated hand turns the joint once to the angle [rad], with the motors '
+        'off',
         live=True,
     ),
 )

@@ -133,9 +133,9 @@ class FlyingDrone(EmulatedDrone):
         self._odometry = odometry
         topic = topics.ODOMETRY
         self._odometry_publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        self._told = Odometry()
-        self._told.header.frame_id = prefix + WORLD_FRAME
-        self._told.child_frame_id = prefix + BODY_LINK
+        self._odometry_message = Odometry()
+        self._odometry_message.header.frame_id = prefix + WORLD_FRAME
+        self._odometry_message.child_frame_id = prefix + BODY_LINK
         self._told_ns = 0
         self._others = [
             (node.create_publisher(topic.type, topic.name, topic.offered), sensor)
@@ -191,7 +191,7 @@ class FlyingDrone(EmulatedDrone):
                 publisher.publish(self._filled(Odometry(), *reading))
         self.look()
         if odometry is not None:
-            self._tell(*odometry)
+            self._publish_odometry(*odometry)
 
     def restart(self) -> None:
         """Publish the present pose next, because a user has moved the drone."""
@@ -226,10 +226,10 @@ class FlyingDrone(EmulatedDrone):
         self._watch.note(stamp_ns, self._told_ns)
         self._flight.rotors.command(thrust)
 
-    def tell_again(self) -> None:
+    def republish(self) -> None:
         """Republish the last odometry, for late subscribers."""
         if self._told_ns:
-            self._odometry_publisher.publish(self._told)
+            self._odometry_publisher.publish(self._odometry_message)
 
     def destroy(self) -> None:
         """Destroy publishers and subscription."""
@@ -238,15 +238,15 @@ class FlyingDrone(EmulatedDrone):
             self._node.destroy_publisher(publisher)
         self._commands.destroy()
 
-    def _tell(self, stamp_ns: int, reading: OdometryReading) -> None:
+    def _publish_odometry(self, stamp_ns: int, reading: OdometryReading) -> None:
         self._told_ns = stamp_ns
-        self._odometry_publisher.publish(self._filled(self._told, stamp_ns, reading))
+        self._odometry_publisher.publish(self._filled(self._odometry_message, stamp_ns, reading))
 
     def _filled(self, message: Odometry, stamp_ns: int, reading: OdometryReading) -> Odometry:
         position, attitude, velocity, rate = reading
         pose, twist = message.pose.pose, message.twist.twist
-        message.header.frame_id = self._told.header.frame_id
-        message.child_frame_id = self._told.child_frame_id
+        message.header.frame_id = self._odometry_message.header.frame_id
+        message.child_frame_id = self._odometry_message.child_frame_id
         message.header.stamp = to_time(stamp_ns)
         fill_vector(pose.position, position)
         fill_quaternion(pose.orientation, attitude)

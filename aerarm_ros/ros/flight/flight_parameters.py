@@ -118,7 +118,8 @@ FLIGHT_PARAMETERS = (
             'Hz', 0.0, 10.0,
         ),
         Parameter(
-            'tilt_ahead', True, "tilt ahead of the arm's motion by the inverse of PX4's loops"
+            'tilt_ahead', True, "anticipatory tilt for the arm's motion, by inversion of PX4's "
+                "loops"
         ),
         Parameter(
             'hold_heading', True, "send a heading in PX4's set points; if false, yaw is NaN",

@@ -45,10 +45,10 @@ FEED_PARAMETERS = (
               live=True),
 )  # fmt: skip
 LOOP_PARAMETERS = grouped(
-    "The autopilot's loops, for the preview of the tilt",
+    "The autopilot's loops, for the anticipatory tilt",
     Parameter('attitude_gain', Px4Gains.mc_att_p,
         'angular velocity per attitude error (MC_ROLL_P, default as in PX4; ATC_ANG_RLL_P); 0 for '
-        'no preview of the tilt', '1/s', 0.0, 50.0),
+        'no anticipatory tilt', '1/s', 0.0, 50.0),
     Parameter('rate_gain', Px4Gains.mc_rate_k * Px4Gains.mc_rate_p,
         'normalised torque per error of the angular velocity (MC_ROLLRATE_K times MC_ROLLRATE_P; '
         'ATC_RAT_RLL_P); drone_file determines its unit of torque; 0 ignores inertia and moment',
@@ -272,8 +272,8 @@ class SetPointNode:
             problem = late
         elif now - self._rejected_at < _REMEMBERED:
             problem = f'rejected: {self._rejection}'
-        told = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
-        self._diagnostics.report(problem, told)
+        report = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
+        self._diagnostics.report(problem, report)
 
     def _on_stop(self) -> None:
         self._is_stopping = True

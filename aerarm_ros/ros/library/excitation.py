@@ -33,7 +33,7 @@ from aerarm_ros.pages.html_text import paragraph, table
 
 
 class PlannedExcitation:
-    """A feasible Fourier trajectory, and how well it excites the arm's parameters.
+    """A feasible Fourier trajectory with quality figures of its excitation.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.link.connection import Connection, Received
 from aerarm_ros.link.sealed import OVERHEAD, looks_sealed
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
-from aerarm_ros.ros.graph import SolePublisher, endpoint_name
+from aerarm_ros.ros.graph import DuplicatePublisherCheck, endpoint_name
 from aerarm_ros.ros.link.ground_watchdog import GroundWatchdog
 from aerarm_ros.ros.link.recordings import (
     BAG_REPORTS,
@@ -388,7 +388,7 @@ class GroundEnd(LinkEnd):
         self._topics = GroundTopics(node, self.connection, self._note_expired)
         self._services = GroundServices(node, self.connection, self._log)
         self._recordings = GroundRecordings(node, self.connection, values)
-        self._sole = SolePublisher(node, topics.JOINT_STATES)
+        self._sole = DuplicatePublisherCheck(node, topics.JOINT_STATES)
         self._controllers = RemoteControllers(node)
         self._takers = {
             BAG_REPORTS: self._recordings.take_report,

@@ -1,4 +1,4 @@
-"""Recordings that the ground asks for: the drone records, the ground fetches the bag."""
+"""Recordings that the ground requests: the drone records, the ground fetches the bag."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from aerarm_ros.link.fetch import BLOCK, Fetch, FileServer, is_name, questions
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 BAG_REQUESTS, BAG_REPORTS, QUESTIONS, BLOCKS = range(1006, 1010)
-"""Channels of requests and reports, and of questions about blocks and the blocks."""
+"""Channels of requests and reports for recordings, of block requests, and of blocks."""
 RECORD, WATCH, FINISH = 'record', 'watch', 'finish'
 """Requests: record a bag, report its state, or complete and fetch it."""
 REQUESTED, RECORDING, ENDED, STORED, WAITING, FETCHING, COMPLETE, FAILED = (
@@ -107,13 +107,13 @@ class DroneRecordings:
         self._ask_to_end()
 
     def take_question(self, content: bytes) -> None:
-        """Note which blocks the ground asks for."""
+        """Store which blocks the ground requests."""
         number, places = questions(content)
         if number in self._served:
             self._places.extend((number, place) for place in places)
 
     def update(self, now: float, last_received: float) -> None:
-        """Follow the recorder; complete the bag of a ground that stays away."""
+        """Monitor the recorder; complete the bag if the ground stays silent."""
         if self._process is None:
             return
         if self._process.returncode is not None:
@@ -131,7 +131,7 @@ class DroneRecordings:
                 self._report(self._record_id, self._name, RECORDING)
 
     def send(self, send: Callable[[bytes], bool]) -> bool:
-        """Send some of the blocks that were asked for; return whether there are more.
+        """Send some of the requested blocks; return whether there are more.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class DroneRecordings:
         self._node.get_logger().info(f'recording {bag} for the ground')
 
     def _is_recording(self) -> bool:
-        """Tell whether the recorder has begun and found the bridge, which takes a second or two.
+        """Return whether the recorder has begun and found the bridge, which takes a second or two.
 
         Without a bridge it counts as recording after a while.
         """
@@ -225,7 +225,7 @@ class DroneRecordings:
         if self._process is not None and name == self._name:
             self._record_id, self._report_due = key, 0.0
             return
-        text = self._ended.get(name, 'ground_link on the drone started again during the recording')
+        text = self._ended.get(name, 'ground_link on the drone was restarted during the recording')
         self._report_end(name, key, text)
 
     def _report_end(self, name: str, key: str, text: str) -> None:
@@ -344,7 +344,7 @@ class GroundRecordings:
         self._report_due = self._stalled_at = inf
 
     def update(self, now: float, is_due: bool) -> bool:
-        """Forward requests and ask for blocks; return whether there is something to send.
+        """Forward requests and request blocks; return whether there is something to send.
 
         A question replaces the one before, so blocks are only asked for if a datagram `is_due`.
         """

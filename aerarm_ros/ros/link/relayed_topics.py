@@ -48,7 +48,7 @@ VALUES = (
     topics.STATIC_WRENCH,
     topics.RECORDED_UNTIL,
 )
-"""Other streams of the drone, of which the newest message of each window is sent unchanged."""
+"""Other streams of the drone, whose newest message in each window is sent unchanged."""
 STEADY = (
     topics.JOINT_STATES,
     topics.MOTOR_STATES,

@@ -71,7 +71,7 @@ class ChildProgram:
             self._is_ending = True
             self._process.ask_to_end()
 
-    def last_words(self) -> str:
+    def last_output(self) -> str:
         """Return the last line that the node printed, with its exit status if it failed."""
         if self._process is None:
             return ''

@@ -375,7 +375,7 @@ class _Gate:
 
 @contextmanager
 def _guarded(gate: _Gate) -> Iterator[None]:
-    """Context in which each new websocket server gets the gate.
+    """Context in which each new websocket server filters the messages of browsers.
 
     viser creates its server internally and passes no options to it.
     """

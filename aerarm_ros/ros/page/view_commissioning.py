@@ -234,7 +234,7 @@ class ViewCommissioning:
                 self._emulated() if self._is_by_hand() else '',
             )
         except RuntimeError as error:
-            self._panel.tell(False, 'not started:', str(error))
+            self._panel.show_result(False, 'not started:', str(error))
 
     def _answer(self, yes: bool) -> None:
         prompt = self._prompt

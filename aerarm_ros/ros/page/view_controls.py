@@ -73,7 +73,7 @@ class PageMotion:
         sent, text
             Whether a controller receives the motion, and a message for the user.
         """
-        if not self._is_heard(topics.JOINT_TRAJECTORY.name):
+        if not self._has_subscriber(topics.JOINT_TRAJECTORY.name):
             return False, 'no active joint controller: start computed_torque'
         share *= _OF_LIMITS
         duration = rest_to_rest_duration(
@@ -92,7 +92,7 @@ class PageMotion:
 
         If world_control runs, it then holds the tool at the corresponding position in the world.
         """
-        if not self._is_heard(topics.TOOL_TRAJECTORY.name):
+        if not self._has_subscriber(topics.TOOL_TRAJECTORY.name):
             return False, 'no active tool controller: start kinematic_control or world_control'
         message = PoseStamped()
         message.header.frame_id = self._base
@@ -102,7 +102,7 @@ class PageMotion:
         self._targets.publish(message)
         return True, f'tool to {p.x:.3f}, {p.y:.3f}, {p.z:.3f} m'
 
-    def _is_heard(self, topic: str) -> bool:
+    def _has_subscriber(self, topic: str) -> bool:
         """Return whether a node that moves the arm subscribes to the topic."""
         listeners = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topic))
         names = [endpoint_name(listener).rpartition('/')[2] for listener in listeners]
@@ -289,7 +289,7 @@ class ViewControls:
         ):
             button.label = stop if program.runs else start
             button.disabled = program.is_ending
-            words.content = indented(program.last_words())
+            words.content = indented(program.last_output())
         if now - self._looked >= _LOOK_PERIOD:
             self._looked = now
             files = self._programs.trajectories()
@@ -316,31 +316,31 @@ class ViewControls:
     def _toggle(self, program: ChildProgram, start: Callable[[], object]) -> None:
         if program.runs:
             program.end()
-            self._panel.tell(True, program.name, 'ends')
+            self._panel.show_result(True, program.name, 'ends')
             return
         try:
             where = start()
         except (ValueError, RuntimeError, OSError) as error:
-            self._panel.tell(False, 'not started:', str(error))
+            self._panel.show_result(False, 'not started:', str(error))
         else:
-            self._panel.tell(True, program.name, str(where or 'starts'))
+            self._panel.show_result(True, program.name, str(where or 'starts'))
 
     def _go(self) -> None:
         goal = [slider.value for slider in self._sliders]
         low, high = self._limits.T
         if not (np.all(np.isfinite(goal)) and np.all(goal >= low) and np.all(goal <= high)):
-            self._panel.tell(False, 'not sent:', 'the configuration is outside the limits')
+            self._panel.show_result(False, 'not sent:', 'the configuration is outside the limits')
         elif self._posture is None:
-            self._panel.tell(False, 'not sent:', 'no joint_states received yet')
+            self._panel.show_result(False, 'not sent:', 'no joint_states received yet')
         else:
             done, text = self._motion.go(self._posture, goal, self._speed_share())
-            self._panel.tell(done, 'Move' if done else 'not sent:', text)
+            self._panel.show_result(done, 'Move' if done else 'not sent:', text)
 
     def _aim(self) -> None:
         place = np.array(self._target.position, float)
         if self._has_target.value and np.all(np.isfinite(place)):
             done, text = self._motion.aim(place.tolist())
-            self._panel.tell(done, 'Target' if done else 'not sent:', text)
+            self._panel.show_result(done, 'Target' if done else 'not sent:', text)
 
     def _show_target(self) -> None:
         self._target.position = np.array(self._tool)

@@ -77,7 +77,7 @@ class ViewDiagnostics:
             if status.received - kept.received < self._gone_after
         }
 
-    def way_out(self, now: float) -> str:
+    def recovery_hint(self, now: float) -> str:
         """Return the recovery hint that the bridge reports for a fault, or an empty text."""
         texts = [
             status.values.get(_WAY_OUT, '')

@@ -93,7 +93,9 @@ class ViewPanel:
         with server.gui.add_folder('Diagnostics'):
             self._diagnostics = server.gui.add_html('')
 
-    def show_mode(self, mode: str, states: str, way_out: str = '', emulated: bool = False) -> None:
+    def show_mode(
+        self, mode: str, states: str, recovery_hint: str = '', emulated: bool = False
+    ) -> None:
         """Show the arm's mode, a line about its states, and the possible actions.
 
         Parameters
@@ -102,7 +104,7 @@ class ViewPanel:
             Last arm_mode, '' before the first.
         states
             Text about the received or missing states.
-        way_out
+        recovery_hint
             Recovery hint of a fault from the bridge, with commands in quotes.
         emulated
             Whether the arm is emulated, so that its posture can be reset.
@@ -110,8 +112,8 @@ class ViewPanel:
         shown = mode or 'waiting for a bridge'
         color = _MODE_COLORS.get(mode, '#495057')
         title = f'{shown} \N{MIDDLE DOT} {self._name}'
-        self._mode.content = indented(elements().mode(shown, title, color, states, way_out))
-        step = _STEP.search(way_out)
+        self._mode.content = indented(elements().mode(shown, title, color, states, recovery_hint))
+        step = _STEP.search(recovery_hint)
         self._step = step[1] if step else ''
         self._next.visible = bool(self._step)
         if self._step:
@@ -126,7 +128,7 @@ class ViewPanel:
         self._timing.content = indented(timing or missing('no timing statistics'))
         self._diagnostics.content = indented(statuses)
 
-    def tell(self, done: bool, word: str, text: str) -> None:
+    def show_result(self, done: bool, word: str, text: str) -> None:
         """Show the result of an action, in colour."""
         self._answer.content = indented(elements().outcome(done, word, text))
 
@@ -138,9 +140,9 @@ class ViewPanel:
         self._answer.content = indented(elements().bold(f'{"stopping" if is_stop else action}...'))
         done, text = self._ask(action)
         if is_stop:
-            self.tell(done, 'STOPPED' if done else 'NOT STOPPED', text)
+            self.show_result(done, 'STOPPED' if done else 'NOT STOPPED', text)
         else:
-            self.tell(done, action if done else f'{action} rejected:', text)
+            self.show_result(done, action if done else f'{action} rejected:', text)
 
 
 def indented(content: str) -> str:

@@ -161,7 +161,9 @@ class ViewFeed:
         self._powers = RawReader(node, topics.MOTOR_POWER)
         self._power_cdr = Float64ArrayCdr(n)
         self._row = np.full((len(ROWS), n), np.nan)
-        self._heard = np.full(4, -np.inf)  # reception times of states, commands, motors, powers
+        self._received_at = np.full(
+            4, -np.inf
+        )  # reception times of states, commands, motors, powers
         self._odometry: Odometry | None = None
         if has_base:
             topic = topics.ODOMETRY
@@ -174,7 +176,7 @@ class ViewFeed:
         state = self._states.newest()
         if state is None:
             return False
-        self._heard[0] = now
+        self._received_at[0] = now
         self.posture = state[0]
         self._row[:3] = state
         self._take_windows()
@@ -192,7 +194,7 @@ class ViewFeed:
                 f'the angle of {names} is unknown until the arm is homed, so the drawn '
                 'configuration is wrong'
             )
-        silent = now - self._heard[0]
+        silent = now - self._received_at[0]
         if not np.isfinite(silent):
             return 'no joint_states in this ROS domain: start a bridge, check ROS_DOMAIN_ID'
         if silent > _SILENT:
@@ -210,16 +212,16 @@ class ViewFeed:
         command, motors = self._commands.newest(), self._motors.newest()
         if command is not None:
             self._row[3:6] = command
-            self._heard[1] = now
+            self._received_at[1] = now
         if motors is not None:
             self._row[6] = motors[2]
-            self._heard[2] = now
+            self._received_at[2] = now
         message = self._powers.take_newest()
         power = None if message is None else self._power_cdr.unpack(message[0])
         if power is not None:
             self._row[7] = power
-            self._heard[3] = now
-        old = now - self._heard[1:] > _STALE
+            self._received_at[3] = now
+        old = now - self._received_at[1:] > _STALE
         self._row[3:6][:, :] = np.nan if old[0] else self._row[3:6]
         self._row[6:8][old[1:]] = np.nan
 

@@ -44,7 +44,7 @@ class MotorReadings:
         self._states, self._power = JointStateCdr(joint_names), Float64ArrayCdr(len(joint_names))
         self._waiting: dict[int, tuple[int, bytes]] = {}  # message number and message, by topic
         self._rows: list[NDArray[np.float64]] = []
-        self._told: dict[str, str] = {}
+        self._pairs: dict[str, str] = {}
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
 
@@ -60,7 +60,7 @@ class MotorReadings:
 
     def supply(self, joint: int) -> MotorSupply:
         """Return the readings of a joint's motor."""
-        rows = self._rows if self._told.get(POWER_FROM) == 'voltage' else []
+        rows = self._rows if self._pairs.get(POWER_FROM) == 'voltage' else []
         table = np.array(rows).reshape(len(rows), 1 + 3 * len(self._names))
         current, speed, power = np.split(table[:, 1:], 3, axis=1)
         return MotorSupply(
@@ -69,7 +69,7 @@ class MotorReadings:
 
     def _reported(self, joint: int) -> float:
         try:
-            return float(self._told[resistance_key(self._names[joint])])
+            return float(self._pairs[resistance_key(self._names[joint])])
         except (KeyError, ValueError):  # Any node may publish diagnostics.
             return float('nan')
 
@@ -90,7 +90,7 @@ class MotorReadings:
             # /NAMESPACE/BRIDGE: motors
             node, _, part = status.name.partition(': ')
             if part == MOTORS and node.rpartition('/')[0] == self._namespace.rstrip('/'):
-                self._told = {pair.key: pair.value for pair in status.values}
+                self._pairs = {pair.key: pair.value for pair in status.values}
 
 
 _TYPE = 'sensor_msgs/msg/JointState'

@@ -21,7 +21,7 @@ from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.diagnostics import WaitingNotice
-from aerarm_ros.ros.graph import SilencePatience, SolePublisher
+from aerarm_ros.ros.graph import DuplicatePublisherCheck, SilencePatience
 from aerarm_ros.ros.progress_line import ProgressLine
 from aerarm_ros.ros.states.arm_clock import monotonic_ns
 from aerarm_ros.ros.states.state_stream import StateStream
@@ -152,8 +152,8 @@ class StartConditions:
         self._subscribers = subscribers
         self._recorder = recorder
         self._recorded: set[str] = set()
-        self._tell_mode = on_mode
-        self._sources = SolePublisher(node, topics.JOINT_STATES)
+        self._store_mode = on_mode
+        self._sources = DuplicatePublisherCheck(node, topics.JOINT_STATES)
         for topic, callback in (
             (topics.ARM_MODE, self._on_mode),
             (topics.RECORDER_STATUS, self._on_recorder_status),
@@ -199,7 +199,7 @@ class StartConditions:
 
     def _on_mode(self, message: String, info: Mapping[str, int]) -> None:
         self.mode = message.data
-        self._tell_mode(message.data, monotonic_ns(info['received_timestamp']))
+        self._store_mode(message.data, monotonic_ns(info['received_timestamp']))
 
     def _on_recorder_status(self, message: String) -> None:
         try:
@@ -320,16 +320,16 @@ class MotionPlayback:
             If the states stop arriving, the arm is stopped, or does not follow.
         """
         progress = ProgressLine(self._name)
-        heard = time.monotonic()
+        received = time.monotonic()
         self.damping.begin(time.monotonic_ns())
         try:
             while not player.done:
                 self.states.wait(silence)
                 newest = self.states.newest_state()
                 if newest is None:
-                    self._check_silence(heard, silence, player.stage)
+                    self._check_silence(received, silence, player.stage)
                     continue
-                heard = time.monotonic()
+                received = time.monotonic()
                 if self.stop_asked:
                     player.stop()
                 self._check_mode(player.stage)
@@ -397,8 +397,8 @@ class MotionPlayback:
         self.states.begin_count()
         return self._has_begun or is_recent
 
-    def _check_silence(self, heard: float, silence: float, stage: str) -> None:
-        silent_for = time.monotonic() - heard
+    def _check_silence(self, received: float, silence: float, stage: str) -> None:
+        silent_for = time.monotonic() - received
         if silent_for <= silence:
             return
         timeout = self._patience.limit(silence)
@@ -419,7 +419,7 @@ def _missing_rest(state: ArmState | None) -> list[str]:
     if state is None:
         return ['no joint_states received: check that the bridge runs in this domain']
     if np.abs(state.dq).max() >= RESTING:
-        return [f'the arm is not at rest (speed below {RESTING} rad/s)']
+        return [f'the arm moves (a joint speed exceeds {RESTING} rad/s): wait until the arm rests']
     return []
 
 

@@ -211,7 +211,7 @@ class StopSignals:
         self._on_stop = on_stop
         self._stays_awake = stays_awake
         self._is_last = is_last
-        self._is_told = False
+        self._has_called = False
         self._request = _Request()
         self._outer: StopSignals | None = None
         self._previous: dict[int, object] = {}
@@ -227,8 +227,8 @@ class StopSignals:
         }
         if self._stays_awake:
             self._previous |= {n: signal.signal(n, signal.SIG_IGN) for n in _FREEZING}
-        if self._request.is_made and not self._is_told:
-            self._tell()
+        if self._request.is_made and not self._has_called:
+            self._call_on_stop()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -268,8 +268,8 @@ class StopSignals:
                 signal.raise_signal(number)
         if not request.is_made:
             request.is_made = True
-            self._tell()
+            self._call_on_stop()
 
-    def _tell(self) -> None:
-        self._is_told = True
+    def _call_on_stop(self) -> None:
+        self._has_called = True
         self._on_stop()

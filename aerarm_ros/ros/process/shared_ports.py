@@ -20,7 +20,7 @@ import threading
 from pathlib import Path
 
 WAIT_MS = 10
-"""Wait that each port gets [ms]."""
+"""Wait that `PortWatch` writes into each port [ms]."""
 
 _FOLDER = Path('/dev/shm')
 _NAME = re.compile(r'fastrtps_port(\d+)')

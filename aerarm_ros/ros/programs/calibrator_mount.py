@@ -87,14 +87,14 @@ class MountRun:
         """Return the IMU's pose; None, with a message, if the bag does not determine it."""
         values, stays = flight.imu, f'the pose of the IMU keeps its values of {self._source.name}'
         if values is None:
-            _tell(f'no IMU on {self._options.imu}: {stays}')
+            _print(f'no IMU on {self._options.imu}: {stays}')
             return None
         try:
             return calibrate_imu(
                 flight.drone, values.stamp, values.angular_velocity, values.linear_acceleration
             )
         except CalibrationError as error:
-            _tell(f'{stays}: {error}')
+            _print(f'{stays}: {error}')
             return None
 
     def _mount(self, flight: FlightRecording) -> MountResult:
@@ -159,5 +159,5 @@ def _numbers(values: Any, digits: int) -> str:
     return ', '.join(f'{float(value):.{digits}f}' for value in values)
 
 
-def _tell(text: str) -> None:
+def _print(text: str) -> None:
     print(f'calibrator: {text}', file=sys.stderr)

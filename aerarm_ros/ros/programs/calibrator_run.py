@@ -108,13 +108,13 @@ class CalibratorRun:
         mapping.append(f'markers and poses are attached to link {chain.link}')
         if chain.ignored:
             mapping.append(f'joints that do not move this link: {", ".join(chain.ignored)}')
-        _tell(mapping)
+        _print(mapping)
         if options.holdout > 0.0:
             observations, rest = _divided(observations, options.holdout)
             held_out.insert(0, HeldOut('held out', rest))
         result = calibrate(chain, observations, held_out, self._choice)
         result.messages[:0] = [text for one in training for text in one.messages]
-        _tell(result.messages)
+        _print(result.messages)
         return result, mapping
 
     def _write(
@@ -152,6 +152,6 @@ def _mapping(inputs: Sequence[CalibratorInput]) -> list[str]:
     return lines
 
 
-def _tell(texts: Iterable[str]) -> None:
+def _print(texts: Iterable[str]) -> None:
     for text in texts:
         print(f'calibrator: {text}', file=sys.stderr)

@@ -25,7 +25,7 @@ from aerarm_ros.excitation.settings import (
     ExcitationError,
     InfeasibleError,
     load_excitation_config,
-    one_a_joint,
+    one_per_joint,
 )
 from aerarm_ros.excitation.trajectory_designer import (
     BOTH,
@@ -70,7 +70,7 @@ def torque_noise(options: argparse.Namespace, joints: int) -> Array | None:
     """
     if options.torque_noise is None:
         return None
-    noise = one_a_joint('torque noise', options.torque_noise, joints)
+    noise = one_per_joint('torque noise', options.torque_noise, joints)
     if not (np.isfinite(noise) & (noise > 0.0)).all():
         raise ExcitationError(f'torque noise must be positive, got {noise.tolist()} Nm')
     return noise

@@ -114,17 +114,17 @@ class IdentifierBags:
         """
         if path.suffix.lower() in TABLES and path.is_file():
             return self._read_table(path, name)
-        told: list[str] = []
+        notes: list[str] = []
         others = [self._beside(topic) for topic in (_COMMAND, _MODE, _DIAGNOSTICS)]
         try:
-            with _collected_warnings(told):
+            with _collected_warnings(notes):
                 others.append(f'/{_DIAGNOSTICS}')
                 contents = read_contents(path, self._topic, others, _MOST, self._limits)
         except BagError as error:
-            raise BagError('; '.join([str(error), *told])) from None
+            raise BagError('; '.join([str(error), *notes])) from None
         states = contents.joint_states[self._topic]
-        told += _check_complete(name, self._topic, contents)
-        self.messages += told
+        notes += _check_complete(name, self._topic, contents)
+        self.messages += notes
         recording = recording_from_states(
             name,
             states,
@@ -191,13 +191,13 @@ def bag_names(paths: Sequence[Path]) -> dict[Path, str]:
 
 def repeated_bags(identification: Sequence[Path], validation: Sequence[Path]) -> list[str]:
     """Return notes on bags that were given more than once."""
-    told = [
+    notes = [
         f'{path} is given {identification.count(path)} times for identification, which makes the '
         'uncertainty look too small: pass each bag once'
         for path in dict.fromkeys(identification)
         if identification.count(path) > 1
     ]
-    return told + [
+    return notes + [
         (
             f'{path} is used for identification and for validation, so its validation error '
             'is meaningless: pass another bag'
@@ -215,28 +215,28 @@ def _check_complete(name: str, topic: str, contents: BagContents) -> list[str]:
     """
     kept, expected = len(contents.joint_states[topic]), contents.expected
     count = kept + contents.left_out
-    told = []
+    notes = []
     if contents.left_out:
-        told.append(
+        notes.append(
             f'{name}: only the first {kept} of {count} messages of {topic} are used; cut the bag '
             'to the relevant motion'
         )
     if expected is None:
-        told.append(
+        notes.append(
             f'{name}: metadata.yaml is missing or unreadable, so the recording may be '
             'incomplete; check that the recorder ended normally, and copy the whole bag'
         )
     elif count < expected:
-        told.append(
+        notes.append(
             f'{name} is truncated: it contains {count} of the {expected} messages of {topic} '
             'that metadata.yaml lists. Copy the whole bag again'
         )
     elif count > expected:
-        told.append(
+        notes.append(
             f'{name} has {count} messages of {topic}, but metadata.yaml lists {expected}: the '
             'recorder was killed, so the end of the motion may be missing'
         )
-    return told
+    return notes
 
 
 @contextlib.contextmanager
@@ -247,5 +247,5 @@ def _collected_warnings(texts: list[str]) -> Iterator[None]:
         try:
             yield
         finally:
-            told = [warning for warning in caught if issubclass(warning.category, BagWarning)]
-            texts += [str(warning.message) for warning in told]
+            notes = [warning for warning in caught if issubclass(warning.category, BagWarning)]
+            texts += [str(warning.message) for warning in notes]

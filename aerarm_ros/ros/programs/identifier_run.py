@@ -82,8 +82,8 @@ def write_result(
     beside = equivalent_friction(estimate, result.identification, beside_load=True)
     friction = (viscous, coulomb, LoadFriction(load, *beside))
     urdf = identified_urdf(result.robot, estimate.inertial, *friction)
-    told = (*urdf.warnings, *unwritten(estimate))
-    result.warnings.extend(text for text in told if text not in result.warnings)
+    notes = (*urdf.warnings, *unwritten(estimate))
+    result.warnings.extend(text for text in notes if text not in result.warnings)
     directory.write('identified.urdf', urdf.text)
     rotors = estimate.joint_values(TermKind.ROTOR.value)
     values = (estimate.inertial, viscous, coulomb, rotors)
@@ -92,7 +92,7 @@ def write_result(
     if extras.payload is not None:
         directory.write('payload.yaml', payload_yaml(estimate, extras.payload))
     directory.write('report.html', report_html(result, extras))
-    return told
+    return notes
 
 
 _NAME_WIDTH = 13
@@ -322,10 +322,10 @@ class IdentifierRun:
         with ResultDirectory(options.out or default, files=RESULT_FILES) as directory:
             identification, validation = self._read()
             result = self._identify(identification, validation)
-            tell(result.warnings)
+            print_messages(result.warnings)
             payload = self._payload(result)
             self._write(result, payload, directory)
-        tell_replaced(directory)
+        print_replaced(directory)
         lines = [terminal_table(result, self._arm.facts())]
         lines.append(exports_text(self._exports, validation or identification))
         if payload is not None:
@@ -407,7 +407,7 @@ class IdentifierRun:
         known = len(self._arm.messages)
         with self._stopwatch.stage('reading'):
             recordings = [self._recording(path) for path in self._options.payload]
-        tell(self._arm.messages[known:])
+        print_messages(self._arm.messages[known:])
         result.warnings.extend(self._arm.messages[known:])
         with self._stopwatch.stage('payload'):
             return identify_payload(result, recordings, gain_deviation(self._options))
@@ -418,7 +418,7 @@ class IdentifierRun:
         _progress('writing the report')
         with self._stopwatch.stage('writing'):
             extras = replace(self._extras(result), payload=payload)
-            tell(write_result(result, directory, extras))
+            print_messages(write_result(result, directory, extras))
         self._exports = extras.exports
         seconds = self._stopwatch.seconds
         summary = summarise(
@@ -455,16 +455,16 @@ class IdentifierRun:
         return replace(extras, truth=truth, truth_errors=errors)
 
 
-def tell(texts: Iterable[str]) -> None:
+def print_messages(texts: Iterable[str]) -> None:
     """Print messages for the user, one line each."""
     for text in texts:
         print(f'identifier: {text}', file=sys.stderr)
 
 
-def tell_replaced(directory: ResultDirectory) -> None:
+def print_replaced(directory: ResultDirectory) -> None:
     """Print a message if the result replaced an earlier one."""
     if directory.replaced:
-        tell([f'{directory.target}: an earlier result was replaced'])
+        print_messages([f'{directory.target}: an earlier result was replaced'])
 
 
 def _progress(text: str) -> None:
@@ -515,8 +515,8 @@ class PayloadRun(IdentifierRun):
                 'payload': {'mass': payload.mass, 'mass_standard_deviation': float(payload.std[0])},
             }
             directory.write_json(MARKER, summary)
-            tell(self._arm.messages)
-        tell_replaced(directory)
+            print_messages(self._arm.messages)
+        print_replaced(directory)
         return (
             f'Payload: {payload.mass:.4g} ± {payload.std[0]:.2g} kg\n'
             f'{directory.target / "payload.yaml"}'

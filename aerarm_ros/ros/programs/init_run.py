@@ -76,8 +76,8 @@ class InitRun:
                 f'{"null" if config.ground_height is None else config.ground_height}'
             )
             if not config.check_clearance:
-                written = 'check_clearance is false, so motions are NOT checked for collisions'
-            print(f'arm init: warning: {draft.problem}. The written files are {written}')
+                written = 'check_clearance: false, so motions are NOT checked for collisions'
+            print(f'arm init: warning: {draft.problem}. The written files contain {written}')
         print(
             'Try the files on emulated boards, each line in a separate terminal:\n'
             f'  fake_hardware --ros-args {self._parameters()}\n'

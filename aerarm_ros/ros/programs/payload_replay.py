@@ -244,8 +244,8 @@ class PayloadReplay:
             if replay is None:
                 replay = Replay(self._arm, self._estimator_for(recording), self._is_stopped)
             changes = replay.play(recording)
-            told = _told(changes, replay.knocks)
-            lines.append(f'{recording.name}: {recording.duration:.1f} s, {told}')
+            text = _changes_text(changes, replay.knocks)
+            lines.append(f'{recording.name}: {recording.duration:.1f} s, {text}')
         for message in self._recorded.messages:
             print(f'payload_estimator: {message}', file=sys.stderr)
         last = None if replay is None else replay.estimate
@@ -314,12 +314,12 @@ def _option(name: str) -> str:
     return f'--{name.replace("_", "-")}'
 
 
-def _told(changes: Sequence[LoadChange], knocks: Sequence[float]) -> str:
-    told = [
+def _changes_text(changes: Sequence[LoadChange], knocks: Sequence[float]) -> str:
+    parts = [
         f'{"picked up" if change.carries else "put down"} at {change.time:.2f} s'
         for change in changes
     ]
-    text = ', '.join(told) or 'no payload was picked up or put down'
+    text = ', '.join(parts) or 'no payload was picked up or put down'
     if knocks:
         times = ', '.join(f'{time:.2f}' for time in knocks)
         text += f'; torque that no payload explains (contact or model error) at {times} s'

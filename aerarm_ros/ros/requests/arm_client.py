@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, STOPS
-from aerarm_ros.ros.bridge.bridge_services import says_not_active
+from aerarm_ros.ros.bridge.bridge_services import reports_not_active
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.requests.bridge_service import (
@@ -140,11 +140,11 @@ class ArmClient:
         """
         request = StopRequest(self._node, self._finders[action], timeout)
         self._find(lambda: request.poll() or request.has_found, timeout)
-        told: set[str] = set()
+        reported: set[str] = set()
         while not request.is_over:
-            spin_until(self._node, lambda: request.poll() or request.answers.keys() - told, inf)
-            for name in sorted(request.answers.keys() - told):
-                told.add(name)
+            spin_until(self._node, lambda: request.poll() or request.answers.keys() - reported, inf)
+            for name in sorted(request.answers.keys() - reported):
+                reported.add(name)
                 if request.answers[name].accepted:
                     yield f'{name}: {request.answers[name].message}'
         if not request.answers:
@@ -265,5 +265,5 @@ class ArmAtEnd:
         if done:
             log.info(f'at the end {text}')
         # A bridge that ends at the same time cannot hold the arm.
-        elif self._hold.found and not says_not_active(text):
+        elif self._hold.found and not reports_not_active(text):
             log.warning(f'the arm is not held at the end: {text}')

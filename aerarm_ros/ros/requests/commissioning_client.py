@@ -62,13 +62,13 @@ class CommissioningClient:
         self._urdf = urdf
         self._given = record
         self._name = secrets.token_hex(4)
-        self._sent = self._heard = -_PERIOD
+        self._sent = self._received_at = -_PERIOD
         self._prefix = ''
         self._saved: CommissioningRecord | None = None
-        asked, told = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
-        self._publisher = node.create_publisher(asked.type, asked.name, asked.offered)
+        requests, reports = topics.COMMISSIONING_REQUEST, topics.COMMISSIONING_REPORT
+        self._publisher = node.create_publisher(requests.type, requests.name, requests.offered)
         self._subscription = node.create_subscription(
-            told.type, told.name, self._on_report, told.qos
+            reports.type, reports.name, self._on_report, reports.qos
         )
 
     @property
@@ -90,7 +90,7 @@ class CommissioningClient:
     @property
     def problem(self) -> str:
         """Reason why the procedure cannot continue; empty otherwise."""
-        silent = time.monotonic() - self._heard > _SILENCE
+        silent = time.monotonic() - self._received_at > _SILENCE
         return 'the bridge no longer responds' if silent and self.is_on else ''
 
     @property
@@ -142,7 +142,7 @@ class CommissioningClient:
         if not chosen:
             raise ValueError(f'every joint has passed, see {self.path}')
         self._saved = record.with_prefix(self._prefix)
-        self._heard = time.monotonic()
+        self._received_at = time.monotonic()
         self.guided = Commissioning(config, robot, self._saved, chosen, self._name)
 
     def poll(self) -> None:
@@ -200,7 +200,7 @@ class CommissioningClient:
         except ValueError:
             return
         if report.id.partition(':')[0] == self._name:
-            self._heard = time.monotonic()
+            self._received_at = time.monotonic()
             self.report = report
 
 

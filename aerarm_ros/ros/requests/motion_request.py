@@ -169,7 +169,8 @@ class SetPointRequest:
             raise ArmClientError(f'rejected: {self._rejections.reason()}')
         if self._rejections.touch():
             raise ArmClientError(
-                f'{self._rejections.touch()}: remove what touches the arm, then send it on'
+                f'{self._rejections.touch()}: remove the object that touches the arm, then send '
+                'the goal again'
             )
         if not in_time:
             far = np.argmax(distance())
@@ -189,7 +190,7 @@ class SetPointRequest:
             on_wait(f'joint_states and arm_mode in {this_domain()}')
         if not spin_until(self._node, is_there, max(timeout, _SEARCH)):
             what = 'no joint_states received'
-        elif not spin_until(self._node, self._is_heard, timeout):
+        elif not spin_until(self._node, self._has_subscriber, timeout):
             what = 'no controller subscribes to set_point'
         if what:
             raise ArmClientError(
@@ -207,7 +208,7 @@ class SetPointRequest:
         names = [endpoint_name(listener) for listener in listeners]
         return [name for name in names if name.rpartition('/')[2] != _LISTENER]
 
-    def _is_heard(self) -> bool:
+    def _has_subscriber(self) -> bool:
         """Return whether a controller has subscribed and all subscribers are connected."""
         listeners = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
         names = [endpoint_name(listener) for listener in listeners]
@@ -245,11 +246,11 @@ class ToolRequest:
         self._rejections = RejectionWatch(node)
         topic = topics.TOOL_TRAJECTORY
         self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        for heard, callback in (
+        for source, callback in (
             (topics.TOOL_POSE, self._on_pose),
             (topics.ARM_MODE, self._on_mode),
         ):
-            node.create_subscription(heard.type, heard.name, callback, heard.qos)
+            node.create_subscription(source.type, source.name, callback, source.qos)
 
     def go(
         self,
@@ -326,8 +327,8 @@ class ToolRequest:
         """Wait until a controller publishes the tool's pose and subscribes to targets."""
 
         def is_there() -> bool:
-            told = self._pose is not None and bool(self._mode)
-            return told and self._publisher.get_subscription_count() > 0
+            has_pose = self._pose is not None and bool(self._mode)
+            return has_pose and self._publisher.get_subscription_count() > 0
 
         what = f'a controller of the tool, such as kinematic_control, in {this_domain()}'
         if not spin_until(self._node, is_there, min(timeout, 1.0)):

@@ -39,7 +39,7 @@ _WATCH_EVERY = 2.0  # [s]
 
 
 class RecordingRequest:
-    """Records on the drone, and fetches the bag.
+    """Client that records a bag on the drone and fetches it.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class RecordingRequest:
         self._node = node
         self._name = name
         self._folder = folder
-        self._tell = tell
+        self._print = tell
         self._report: dict[str, object] = {}
         self._id = ''
         self._is_stopped = False
@@ -66,7 +66,7 @@ class RecordingRequest:
         node.create_subscription(report.type, report.name, self._on_report, report.qos)
 
     def is_on_ground(self) -> bool:
-        """Tell whether this host reaches its bridge through ground_link.
+        """Return whether this host reaches its bridge through ground_link.
 
         A node of this host is in the graph, one behind ground_link is not.
         """
@@ -93,7 +93,7 @@ class RecordingRequest:
         self._begin()
         with StopSignals(self._stop):
             self._ask_until(RECORD, (RECORDING, ENDED), deadline)
-            self._tell(f'the drone records {self._name}: Ctrl-C ends it and fetches the bag')
+            self._print(f'the drone records {self._name}: Ctrl-C ends it and fetches the bag')
             while not self._is_stopped and self._state != ENDED:
                 self._ask(WATCH)
                 spin_until(
@@ -105,7 +105,7 @@ class RecordingRequest:
                 ended = f'recording {self._name} ended before Ctrl-C: {self._report.get("text")}'
                 if not self._report.get('has_bag'):
                     raise ArmClientError(ended)
-                self._tell(ended)
+                self._print(ended)
             # A second Ctrl-C ends this process; ground_link goes on with the fetch.
             self.fetch()
         if ended:
@@ -120,15 +120,15 @@ class RecordingRequest:
             If the drone has no such bag, or it cannot be stored.
         """
         self._begin()
-        self._tell(f'fetching {self._name} into {self._folder}')
+        self._print(f'fetching {self._name} into {self._folder}')
         self._ask_until(FINISH, (WAITING, FETCHING, COMPLETE), inf)
         while self._state != COMPLETE:
             spin_until(self._node, lambda: self._state in (COMPLETE, FAILED), _PROGRESS)
             self._expect_no_failure()
             if self._state != COMPLETE:
-                self._tell(self._progress())
+                self._print(self._progress())
                 self._ask(FINISH)  # a ground_link that was started again fetches nothing yet
-        self._tell(f'{self._folder}: {_megabytes(self._report.get("size"))} stored')
+        self._print(f'{self._folder}: {_megabytes(self._report.get("size"))} stored')
 
     def _begin(self) -> None:
         """Start a request with a new identifier; reports without it are ignored."""
@@ -139,7 +139,7 @@ class RecordingRequest:
         return self._report.get('state')
 
     def _ask_until(self, do: str, states: Sequence[str], deadline: float) -> None:
-        has_told = False
+        has_reported = False
         while self._state not in states:
             self._ask(do)
             spin_until(self._node, lambda: self._state in (*states, FAILED), _ASK_AGAIN)
@@ -149,9 +149,9 @@ class RecordingRequest:
                     f'the drone does not record {self._name}: {self._silence() or "no answer"}; '
                     'look at /diagnostics of ground_link'
                 )
-            if not has_told and self._silence():
-                has_told = True
-                self._tell(self._silence())
+            if not has_reported and self._silence():
+                has_reported = True
+                self._print(self._silence())
 
     def _ask(self, do: str) -> None:
         content = {'do': do, 'name': self._name, 'folder': str(self._folder), 'id': self._id}

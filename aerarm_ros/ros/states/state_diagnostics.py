@@ -12,7 +12,7 @@ from aerarm_msgs_py import topics
 from aerarm_ros.realtime.periodic_loop import TimingStatistics
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, WaitingNotice
 from aerarm_ros.ros.executors import create_steady_timer
-from aerarm_ros.ros.graph import SolePublisher
+from aerarm_ros.ros.graph import DuplicatePublisherCheck
 from aerarm_ros.ros.states.state_stream import StateStream
 
 # [s] for which a rejection is shown as a warning.
@@ -68,7 +68,7 @@ class StateDiagnostics:
         self.latency = TimingStatistics()
         self.rejections = 0
         self.last_rejection = ''
-        self._sources = SolePublisher(node, topics.JOINT_STATES)
+        self._sources = DuplicatePublisherCheck(node, topics.JOINT_STATES)
         self._output = DiagnosticsPublisher(node, arm, self._now_ns)
         create_steady_timer(node, PERIOD, self.publish)
 

@@ -59,7 +59,7 @@ _COUNT_PERIOD = 1.0  # [s]
 
 
 class StateSampler:
-    """Read the newest message of a topic and skip older ones without cost.
+    """Read the newest message of a topic; older ones are skipped without decoding.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def test_every_topic_is_read_by_its_type(bag: Path, recording) -> None:
     assert lost_messages(states.sequence) == 0
 
 
-def test_only_what_was_asked_for_is_kept(bag: Path) -> None:
+def test_only_requested_topics_are_returned(bag: Path) -> None:
     contents = read_contents(bag, '/joint_states', most=100)
     assert list(contents.joint_states) == ['/joint_states']
     assert len(contents.joint_states['/joint_states']) == 100

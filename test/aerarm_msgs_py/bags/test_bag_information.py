@@ -45,7 +45,7 @@ def written(folder: Path, content: str | bytes) -> Path:
 
 
 @pytest.mark.parametrize('name', REFUSED)
-def test_what_could_fill_memory_or_time_is_refused(tmp_path: Path, name: str) -> None:
+def test_yaml_that_needs_much_memory_or_time_is_rejected(tmp_path: Path, name: str) -> None:
     content, message = REFUSED[name]
     path = written(tmp_path, content)
     tracemalloc.start()
@@ -66,13 +66,13 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
         read_information(pipe)
 
 
-def test_a_missing_file_is_told_from_a_broken_one(tmp_path: Path) -> None:
+def test_a_missing_file_raises_another_error_than_a_broken_one(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_information(tmp_path / 'metadata.yaml')
 
 
 @pytest.mark.parametrize('count', ['-1', '.inf', '1.5', 'true', '~', '"7"', '[1]', '9' * 30])
-def test_a_count_that_is_none_is_no_account(tmp_path: Path, count: str) -> None:
+def test_an_invalid_message_count_is_ignored(tmp_path: Path, count: str) -> None:
     entry = f'{{topic_metadata: {{name: /a}}, message_count: {count}}}'
     path = written(tmp_path, f'{HEAD}topics_with_message_count: [{entry}]')
     assert read_information(path) == BagInformation()
@@ -88,7 +88,7 @@ def test_a_file_has_the_name_of_a_file(tmp_path: Path, name: str) -> None:
         assert read_information(path).files == ('b.mcap',)
 
 
-def test_a_bag_beside_broken_metadata_is_read_by_its_own_account(write_bag, recording) -> None:
+def test_a_bag_with_broken_metadata_is_read_from_its_mcap_file(write_bag, recording) -> None:
     directory = write_bag(recording.messages(100))
     written(directory, BOMB)
     with warnings.catch_warnings():

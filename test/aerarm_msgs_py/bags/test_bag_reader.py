@@ -140,7 +140,7 @@ def test_metadata_is_not_needed(write_bag) -> None:
     np.testing.assert_array_equal(read_joint_states(directory / 'bag_0.mcap').stamp, expected)
 
 
-def test_says_what_is_wrong_with_the_path(tmp_path: Path, write_bag) -> None:
+def test_a_wrong_path_raises_an_error_with_the_reason(tmp_path: Path, write_bag) -> None:
     with pytest.raises(BagError, match='bag .*does not exist'):
         read_joint_states(tmp_path / 'missing')
     with pytest.raises(BagError, match='is not a bag'):
@@ -159,21 +159,21 @@ def test_says_what_is_wrong_with_the_path(tmp_path: Path, write_bag) -> None:
         read_joint_states(write_bag() / 'metadata.yaml')
 
 
-def test_says_which_files_are_missing(write_bag) -> None:
+def test_the_error_names_missing_files(write_bag) -> None:
     directory = write_bag()
     (directory / 'bag_0.mcap').unlink()
     with pytest.raises(BagError, match=r'lacks bag_0.mcap, which metadata.yaml lists'):
         read_joint_states(directory)
 
 
-def test_says_that_joint_names_repeat(write_bag) -> None:
+def test_repeated_joint_names_raise_an_error(write_bag) -> None:
     message = JointState(name=['a', 'b', 'a'], position=[1.0, 2.0, 3.0])
     directory = write_bag(joint_states(serialize_message(message)))
     with pytest.raises(BagError, match='names joint a more than once: check the joint names'):
         read_joint_states(directory)
 
 
-def test_says_what_is_wrong_with_the_topic(write_bag) -> None:
+def test_a_missing_or_empty_topic_raises_an_error(write_bag) -> None:
     directory = write_bag([*joint_states(JointStateCdr(['a']).pack(0, [1.0])),
                            RecordedMessage(2, b'\0\1\0\0\1\0\0\0\0', 1, 1, 1)])  # fmt: skip
     with pytest.raises(
@@ -186,7 +186,7 @@ def test_says_what_is_wrong_with_the_topic(write_bag) -> None:
         read_joint_states(directory, '/arm_mode')
 
 
-def test_says_that_a_message_cannot_be_decoded(write_bag) -> None:
+def test_an_undecodable_message_raises_an_error(write_bag) -> None:
     directory = write_bag(joint_states(b'\0\1\0\0' + b'\xff' * 40))
     with pytest.raises(BagError, match='cannot be decoded'):
         read_joint_states(directory)

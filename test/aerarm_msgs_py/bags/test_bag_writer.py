@@ -20,7 +20,7 @@ STRING = RecordedTopic('/text', 'std_msgs/msg/String')
 
 
 @pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
-def test_rosbags_reads_what_was_written(write_bag, recording, compression: str) -> None:
+def test_rosbags_reads_the_written_bag(write_bag, recording, compression: str) -> None:
     directory = write_bag(compression=compression)
     store = get_typestore(Stores.ROS2_JAZZY)
     with Reader(directory) as reader:
@@ -54,7 +54,7 @@ def test_the_mcap_package_reads_an_indexed_file_with_schemas(write_bag) -> None:
         assert [record.name for record in reader.iter_metadata()] == ['rosbag2']
 
 
-def test_metadata_is_what_ros2_bag_info_expects(write_bag) -> None:
+def test_metadata_has_the_format_of_ros2_bag_info(write_bag) -> None:
     content = yaml.safe_load((write_bag() / 'metadata.yaml').read_text())
     information = content['rosbag2_bagfile_information']
     assert (information['version'], information['storage_identifier']) == (9, 'mcap')
@@ -130,7 +130,7 @@ def test_never_overwrites(write_bag, recording) -> None:
     assert (directory / 'bag_0.mcap').stat().st_size > 1000
 
 
-def test_says_why_a_directory_cannot_be_made(tmp_path: Path, recording) -> None:
+def test_an_impossible_directory_raises_an_error_with_the_reason(tmp_path: Path, recording) -> None:
     (tmp_path / 'file').touch()
     with pytest.raises(BagError, match='cannot be created'):
         BagWriter(tmp_path / 'file' / 'bag', recording.topics)
@@ -151,7 +151,7 @@ def test_a_full_disk_is_reported(tmp_path: Path, recording) -> None:
         writer.close()
 
 
-def test_what_cannot_be_stored_is_not_lost_in_silence(tmp_path: Path, recording) -> None:
+def test_a_failed_write_raises_an_error(tmp_path: Path, recording) -> None:
     writer = BagWriter(tmp_path / 'bag', recording.topics)
     writer.write(RecordedMessage(len(recording.topics), b'', 1, 1, 1))  # of no topic of the bag
     with pytest.raises(BagError, match='cannot be written'):

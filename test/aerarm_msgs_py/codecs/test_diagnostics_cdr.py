@@ -23,7 +23,7 @@ def test_values_by_status() -> None:
     }
 
 
-def test_what_is_cut_is_refused() -> None:
+def test_a_truncated_message_is_rejected() -> None:
     payload = serialize_message(DiagnosticArray(status=[DiagnosticStatus(name='a')]))
     with pytest.raises(ValueError, match='ends too early'):
         diagnostic_values(payload[:-6])

@@ -42,7 +42,7 @@ def assert_same_fields(found, expected) -> None:
 
 
 @given(samples())
-def test_the_ordinary_codec_reads_what_was_packed(sample) -> None:
+def test_the_rclpy_codec_reads_packed_messages(sample) -> None:
     names, frame_id, stamp_ns, fields = sample
     payload = JointStateCdr(names, frame_id).pack(stamp_ns, *fields)
     message = deserialize_message(payload, JointState)
@@ -56,7 +56,7 @@ def test_the_ordinary_codec_reads_what_was_packed(sample) -> None:
 
 
 @given(samples())
-def test_reads_what_the_ordinary_codec_wrote(sample) -> None:
+def test_reads_messages_of_the_rclpy_codec(sample) -> None:
     names, frame_id, stamp_ns, fields = sample
     payload = serialize_message(message_of(names, frame_id, stamp_ns, fields))
     found = JointStateCdr(names, frame_id).unpack(payload)

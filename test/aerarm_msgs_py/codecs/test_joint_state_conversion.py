@@ -37,7 +37,7 @@ def test_joints_are_ordered_by_name() -> None:
         in_order(NAMES, SAMPLE, ['a', 'c'])
 
 
-def test_fields_that_do_not_fit_the_names_are_refused_or_told_as_sent() -> None:
+def test_fields_of_a_wrong_length_are_rejected_or_returned_unchanged() -> None:
     message = JointState(name=['a', 'b'], position=[1.0])
     names, sample = decode_as_sent(serialize_message(message))
     assert names == NAMES

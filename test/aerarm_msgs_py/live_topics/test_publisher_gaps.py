@@ -22,7 +22,7 @@ def test_every_loss_between_first_and_last_is_counted(seed: int) -> None:
     assert gaps.lost == lost
 
 
-def test_what_comes_twice_or_late_is_no_loss() -> None:
+def test_repeated_and_late_messages_are_not_counted_as_lost() -> None:
     gaps = PublisherGaps()
     for number in (1, 2, 2, 5, 4, 6):
         gaps.add(number, b'a')

@@ -81,7 +81,7 @@ def test_serialized_bytes_come_through_as_they_are(reader: RawReader, publisher)
     assert 0 < info['source_timestamp'] <= info['received_timestamp']
 
 
-def test_counts_what_a_short_history_lost(ros_node: Node) -> None:
+def test_counts_messages_lost_by_a_short_queue(ros_node: Node) -> None:
     newest = Topic('words', String, QoSProfile(depth=1))
     reader = RawReader(ros_node, newest)
     assert reader.lost() is None
@@ -161,7 +161,7 @@ def test_each_publishers_losses_are_counted(ros_node: Node) -> None:
     reader.destroy()
 
 
-def test_a_long_message_comes_whole(ros_node: Node) -> None:
+def test_a_long_message_is_received_completely(ros_node: Node) -> None:
     reader = RawReader(ros_node, DEEP, identify=True)
     publisher = ros_node.create_publisher(String, DEEP.name, DEEP.qos)
     wait_until(lambda: publisher.get_subscription_count() == 1)

@@ -11,7 +11,7 @@ def lost(numbers) -> int | None:
     return gaps.lost
 
 
-def test_counts_what_is_missing_between_first_and_last() -> None:
+def test_counts_messages_missing_between_first_and_last() -> None:
     assert lost(range(1, 1000)) == 0
     assert lost(range(500, 1000)) == 0  # joined late
     assert lost([1, 2, 5, 6, 10]) == 5

@@ -101,7 +101,7 @@ def test_a_lying_index_hides_nothing(file: Path, channel: int) -> None:
         read_joint_states(file)
 
 
-def test_a_channel_with_two_names_is_believed_neither(file: Path) -> None:
+def test_messages_of_a_channel_with_two_names_are_ignored(file: Path) -> None:
     content = file.read_bytes().replace(b'/motor_states', b'/joint_states', 1)
     file.write_bytes(content)
     with pytest.warns(

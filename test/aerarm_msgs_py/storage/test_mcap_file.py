@@ -64,7 +64,7 @@ def test_chunks_without_a_topic_are_not_read(tmp_path: Path, recording) -> None:
         assert sum(len(b.payloads) for b in McapFile(path).blocks(['/joint_states'])) < 400
 
 
-def test_a_finished_file_tells_how_many_messages_it_has(tmp_path: Path, recording) -> None:
+def test_a_finished_file_contains_message_counts(tmp_path: Path, recording) -> None:
     path = write(tmp_path / 'a.mcap', recording.messages(40))
     file = McapFile(path)
     list(file.blocks(['/other']))

@@ -50,7 +50,7 @@ def test_index_and_walk_agree() -> None:
     assert found.agree_with(walked)
 
 
-def test_an_index_that_misses_something_is_not_believed() -> None:
+def test_an_incomplete_index_is_not_used() -> None:
     """A channel without index, other records in the chunk, places that are not messages."""
     records, starts = chunk()
     assert indexes(starts, (1, 2)).message_starts(records) is None
@@ -80,7 +80,7 @@ def test_a_broken_index_record_is_incomplete(content: bytes) -> None:
     assert found.message_starts(records) is None
 
 
-def test_the_walk_tells_definitions_and_leaves_out_what_is_cut() -> None:
+def test_the_walk_yields_definitions_and_omits_truncated_messages() -> None:
     records, starts = chunk()
     schema = b'\3' + (4).to_bytes(8, 'little') + b'abcd'
     walked, definitions, unread = walk(schema + records[:-1], BUDGET)
@@ -102,7 +102,7 @@ def test_the_walk_ends_where_nothing_can_be(strange: bytes) -> None:
     assert unread == len(strange) + len(records)
 
 
-def test_an_index_of_places_beyond_any_file_is_not_believed() -> None:
+def test_an_index_with_offsets_beyond_the_file_is_not_used() -> None:
     records, starts = chunk()
     for place in (2**63 - 1, 2**64 - 1, len(records)):
         found = indexes(starts)

@@ -13,7 +13,7 @@ def test_a_limit_is_a_positive_number(wrong: dict[str, float]) -> None:
         ReadLimits(**wrong)
 
 
-def test_a_bag_becomes_so_many_times_its_size_and_no_more() -> None:
+def test_the_memory_of_a_bag_is_limited_to_a_multiple_of_its_size() -> None:
     budget = ReadBudget(Path('bag'), 10_000_000, ReadLimits(ratio=3.0))
     budget.spend(20_000_000)
     budget.spend(10_000_000)

@@ -48,7 +48,7 @@ def write(path: Path, compression: str = 'none', velocities: bool = True) -> Pat
 
 
 @pytest.mark.parametrize('compression', FORMATS)
-def test_what_was_recorded_comes_back(tmp_path: Path, compression: str) -> None:
+def test_recorded_messages_are_read_back(tmp_path: Path, compression: str) -> None:
     bag = write(tmp_path / 'a.bag', compression)
     contents = read_contents(bag, '/joint_states', ['/arm_mode'])
     series = contents.joint_states['/joint_states']
@@ -76,7 +76,7 @@ def test_a_bag_without_its_end_must_be_indexed_first(tmp_path: Path) -> None:
         read_joint_states(bag)
 
 
-def test_damage_costs_what_lies_behind_it(tmp_path: Path) -> None:
+def test_messages_after_the_damage_are_lost(tmp_path: Path) -> None:
     bag = write(tmp_path / 'a.bag', 'bz2')
     data = bytearray(bag.read_bytes())
     second = data.index(b'BZh9', data.index(b'BZh9') + 4)
@@ -90,7 +90,7 @@ def test_damage_costs_what_lies_behind_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(series.position, numbers()[: len(series), 0])
 
 
-def test_it_says_what_it_is_not(tmp_path: Path) -> None:
+def test_another_format_raises_an_error(tmp_path: Path) -> None:
     (tmp_path / 'b.bag').write_bytes(b'#ROSBAG V1.2\n')
     with pytest.raises(BagError, match='not a bag of ROS 1, version 2.0'):
         read_joint_states(tmp_path / 'b.bag')
@@ -108,5 +108,5 @@ def test_a_bomb_ends_in_one_error(tmp_path: Path) -> None:
     assert len(bomb) < second - first
     # Its length stays: what follows the stream's end is ignored.
     bag.write_bytes(data[:first] + bomb + data[first + len(bomb) :])
-    with pytest.raises(BagError, match='takes more memory to read than its size allows'):
+    with pytest.raises(BagError, match='takes more memory than the limit for its size'):
         read_joint_states(bag)

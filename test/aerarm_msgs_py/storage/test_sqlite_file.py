@@ -47,7 +47,7 @@ def test_reads_other_storages(tmp_path: Path, recording, storage, mode) -> None:
     assert topics(directory)['/motor_states'].lost is None
 
 
-def test_says_what_is_wrong(tmp_path: Path, recording) -> None:
+def test_wrong_topics_and_files_raise_errors_with_the_reason(tmp_path: Path, recording) -> None:
     directory = write(tmp_path / 'bag', recording.messages(5), StoragePlugin.SQLITE3)
     with pytest.raises(BagError, match='no topic /imu: choose one of /joint_states'):
         read_joint_states(directory, '/imu')
@@ -93,7 +93,7 @@ def test_tables_that_compute_end_in_one_error(database: Path, computed: str) -> 
             '(SELECT 1 UNION ALL SELECT k + 1 FROM r LIMIT 100000) SELECT 1, k FROM r'
         )
     connection.close()
-    with pytest.raises(BagError, match='more (memory|time) to read than|more than 100 times its'):
+    with pytest.raises(BagError, match='more (memory|time) than the limit|more than 100 times its'):
         read_joint_states(database)
 
 
@@ -106,7 +106,7 @@ def test_names_that_compute_end_in_one_error(database: Path) -> None:
         )
         connection.execute('INSERT INTO topics (type) VALUES (1)')
     connection.close()
-    with pytest.raises(BagError, match='cannot be read|more memory to read than'):
+    with pytest.raises(BagError, match='cannot be read|more memory than the limit'):
         read_joint_states(database)
 
 
@@ -121,7 +121,7 @@ def test_topics_have_a_number_and_a_length(database: Path) -> None:
         read_joint_states(database)
 
 
-def test_values_of_other_kinds_are_left_out_and_said(database: Path) -> None:
+def test_values_of_other_types_are_ignored_with_a_warning(database: Path) -> None:
     with sqlite3.connect(database) as connection:
         connection.execute("UPDATE messages SET timestamp = 'late' WHERE id = 7")
         connection.execute('UPDATE messages SET data = 3.5 WHERE id = 9')

@@ -24,13 +24,15 @@ def trust(predicted: float, measured: float, noise: float, frequency: float = 0.
 
 
 @pytest.mark.parametrize('noise', [0.0, 1.0])
-def test_a_small_prediction_that_explains_nothing_is_let_go(noise: float) -> None:
+def test_a_small_prediction_that_explains_nothing_loses_its_weight(noise: float) -> None:
     """Too small a mass in the drone file, a heavy drone, slow motion: the arm's model is wrong."""
     assert trust(0.24, 0.02, noise).max() < 0.35
 
 
 @pytest.mark.parametrize(('predicted', 'expected'), [(0.0, 1.0), (0.24, 1.0), (0.2, 1.2)])
-def test_what_is_right_or_tells_nothing_is_believed(predicted: float, expected: float) -> None:
+def test_a_correct_or_uninformative_prediction_keeps_its_weight(
+    predicted: float, expected: float
+) -> None:
     measured = 0.24 if predicted else 0.0
     np.testing.assert_allclose(trust(predicted, measured, 0.0), expected, atol=0.06)
 

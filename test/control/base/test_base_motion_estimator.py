@@ -48,7 +48,7 @@ def test_acceleration_is_moved_from_the_imu_to_the_base() -> None:
     np.testing.assert_allclose(motion.specific_force, [0.0, 0.0, 9.81], atol=1e-3)
 
 
-def test_without_attitude_gravity_is_what_is_felt() -> None:
+def test_without_attitude_gravity_follows_from_the_specific_force() -> None:
     estimator = BaseMotionEstimator(GRAVITY, 'full')
     estimator.offer(sample(0.0, attitude=None, force=[1.0, 0.0, 9.7]), 0.0)
     np.testing.assert_allclose(estimator.motion(0.0).gravity, [-1.0, 0.0, -9.7])
@@ -112,7 +112,7 @@ class Swing:
 
 
 @pytest.mark.parametrize('position', [(0.0, 0.0, 0.0), (0.05, 0.1, 0.15)])
-def test_what_a_swinging_drone_does_is_known_without_lag(position) -> None:
+def test_the_motion_of_a_swinging_drone_is_estimated_without_lag(position) -> None:
     swing, ahead, errors = Swing(position), 0.003, []
     mount = Mount(np.eye(3), np.array(position))
     estimator = BaseMotionEstimator(GRAVITY, 'full', mount)
@@ -128,7 +128,7 @@ def test_what_a_swinging_drone_does_is_known_without_lag(position) -> None:
     assert force.max() < 0.4 * 0.019 + spin.max() * np.linalg.norm(position)
 
 
-def test_a_gap_makes_no_more_of_the_noise_than_the_samples_do() -> None:
+def test_a_gap_does_not_amplify_the_noise() -> None:
     random, estimator = np.random.default_rng(0), BaseMotionEstimator(GRAVITY, 'full')
     fresh, old = [], []
     for time in np.arange(0.0, 4.0, 0.004):

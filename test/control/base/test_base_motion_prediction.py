@@ -21,7 +21,7 @@ def motion_at(time: float) -> BaseMotion:
 
 
 @pytest.mark.parametrize('time', [0.0, 0.002, 0.02])
-def test_what_is_constant_in_the_world_turns_against_the_base(time: float) -> None:
+def test_vectors_constant_in_the_world_rotate_against_the_base(time: float) -> None:
     predicted = BaseMotionPrediction(motion_at(0.0), RATE).after(time)
     error = (np.linalg.norm(RATE) * time) ** 3 * 10.0
     for now, then in zip(predicted, motion_at(time), strict=True):

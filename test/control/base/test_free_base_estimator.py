@@ -51,7 +51,7 @@ def test_nothing_wrong_at_once_makes_it_worse_than_ignoring_the_base() -> None:
     assert rms(fly(drone, 'fast', 'free', LENGTH, alone), SETTLED) < 1.02 * ignored
 
 
-def test_what_is_observed_and_compensated_on_a_free_base_is_not_its_motion() -> None:
+def test_compensation_of_a_payload_on_a_free_base_does_not_include_base_motion() -> None:
     """The model has a wrong payload of 0.3 kg, which the observer detects under any drone."""
 
     def law(dynamics: MovingBaseDynamics) -> GravityCompensation:
@@ -174,7 +174,7 @@ def test_commands_that_come_back_otherwise_act_through_the_rotors_lag() -> None:
     assert steps[1] < 1.01 * steps[0]
 
 
-def test_what_the_imu_says_while_nobody_controls_takes_no_memory() -> None:
+def test_imu_samples_take_no_memory_while_the_arm_is_not_controlled() -> None:
     hover = Hover()
     hover.run(2.0)
     tracemalloc.start()
@@ -226,7 +226,7 @@ def test_commands_that_repeat_or_do_not_lift_the_drone_are_not_used() -> None:
     np.testing.assert_allclose(hover.torques[-1], hover.dynamics.gravity(LEANING), atol=0.05)
 
 
-def test_the_imu_corrects_a_drone_file_that_says_too_much_mass() -> None:
+def test_the_imu_corrects_too_large_a_mass_in_the_drone_file() -> None:
     hover = Hover()
     heavy = hover.drone.with_errors(1.2, 1.2)
     hover.estimator = make_estimator('free', heavy, hover.robot)

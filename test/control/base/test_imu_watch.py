@@ -79,7 +79,7 @@ def test_a_jump_that_stays_is_refused_until_it_is_forgotten(change: dict, said: 
     assert set(flight.run(1.5)[-100:]) == {''}
 
 
-def test_what_is_forgotten_may_be_another_flight_but_no_other_turn() -> None:
+def test_after_a_reset_another_acceleration_is_accepted_but_no_other_rotation() -> None:
     flight = TurningImu()
     flight.run(1.0)
     push = np.array([0.0, 30.0, 0.0])

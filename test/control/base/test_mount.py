@@ -55,7 +55,7 @@ def test_sees_the_drones_imu_from_the_arms_base() -> None:
     np.testing.assert_allclose(place, drone.imu.position, atol=1e-12)
 
 
-def test_the_base_accelerates_more_than_the_imu_by_what_turns_it() -> None:
+def test_rotation_accelerates_the_base_more_than_the_imu() -> None:
     rate, spin = np.array([0.4, -1.1, 0.7]), np.array([-3.0, 2.0, 5.0])
     mount = Mount(np.eye(3), np.array([0.03, -0.02, 0.11]))
     lever = -mount.imu_position_in_base

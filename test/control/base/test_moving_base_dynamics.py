@@ -86,7 +86,7 @@ def test_torques_match_the_physics_engine_on_a_base_that_answers(carried, make_f
         np.testing.assert_allclose(bias + carried.inertia_matrix(q, free) @ ddq, engine, atol=1e-9)
 
 
-def test_a_base_whose_answer_is_not_believed_is_moved(carried) -> None:
+def test_with_weight_zero_a_base_moves_as_prescribed(carried) -> None:
     for _, twist, acceleration, (q, dq, ddq) in samples(5):
         base = BaseMotion(np.zeros(3), acceleration[:3], twist[3:], acceleration[3:])
         free = FreeBaseMotion(base, np.ones(6), np.zeros(6))
@@ -98,7 +98,7 @@ def test_a_base_whose_answer_is_not_believed_is_moved(carried) -> None:
             np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
 
-def test_however_much_an_answer_is_believed_joints_have_inertia(carried) -> None:
+def test_with_any_weight_of_the_response_joints_have_inertia(carried) -> None:
     """The weight of the response is up to 1.3, for a drone modelled as too heavy."""
     random = np.random.default_rng(8)
     still = BaseMotion.still(GRAVITY)
@@ -108,7 +108,7 @@ def test_however_much_an_answer_is_believed_joints_have_inertia(carried) -> None
         assert np.linalg.eigvalsh(matrix + matrix.T)[0] > 0.0
 
 
-def test_what_corrects_an_error_acts_as_on_a_fixed_base(carried) -> None:
+def test_feedback_acts_as_on_a_fixed_base(carried) -> None:
     for _, twist, acceleration, (q, dq, ddq) in samples(6):
         base = BaseMotion(np.zeros(3), acceleration[:3], twist[3:], acceleration[3:])
         free = FreeBaseMotion(base, np.arange(6.0), np.full(6, 0.8))
@@ -120,7 +120,7 @@ def test_what_corrects_an_error_acts_as_on_a_fixed_base(carried) -> None:
         )
 
 
-def test_gravity_is_what_holds_the_arm_while_the_base_answers(carried) -> None:
+def test_gravity_torques_hold_the_arm_on_a_responding_base(carried) -> None:
     zero = np.zeros(4)
     for _, twist, _, (q, _, ddq) in samples(7):
         base = BaseMotion(np.zeros(3), np.zeros(3), twist[3:], np.zeros(3))
@@ -163,7 +163,7 @@ def test_a_negative_rotor_inertia_is_refused(robot) -> None:
         MovingBaseDynamics(robot, -0.01)
 
 
-def test_a_payload_is_felt_by_joints_and_base() -> None:
+def test_a_payload_acts_on_joints_and_base() -> None:
     robot = load_robot()
     payload = np.zeros(10)
     payload[0] = 0.2  # a point at the last joint

@@ -146,7 +146,7 @@ def test_any_lag_is_found_at_any_frequency_of_such_a_loop(frequency: float, lag:
     assert 'of joint 2' in shaken.problem
 
 
-def test_an_oscillation_that_moves_the_base_but_is_small_or_slow_is_none() -> None:
+def test_a_small_or_slow_oscillation_of_the_base_is_not_reported() -> None:
     for frequency, torque in ((30.0, 1.5), (1.5, 6.0)):
         shaken = Shaken()
         shaken.run(2.0, frequency, 0.0, torque)
@@ -154,7 +154,9 @@ def test_an_oscillation_that_moves_the_base_but_is_small_or_slow_is_none() -> No
 
 
 @pytest.mark.parametrize('attitude', [True, False])
-def test_it_falls_back_to_the_attitude_without_a_step_and_stays(attitude: bool) -> None:
+def test_after_an_oscillation_the_controller_changes_to_attitude_without_a_step(
+    attitude: bool,
+) -> None:
     shaken = Shaken(attitude)
     before = [*shaken.run(0.05, 25.0)]
     while not shaken.problem:

@@ -25,6 +25,6 @@ def test_one_value_counts_for_all_joints_and_the_array_is_private() -> None:
         (lambda: positive('width', np.nan), 'width = nan must be positive'),
     ],
 )
-def test_what_is_wrong_is_named(check, message) -> None:
+def test_the_error_names_the_invalid_gain(check, message) -> None:
     with pytest.raises(ValueError, match=message):
         check()

@@ -24,7 +24,7 @@ def test_is_zero_at_rest_and_small_for_velocity_noise() -> None:
     assert np.all(np.abs(torques).max(axis=0) < 0.15 * COULOMB)
 
 
-def test_a_loaded_gear_loses_a_share_of_what_it_passes_on() -> None:
+def test_a_loaded_gear_loses_a_fraction_of_the_transmitted_torque() -> None:
     share = np.array([0.04, 0.02])
     compensation = FrictionCompensation(VISCOUS, COULOMB, load_share=share)
     dq, load = np.array([0.5, -0.5]), np.array([-1.5, 2.0])

@@ -78,7 +78,7 @@ def test_gains_must_be_one_a_joint(dynamics) -> None:
         ComputedTorque(dynamics, [1.0, 1.0, 1.0], KD)
 
 
-def test_what_is_known_to_be_late_costs_no_error(dynamics, frictionless_bench) -> None:
+def test_known_delays_are_compensated(dynamics, frictionless_bench) -> None:
     """A torque acts one cycle later for one cycle; velocities pass a low-pass."""
     delay, lag = 1.5 * CYCLE, 1.59e-3
     errors = []

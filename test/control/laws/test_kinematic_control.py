@@ -115,7 +115,7 @@ def test_limits_are_never_passed(make_resolution, limits) -> None:
         assert np.abs(np.diff(rows, axis=0)).max() <= CYCLE * limits.velocity_max.max() + 1e-9
 
 
-def test_other_joints_take_over_from_one_at_its_limit(make_resolution, limits) -> None:
+def test_other_joints_move_the_tool_if_one_is_at_its_limit(make_resolution, limits) -> None:
     resolution = make_resolution(rest_gain=0.0, margin=0.02)
     # Joint 3, not 4: only joint 4 changes the tool's distance from joint 2.
     q = np.array([0.3, 1.1, limits.position_max[2] - 0.02, 0.9])
@@ -148,7 +148,7 @@ def test_the_singular_wrist_is_controlled_with_bounded_velocities(make_resolutio
     assert np.linalg.norm(goal - end) < np.linalg.norm(goal - start)
 
 
-def test_what_the_tool_leaves_free_goes_down_an_objective(make_resolution, robot) -> None:
+def test_the_null_space_motion_decreases_the_objective(make_resolution, robot) -> None:
     """The loss of holding the weight falls to the least one at this place."""
     loss = HoldingLoss(EnergyModel(load_arm_config(), robot))
     resolution = make_resolution(rest_gain=0.0, slope=loss.gradient, slope_gain=1.0)

@@ -9,14 +9,14 @@ NAMES = ('joint1', 'joint2', 'joint3', 'joint4')
 OWN = FollowerTolerances.uniform(4, path=0.3, goal=0.01, goal_time=1.0)
 
 
-def test_what_is_not_given_is_the_follower_s_own() -> None:
+def test_missing_tolerances_are_those_of_the_follower() -> None:
     used = resolve_tolerances(OWN, NAMES, [('joint2', 0.0)], [], 0.0)
     np.testing.assert_array_equal(used.path, OWN.path)
     np.testing.assert_array_equal(used.goal, OWN.goal)
     assert used.goal_time == OWN.goal_time
 
 
-def test_each_joint_has_its_own_and_minus_one_is_none() -> None:
+def test_each_joint_has_its_own_tolerance_and_minus_one_disables_it() -> None:
     used = resolve_tolerances(
         OWN, NAMES, [('joint3', 0.1)], [('joint1', -1.0), ('joint4', 0.5)], -1.0
     )
@@ -36,6 +36,6 @@ def test_each_joint_has_its_own_and_minus_one_is_none() -> None:
         {'goal_time': -2.0},
     ],
 )
-def test_what_is_no_tolerance_is_refused(given: dict) -> None:
+def test_invalid_tolerances_are_rejected(given: dict) -> None:
     with pytest.raises(RejectedInputError, match='joint1|elbow|goal_time'):
         resolve_tolerances(OWN, NAMES, **given)

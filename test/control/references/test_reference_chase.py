@@ -90,7 +90,7 @@ def test_a_position_limit_is_not_passed() -> None:
     assert max(reached) <= end
 
 
-def test_the_forecast_is_what_follows() -> None:
+def test_the_forecast_equals_the_later_references() -> None:
     found, times = chase(), 0.02 * np.arange(6)
     for time in CYCLE * np.arange(400):
         found.update(sines(time, 0.5, 1.0), CYCLE, is_limited=True)

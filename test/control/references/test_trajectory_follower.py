@@ -66,7 +66,7 @@ def test_executes_a_trajectory_in_time_and_holds(follower, limits) -> None:
 
 
 @pytest.mark.parametrize('delay', [0.3, -0.2])
-def test_a_trajectory_starts_when_it_says(follower, limits, delay) -> None:
+def test_a_trajectory_starts_at_its_stamp(follower, limits, delay) -> None:
     slow = JointTrajectory(limits, NAMES, [0.0, 2.0], [HOME, AWAY])
     expected = slow.path(HOME, 'quintic')
     follower.follow(slow, 0.0, start=delay)
@@ -133,7 +133,7 @@ def test_an_arm_that_lags_stops_the_motion_where_it_is(follower, limits) -> None
     np.testing.assert_allclose(rows[-1].q, HOME)
 
 
-def test_a_missed_goal_is_said(follower, limits) -> None:
+def test_a_missed_goal_is_reported(follower, limits) -> None:
     follower.go_to(AWAY, 0.0)
     play(follower, 4.0, lag=0.02)
     assert follower.outcome.startswith('goal missed: joint1 0.02')
@@ -159,7 +159,7 @@ def test_an_unknown_interpolation_is_refused(limits) -> None:
         TrajectoryFollower(limits, FollowerTolerances.uniform(4), 'linear')
 
 
-def test_what_it_says_of_the_next_moments_is_what_it_does(follower) -> None:
+def test_the_forecast_equals_the_later_references(follower) -> None:
     follower.go_to(AWAY, 0.0)
     play(follower, 0.3)
     follower.go_to(HOME, 0.3)  # a blend is under way, and ends meanwhile

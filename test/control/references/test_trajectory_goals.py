@@ -167,7 +167,7 @@ def test_cancelling_brakes_and_holds(arm: FollowingArm) -> None:
     assert len(arm.ended) == 1
 
 
-def test_a_new_goal_takes_the_place_of_the_old_one_without_a_step(arm: FollowingArm) -> None:
+def test_a_new_goal_replaces_the_old_one_without_a_step(arm: FollowingArm) -> None:
     arm.start('a')
     arm.run(0.5)
     before = arm.follower.reference
@@ -180,7 +180,7 @@ def test_a_new_goal_takes_the_place_of_the_old_one_without_a_step(arm: Following
     assert arm.ended[1][1].state == SUCCEEDED
 
 
-def test_a_goal_that_cannot_start_leaves_the_one_under_way_alone(arm: FollowingArm) -> None:
+def test_a_rejected_goal_does_not_change_the_active_goal(arm: FollowingArm) -> None:
     arm.start('a')
     arm.run(0.5)
     with pytest.raises(RejectedInputError):

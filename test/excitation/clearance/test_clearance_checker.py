@@ -77,7 +77,7 @@ def test_margin_gradient_by_finite_differences(clearance: ClearanceChecker, robo
         np.testing.assert_allclose(clearance.margin_gradient(q), numeric, atol=1e-2)
 
 
-def test_links_built_close_together_keep_what_they_can(
+def test_links_that_are_close_by_construction_have_a_reduced_clearance(
     example_urdf: Callable[[str], Path],
 ) -> None:
     fingers = ('panda_finger_joint1', 'panda_finger_joint2')

@@ -22,7 +22,7 @@ def required(checker: ClearanceChecker, *links: str) -> set[float]:
     }
 
 
-def test_what_no_motion_brings_nearer_is_named(robot: Robot) -> None:
+def test_pairs_with_a_constant_distance_are_named(robot: Robot) -> None:
     checker = ClearanceChecker(robot, ground_height=-0.01)
     assert checker.notes == (
         'base_link to link1: 0.003 m apart in every posture, not checked',

@@ -83,7 +83,7 @@ def test_scaled_condition_number_ignores_units(space, stacked) -> None:
     )
 
 
-def test_information_is_what_least_squares_leaves_uncertain(space, stacked) -> None:
+def test_the_information_matrix_predicts_the_scatter_of_least_squares(space, stacked) -> None:
     """Monte Carlo: the scatter of least-squares estimates is the Cramer-Rao bound."""
     generator = np.random.default_rng(1)
     weighted = (stacked / NOISE[:, np.newaxis]).reshape(-1, stacked.shape[2])

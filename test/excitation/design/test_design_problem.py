@@ -32,7 +32,7 @@ def test_gradient_and_jacobian_by_central_differences(
     np.testing.assert_allclose(problem.jacobian(x) @ direction, numeric, atol=2e-2)
 
 
-def test_what_the_constraints_allow_keeps_the_limits(
+def test_feasible_coefficients_respect_the_limits(
     problem: DesignProblem, designer: TrajectoryDesigner, candidates: RandomTrajectory
 ) -> None:
     generator = np.random.default_rng(4)

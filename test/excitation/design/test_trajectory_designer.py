@@ -105,7 +105,7 @@ def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDe
     assert stopped.remark == 'nothing better than the random start'
 
 
-def test_deviations_are_told_as_a_ratio() -> None:
+def test_standard_deviations_are_reported_as_a_ratio() -> None:
     better, worse = Quality(0.0, 20.0, 5.0, -3.7), Quality(0.0, 50.0, 9.0, -3.0)
     assert (
         better.compared_with(worse, 'random')
@@ -118,7 +118,7 @@ def test_deviations_are_told_as_a_ratio() -> None:
     assert worse.compared_with(worse, 'random') == 'standard deviations equal to those of random'
 
 
-def test_a_stop_before_anything_is_feasible_says_so(designer: TrajectoryDesigner) -> None:
+def test_a_stop_before_a_feasible_trajectory_raises_an_error(designer: TrajectoryDesigner) -> None:
     with pytest.raises(DesignStoppedError, match='stopped before a feasible'):
         designer.design(0, lambda: True)
 
@@ -179,7 +179,7 @@ def test_wrong_specifications_are_refused(setup: ExcitationSetup, change: dict) 
         DesignSpecification(setup, **change)
 
 
-def test_what_is_gained_in_one_must_not_cost_the_other(
+def test_a_better_condition_number_must_not_increase_the_deviations(
     designer: TrajectoryDesigner, designed: DesignResult
 ) -> None:
     """The objective alone would trade a lower condition number for larger deviations."""

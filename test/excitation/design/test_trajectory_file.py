@@ -30,7 +30,9 @@ def test_round_trip_is_exact(path: Path, trajectory: FourierTrajectory) -> None:
         np.testing.assert_array_equal(getattr(loaded.trajectory, field), getattr(trajectory, field))
 
 
-def test_the_file_says_how_many_periods(tmp_path: Path, trajectory: FourierTrajectory) -> None:
+def test_the_file_contains_the_number_of_periods(
+    tmp_path: Path, trajectory: FourierTrajectory
+) -> None:
     path = tmp_path / 'three.yaml'
     TrajectoryFile(trajectory, NAMES, periods=3).save(path)
     assert TrajectoryFile.load(path).periods == 3
@@ -71,7 +73,7 @@ def test_margins_can_be_written(
         ('joints:', 'joints: [', 'not valid YAML'),
     ],
 )
-def test_what_is_wrong_is_named(path: Path, old: str, new: str, message: str) -> None:
+def test_the_error_names_the_invalid_entry(path: Path, old: str, new: str, message: str) -> None:
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))

@@ -32,7 +32,7 @@ def test_a_period_only_dissipates(
     assert work == pytest.approx(friction, rel=1e-3)
 
 
-def test_a_loaded_gear_takes_a_share_of_its_load_more(robot: Robot) -> None:
+def test_a_loaded_gear_needs_a_fraction_of_its_load_in_addition(robot: Robot) -> None:
     q, slow = np.zeros((2, 4)), np.array([1e-3, -1e-3])[:, np.newaxis] * np.ones(4)
     plain = EffortModel(robot).effort(q, slow, q)
     more = EffortModel(robot, load_friction=[0.0, 0.04, 0.0, 0.0]).effort(q, slow, q) - plain
@@ -41,7 +41,7 @@ def test_a_loaded_gear_takes_a_share_of_its_load_more(robot: Robot) -> None:
     assert (more[:, [0, 2, 3]] == 0.0).all()
 
 
-def test_what_turns_the_rotors_loads_no_gear(robot: Robot) -> None:
+def test_the_torque_of_the_rotors_does_not_load_the_gears(robot: Robot) -> None:
     q, dq, ddq = np.full((3, 1, 4), 0.3)
     light, heavy = (
         EffortModel(robot, rotors, load_friction=0.1).effort(q, dq, ddq)

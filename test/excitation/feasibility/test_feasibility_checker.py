@@ -57,7 +57,7 @@ def test_every_kind_of_limit_is_reported(
         ('current', 'motor current'),
     ],
 )
-def test_a_limit_just_below_what_is_reached_binds(
+def test_a_limit_just_below_the_reached_value_is_violated(
     checker: FeasibilityChecker, trajectory: FourierTrajectory, field: str, limit: str
 ) -> None:
     wide = checker.check_trajectory(trajectory, RAMP)

@@ -60,7 +60,7 @@ def test_accepted_trajectories_are_safe_in_mujoco(
     assert close > 5
 
 
-def test_both_engines_see_what_only_link_1_can_hit(
+def test_both_engines_detect_collisions_of_link_1(
     robot, arm: ArmConfig, config: ExcitationConfig
 ) -> None:
     # Reached by the corners of link 1's fork plate, and by nothing else.

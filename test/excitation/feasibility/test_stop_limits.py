@@ -56,7 +56,7 @@ def test_a_stop_ends_even_where_gravity_takes_more_than_the_limit(
         assert stop.times[-1] < 3.0
 
 
-def test_the_arm_may_rest_wherever_it_is_stopped(setup: ExcitationSetup) -> None:
+def test_the_holding_torque_is_checked_at_every_possible_stop(setup: ExcitationSetup) -> None:
     still = FourierTrajectory(0.1, np.array([0.0, 1.0, 0.0, 0.0]), *np.zeros((2, 4, 1)))
     margins = setup.stops.margins(RampedExcitation(still, 1, 2.0))
     gravity = setup.effort_model.effort(still.q0[np.newaxis], *np.zeros((2, 1, 4)))[0]

@@ -31,7 +31,7 @@ def test_every_speed_is_measured_both_ways_at_constant_velocity() -> None:
             np.testing.assert_allclose(moving, measurement.speed, atol=1e-12)
 
 
-def test_it_keeps_the_limits_and_ends_where_it_began() -> None:
+def test_the_motion_respects_the_limits_and_ends_at_its_start() -> None:
     bench = motion()
     bench.require_feasible(FeasibilityChecker(LIMITS))
     end = bench.sequence.evaluate(bench.sequence.duration)
@@ -39,7 +39,7 @@ def test_it_keeps_the_limits_and_ends_where_it_began() -> None:
     np.testing.assert_allclose(end.dq, 0.0, atol=1e-9)
 
 
-def test_acceleration_runs_use_their_share_of_the_limits() -> None:
+def test_acceleration_runs_use_the_given_fraction_of_the_limits() -> None:
     bench = motion(joints=[3])
     (run,) = [m for m in bench.measurements if m.speed is None]
     states = bench.sequence.evaluate(np.arange(run.start, run.end, 1e-3))
@@ -101,7 +101,7 @@ def test_a_broken_limit_is_named() -> None:
 
 
 @pytest.mark.parametrize('mounted', [True, False])
-def test_it_keeps_the_limits_of_the_arm(setup: ExcitationSetup, mounted: bool) -> None:
+def test_the_motion_respects_the_limits_of_the_arm(setup: ExcitationSetup, mounted: bool) -> None:
     motion().require_feasible(bench_checker(setup, mounted))
 
 

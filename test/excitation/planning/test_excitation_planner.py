@@ -58,7 +58,7 @@ def test_the_whole_plan_keeps_the_limits(
     assert transfer_checker.check(plan).feasible
 
 
-def test_a_blocked_straight_way_is_gone_around(
+def test_the_transfer_avoids_a_collision_on_the_straight_path(
     planner: ExcitationPlanner,
     trajectory: FourierTrajectory,
     transfer_checker: FeasibilityChecker,

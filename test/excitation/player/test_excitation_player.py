@@ -45,7 +45,7 @@ def test_an_ideal_arm_ends_where_the_motion_ends(motion: MotionSequence) -> None
     np.testing.assert_allclose(command.dq, 0.0, atol=1e-9)
 
 
-def test_before_the_motion_the_arm_is_told_to_stay_where_it_starts(motion: MotionSequence) -> None:
+def test_before_the_motion_commands_hold_the_arm_at_its_start(motion: MotionSequence) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(1.0), STOPS)
     beside = motion.evaluate(0.0).q + 0.01
     for _ in range(2):
@@ -99,7 +99,7 @@ def test_a_stop_comes_to_rest_on_the_path_without_a_jump(motion: MotionSequence)
     assert len(velocity) - hardest < 200  # cycles
 
 
-def test_a_blocked_arm_is_given_up_with_the_joint_named(motion: MotionSequence) -> None:
+def test_a_blocked_arm_ends_the_motion_and_names_the_joint(motion: MotionSequence) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(1.0), STOPS, tracking_limit=0.2)
     for _ in play(player, motion.evaluate(0.0).q, blocked=True):
         pass
@@ -145,7 +145,7 @@ def test_feed_forward_commands_all_three(motion: MotionSequence, setup: Excitati
     )
 
 
-def test_what_it_says_of_the_next_moments_is_what_it_commands(motion: MotionSequence) -> None:
+def test_the_forecast_equals_the_later_commands(motion: MotionSequence) -> None:
     player = ExcitationPlayer(motion, VelocityLaw(0.0), STOPS)
     times = np.linspace(0.0, 0.1, 6)
     assert player.ahead(times) is None

@@ -21,7 +21,7 @@ def test_without_gain_it_is_the_thesis_pure_velocity_command() -> None:
     np.testing.assert_array_equal(command.dq, REFERENCE.dq)
 
 
-def test_the_correction_never_asks_for_more_than_the_velocity_limit() -> None:
+def test_the_corrected_velocity_never_exceeds_the_limit() -> None:
     limit = np.full(4, 2.5)
     far = REFERENCE.q - np.array([3.0, -3.0, 3.0, 0.0])
     command = VelocityLaw(20.0, limit).command(REFERENCE, far)

@@ -16,7 +16,7 @@ def test_arm_and_urdf_agree(arm: ArmConfig, robot: Robot) -> None:
     assert np.isinf(urdf.current).all()
 
 
-def test_a_share_narrows_every_limit_about_the_middle(arm: ArmConfig) -> None:
+def test_usable_fractions_narrow_every_limit_about_the_middle(arm: ArmConfig) -> None:
     whole = MotionLimits.of_arm(arm)
     part = whole.scaled(0.9, 0.5, 0.8)
     np.testing.assert_allclose(
@@ -40,6 +40,6 @@ def test_contradictory_limits_name_the_joint() -> None:
 
 
 @pytest.mark.parametrize('share', [0.0, 1.1, float('nan')])
-def test_shares_lie_in_0_1(arm: ArmConfig, share: float) -> None:
+def test_usable_fractions_must_lie_in_0_1(arm: ArmConfig, share: float) -> None:
     with pytest.raises(ExcitationError, match='fraction of velocity'):
         MotionLimits.of_arm(arm).scaled(1.0, share, 1.0)

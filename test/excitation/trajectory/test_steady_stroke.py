@@ -33,6 +33,6 @@ def test_scalar_time_and_the_ends_hold() -> None:
     np.testing.assert_array_equal(stroke.evaluate(99.0).dq, 0.0)
 
 
-def test_a_way_too_short_for_its_ramps_is_refused() -> None:
+def test_a_stroke_too_short_for_its_ramps_is_rejected() -> None:
     with pytest.raises(ExcitationError, match=r'too short for 2 rad/s'):
         SteadyStroke(START, 0, 0.5, 2.0, 4.0)

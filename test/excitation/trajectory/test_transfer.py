@@ -18,7 +18,7 @@ def test_goes_from_rest_to_rest() -> None:
 
 
 @pytest.mark.parametrize('travel', [0.05, 0.7, 3.0])
-def test_reaches_the_allowed_peaks_and_no_more(travel: float) -> None:
+def test_the_peaks_reach_the_limits_exactly(travel: float) -> None:
     start, end = np.zeros(2), np.array([travel, -0.3 * travel])
     velocity, acceleration = np.array([1.0, 0.8]), np.array([2.0, 3.0])
     duration = rest_to_rest_duration(end - start, velocity, acceleration, minimum=0.01)

@@ -130,7 +130,7 @@ def test_switching_off_is_a_frame_of_its_own(links, wire, references):
     assert not any(motor.enabled for board in wire.boards for motor in board.motors)
 
 
-def test_the_time_between_answers_is_at_most_what_the_host_was_held_up(links, wire, references):
+def test_the_interval_between_answers_is_bounded_by_the_host_delay(links, wire, references):
     link = links[0]
     talk(links, wire, references, 3)
     assert link.fresh
@@ -144,13 +144,13 @@ def test_the_time_between_answers_is_at_most_what_the_host_was_held_up(links, wi
     assert link.interval == pytest.approx(5e-3)
 
 
-def test_a_board_that_heard_nothing_for_its_time_out_is_not_driven_again(links, wire, references):
+def test_a_board_that_timed_out_is_not_driven_again(links, wire, references):
     drive(links, wire, references)
     link = links[0]
     wire.boards[0].faults.mute = True
     talk(links, wire, references, 20, enable=True)
     assert link.may_be_damped
-    assert link.is_damped_unheard
+    assert link.is_damped_without_answer
     wire.trouble = 'the bus is gone'  # so nothing left for it
     wire.wait(2.0 * SETTINGS.board_timeout)
     talk(links, wire, references, 1, enable=True)
@@ -161,7 +161,7 @@ def test_a_board_that_heard_nothing_for_its_time_out_is_not_driven_again(links, 
     assert link.may_be_damped
 
 
-def test_an_answer_of_a_board_that_was_off_says_so_once(links, wire, references):
+def test_a_restart_of_a_board_is_detected_once(links, wire, references):
     drive(links, wire, references)
     wire.wait(0.2)
     talk(links, wire, references, 1, enable=True)
@@ -182,7 +182,7 @@ def test_before_the_first_answer_nothing_is_known(links):
         assert link.interval == link.interval_max == math.inf
 
 
-def test_every_frame_has_its_number_and_what_ends_a_motion(config, links, wire, references):
+def test_every_frame_has_an_index_and_a_time_out(config, links, wire, references):
     drive(links, wire, references)
     talk(links, wire, references, 2)
     for board, link in enumerate(links):

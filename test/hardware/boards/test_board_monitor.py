@@ -39,7 +39,7 @@ class Wire:
         return self
 
 
-def test_the_way_to_running_and_back():
+def test_a_board_passes_through_all_modes_to_running_and_back():
     wire = Wire()
     assert wire.monitor.mode is BoardMode.DISCONNECTED
     assert wire.good(4) is BoardMode.DISCONNECTED
@@ -61,7 +61,7 @@ def test_channels_without_a_motor_are_not_waited_for():
     assert wire.good(enable=True, system_enabled=True, **changes) is BoardMode.READY
 
 
-def test_connected_is_who_answers_well_several_times_in_a_row():
+def test_a_board_is_connected_after_several_consecutive_good_answers():
     wire = Wire()
     wire.good(4)
     wire.bad()
@@ -96,7 +96,7 @@ def test_too_many_bad_frames_are_a_fault_that_stays():
     assert wire.good(enable=True) is BoardMode.READY
 
 
-def test_what_the_bus_reports_is_in_the_text():
+def test_the_fault_text_contains_the_bus_error():
     wire = Wire().ready()
     problem = '/dev/spidev0.0 reports: Input/output error'
     wire.bad(10, problem=problem)
@@ -104,7 +104,7 @@ def test_what_the_bus_reports_is_in_the_text():
     assert wire.monitor.problem == problem
 
 
-def test_before_anything_is_known_of_a_board_it_is_said_what_to_check():
+def test_before_the_first_answer_the_problem_states_what_to_check():
     wire = Wire()
     assert wire.monitor.problem == 'check supply, wires and SPI mode'
     wire.bad(problem='/dev/spidev0.0 is gone')
@@ -113,7 +113,7 @@ def test_before_anything_is_known_of_a_board_it_is_said_what_to_check():
     assert wire.monitor.mode is BoardMode.DISCONNECTED
 
 
-def test_time_in_which_nothing_was_asked_is_no_silence():
+def test_time_without_exchanges_does_not_count_as_silence():
     wire = Wire().ready()
     for _ in range(20):
         wire.now += 0.25
@@ -213,7 +213,7 @@ def test_frozen_data_is_a_fault():
     )
 
 
-def test_frozen_is_what_ten_answers_in_a_row_and_their_age_say():
+def test_data_is_frozen_after_ten_identical_answers_of_a_certain_age():
     wire = Wire()
     wire.good(5)
     wire.now += 1.0  # old by the tenth
@@ -248,7 +248,7 @@ def test_slow_exchanges_are_counted_and_many_in_a_row_are_a_fault():
     assert monitor.mode is not BoardMode.FAULT
 
 
-def test_of_slow_exchanges_it_is_said_how_slow_and_what_to_check():
+def test_the_fault_of_slow_exchanges_states_duration_and_remedy():
     monitor = Wire(settings=BridgeSettings(exchange_time_max=0.05, slow_exchanges_max=1)).monitor
     monitor.slow(0.05)
     assert monitor.slow_exchanges == 0

@@ -64,7 +64,7 @@ def test_lost_commands_in_a_row_are_a_cut_wire():
     assert not wires.echo.is_cut
 
 
-def test_what_is_lost_both_ways_is_a_bad_frame_and_no_lost_command():
+def test_an_exchange_lost_both_ways_is_a_bad_frame_and_no_lost_command():
     wires = Wires()
     random = np.random.default_rng(1)
     for whole in (random.random(2000) > 0.5).tolist():
@@ -95,7 +95,7 @@ def test_of_commands_lost_between_lost_answers_those_are_counted_that_are_certai
 
 
 @pytest.mark.parametrize('rate', [0.02, 0.2, 0.7])
-def test_the_rate_is_the_share_of_lost_commands(rate):
+def test_the_rate_is_the_fraction_of_lost_commands(rate):
     wires = Wires()
     for whole in (np.random.default_rng(3).random(5000) >= rate).tolist():
         wires.exchange(out=whole)

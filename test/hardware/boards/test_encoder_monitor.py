@@ -75,7 +75,7 @@ def test_pauses_between_two_looks_prove_nothing(monitor):
         assert monitor.check(NONE, np.array(current), FRESH, 8e-3 * cycle) == ''
 
 
-def test_a_short_standstill_is_borne(monitor):
+def test_a_short_standstill_is_tolerated(monitor):
     for cycle in range(1, 400):
         position = np.full(4, 0.002 * (cycle // 40))  # a count every 40 ms
         assert monitor.check(position, np.full(4, 0.3 * cycle), FRESH, cycle * 1e-3) == ''
@@ -126,7 +126,7 @@ def test_a_load_handed_from_the_feedback_to_a_controller_is_no_fault(flying) -> 
         assert flying.check(position, load, FRESH, cycle * 1e-3, commanded) == ''
 
 
-def test_at_first_every_encoder_is_believed(monitor):
+def test_initially_every_encoder_is_trusted(monitor):
     assert monitor.trusted.dtype == bool
     assert monitor.damping_speed.tolist() == [np.inf] * 4
 
@@ -151,7 +151,7 @@ def test_between_two_looks_at_a_jump_its_joint_is_damped_up_to_the_speed_before(
     assert monitor.damping_speed[[0, 2, 3]].tolist() == [np.inf] * 3
 
 
-def test_a_reading_that_was_wrong_once_goes_on_being_damped(monitor):
+def test_after_one_wrong_reading_the_joint_is_still_damped(monitor):
     assert look(monitor, 3.0, 1e-3)[1] == 5.0  # it stood before
     assert look(monitor, 0.0, 2e-3) == ('', np.inf)
     assert monitor.trusted.tolist() == [True, False, True, True]
@@ -174,7 +174,9 @@ def test_a_jump_that_stays_is_confirmed_by_the_second_look(monitor):
     assert look(monitor, 0.0, 4e-3) == ('', np.inf)
 
 
-def test_the_second_look_asks_what_motion_could_have_done_since_before_the_jump(monitor, config):
+def test_the_second_reading_is_compared_with_the_motion_possible_since_before_the_jump(
+    monitor, config
+):
     fastest = 2.0 * config.joints[1].velocity_max / config.joints[1].gear.ratio
     # Too far for a millisecond, not for the four of both looks.
     angle = 3.9e-3 * fastest
@@ -191,7 +193,7 @@ def test_two_looks_at_a_jump_are_not_one_long_one(monitor, config):
     assert look(monitor, angle, 2e-3, 0.2e-3)[1] == 0.0
 
 
-def test_what_a_host_that_was_held_up_sees_is_judged_by_the_longest_time(monitor):
+def test_after_a_host_delay_the_longest_interval_is_assumed(monitor):
     assert look(monitor, 1.0, 1e-3, 20e-3) == ('', np.inf)
     assert look(monitor, 2.0, 2e-3, 1e-3)[0] != ''
 
@@ -228,7 +230,7 @@ def test_standing_counts_the_time_of_the_looks_not_the_longest_that_it_can_have_
     assert faults.index(True) == pytest.approx(50, abs=1)
 
 
-def test_what_moves_on_after_a_doubt_is_not_confirmed(monitor):
+def test_an_encoder_that_moves_again_is_not_confirmed_as_stuck(monitor):
     current = np.array([0.0, 20.0, 0.0, 0.0])
     for cycle in range(1, 80):
         monitor.check(NONE, current, FRESH, cycle * 1e-3)
@@ -240,34 +242,34 @@ def test_what_moves_on_after_a_doubt_is_not_confirmed(monitor):
     assert monitor.lost == []
 
 
-def test_who_moves_on_after_a_doubt_tells_where_it_is_but_is_doubted_until_cleared(monitor):
+def test_an_encoder_that_moves_again_is_reliable_but_suspect_until_cleared(monitor):
     current = np.array([0.0, 20.0, 0.0, 0.0])
     for cycle in range(1, 80):
         monitor.check(NONE, current, FRESH, cycle * 1e-3)
-    assert monitor.tells_position.tolist() == [True, False, True, True]
+    assert monitor.is_position_reliable.tolist() == [True, False, True, True]
     for cycle, moved in enumerate([0.01, 0.04, 0.06], start=80):
         monitor.check(np.array([0.0, moved, 0.0, 0.0]), current, FRESH, cycle * 1e-3)
-        assert monitor.tells_position[1] == (moved > 0.05)
+        assert monitor.is_position_reliable[1] == (moved > 0.05)
     assert not monitor.trusted[1]
     monitor.check(np.array([0.0, 3.06, 0.0, 0.0]), current, FRESH, 83e-3)
-    assert not monitor.tells_position[1]  # a jump says that it is somewhere else
+    assert not monitor.is_position_reliable[1]  # a jump says that it is somewhere else
     monitor.check(np.array([0.0, 3.0, 0.0, 0.0]), current, FRESH, 84e-3)
-    assert not monitor.tells_position[1]
+    assert not monitor.is_position_reliable[1]
     monitor.clear()
-    assert monitor.tells_position.all()
+    assert monitor.is_position_reliable.all()
 
 
-def test_an_encoder_that_jumps_to_and_fro_is_not_believed_the_third_time(monitor):
+def test_an_encoder_that_jumps_back_and_forth_is_not_trusted_the_third_time(monitor):
     speeds = [look(monitor, 3.0 * (cycle % 2), cycle * 1e-3)[1] for cycle in range(1, 8)]
     assert speeds == [5.0, np.inf, 5.0, np.inf, 0.0, 0.0, 0.0]
 
 
-def test_an_encoder_that_was_confirmed_as_stuck_tells_nothing_any_more(monitor):
+def test_a_confirmed_stuck_encoder_is_no_longer_reliable(monitor):
     current = np.array([0.0, 20.0, 0.0, 0.0])
     for cycle in range(1, 120):
         monitor.check(NONE, current, FRESH, cycle * 1e-3)
     monitor.check(np.array([0.0, 0.1, 0.0, 0.0]), current, FRESH, 120e-3)
-    assert not monitor.tells_position[1]
+    assert not monitor.is_position_reliable[1]
 
 
 @pytest.mark.parametrize('joint', range(4))
@@ -288,7 +290,7 @@ def test_dry_friction_and_as_much_again_holds_a_joint_whichever_way(monitor, con
     assert not stands(5.5)
 
 
-def test_the_current_that_braked_a_joint_is_gone_when_it_rests(monitor):
+def test_the_braking_current_of_a_joint_ends_when_it_rests(monitor):
     def rest_after(braking, rest):
         monitor.clear()
         for cycle in range(20):
@@ -355,7 +357,7 @@ def driven(monitor, config, stuck_after=0.05, pause=0.0, noise=0.0, load=lambda 
     return '', np.inf
 
 
-def test_an_encoder_that_sticks_under_a_constant_current_is_found_by_what_it_drives(
+def test_an_encoder_that_sticks_at_constant_current_is_detected_by_the_expected_motion(
     monitor, config
 ):
     text, after = driven(monitor, config)
@@ -364,7 +366,7 @@ def test_an_encoder_that_sticks_under_a_constant_current_is_found_by_what_it_dri
     assert monitor.trusted.tolist() == [True, True, True, False]
 
 
-def test_what_a_sound_encoder_tells_of_the_same_motion_is_believed(monitor, config):
+def test_an_intact_encoder_is_trusted_in_the_same_motion(monitor, config):
     assert driven(monitor, config, stuck_after=0.1)[1] > 0.0
 
 
@@ -373,15 +375,15 @@ def test_a_load_that_the_model_knows_to_change_may_hold_it(monitor, config):
     assert driven(monitor, config, load=lambda time: 30.0 * torque * (time > 0.0505))[0] == ''
 
 
-def test_a_load_that_stays_what_it_is_explains_nothing(monitor, config):
+def test_a_constant_load_does_not_explain_a_standstill(monitor, config):
     torque = CURRENT * config.joints[3].torque_per_ampere
     assert driven(monitor, config, load=lambda time: 30.0 * torque)[1] < 8e-3
 
 
-def test_noise_of_a_braked_joint_may_be_what_holds_it(monitor, config):
+def test_current_noise_of_a_braked_joint_may_hold_it(monitor, config):
     assert driven(monitor, config, noise=20.0 * CURRENT)[0] == ''
 
 
-def test_after_a_pause_a_motor_may_have_come_to_rest_and_starts_anew(monitor, config):
+def test_after_a_pause_the_expected_motion_starts_from_rest(monitor, config):
     # From rest it takes 17 ms to have turned clearly.
     assert 0.02 < driven(monitor, config, pause=8e-3)[1] < 0.035

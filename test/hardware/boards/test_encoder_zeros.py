@@ -62,7 +62,7 @@ def test_zeros_that_are_lost_are_named_with_their_reasons(zeros):
     assert not zeros.are_lost
 
 
-def test_the_rest_posture_is_asked_for_once_the_zeros_are_known(zeros, config):
+def test_homing_requires_the_home_configuration_if_the_zeros_are_known(zeros, config):
     turns = np.array([0.0, 0.32, -0.34, 0.0])
     away = zeros.rest + 2.0 * np.pi * turns
     assert zeros.refusal(away) == ''  # who homes the arm vouches for it
@@ -81,4 +81,4 @@ def test_the_rest_posture_is_asked_for_once_the_zeros_are_known(zeros, config):
     )
     assert (
         'homing assumes that the arm is at its home configuration, joint1 0, joint2 1.571'
-    ) in zeros.vouched()
+    ) in zeros.assumed_home()

@@ -225,7 +225,7 @@ def test_torque_that_brakes_explains_a_stop_and_torque_that_drives_does_not(way:
     assert stands(moving(0.5 * way), 12, current=14.0 * way) is not None
 
 
-def test_what_the_model_says_of_a_load_only_widens_what_it_may_be() -> None:
+def test_the_model_load_only_widens_the_load_range() -> None:
     def found(modelled: float) -> int | None:
         motion = moving(0.05)
         return stands(motion, 200, current=4.0, modelled=modelled)
@@ -235,7 +235,7 @@ def test_what_the_model_says_of_a_load_only_widens_what_it_may_be() -> None:
     assert found(4.0) is found(-4.0) is None
 
 
-def test_a_pause_ends_what_was_known_of_the_speed_but_not_a_standstill() -> None:
+def test_a_pause_discards_the_known_speed_but_not_a_standstill() -> None:
     motion = moving(2.0)
     motion.pause(0.5, 0.01, 0.0)
     assert stands(motion, 100) is None
@@ -248,7 +248,7 @@ def test_a_pause_ends_what_was_known_of_the_speed_but_not_a_standstill() -> None
     assert stands(motion, 3) is not None
 
 
-def test_after_a_pause_the_first_speed_says_nothing_of_the_load() -> None:
+def test_after_a_pause_the_first_speed_does_not_change_the_load_estimate() -> None:
     motion = moving(2.0)
     motion.pause(0.5, 0.01, 0.0)
     motion.update(2.0 / RATIO * CYCLE, CYCLE, 0.0, 0.3, 0.7)

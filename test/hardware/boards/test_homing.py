@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.hardware.boards.homing import Homing, no_room
+from aerarm_ros.hardware.boards.homing import Homing, homing_range_problem
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedEncoder
 from aerarm_ros.model.drive_train import DriveTrain
 
@@ -62,7 +62,7 @@ def test_homing_finds_the_joints_angles(make_rig, config, offset, pulses):
     assert rig.speed < 5e-3
 
 
-def test_a_pulse_met_while_the_host_is_held_up_is_searched_again(make_rig, config):
+def test_a_pulse_during_a_host_delay_is_searched_again(make_rig, config):
     q = np.array(config.rest_position) + [0.03, -0.05, 0.05, -0.02]
     rig = homing(make_rig(seed=4, position=q, homed=False))
     toggles = rig.bridge.state.index_toggle.copy()
@@ -106,7 +106,7 @@ def test_without_an_index_pulse_it_ends_in_a_fault(make_rig, config):
     assert np.abs(rig.plant.velocity[[0, 2]]).max() < 0.01
 
 
-def test_it_starts_from_no_arm_that_is_stopped_aligning_or_unheard(make_rig):
+def test_homing_is_rejected_while_stopped_aligning_or_without_answers(make_rig):
     rig = make_rig()
     assert 'no answer from board0' in rig.bridge.home().message
     rig.enable()
@@ -163,7 +163,7 @@ def test_a_homed_arm_is_homed_again_only_where_it_rests(make_rig):
     assert rig.bridge.home().accepted
 
 
-def test_homing_that_was_broken_off_leaves_no_angle_to_be_believed(make_rig):
+def test_after_interrupted_homing_no_joint_angle_is_known(make_rig):
     rig = make_rig()
     rig.run(0.02)
     assert rig.bridge.home().accepted
@@ -175,7 +175,7 @@ def test_homing_that_was_broken_off_leaves_no_angle_to_be_believed(make_rig):
     assert rig.bridge.home().accepted
 
 
-def test_after_a_restart_that_nobody_saw_an_arm_is_not_enabled_but_homed(make_rig, config):
+def test_after_an_unobserved_board_restart_the_arm_must_be_homed(make_rig, config):
     q = np.array(config.rest_position) + [0.0, 0.0, 1.0, 0.0]
     rig = make_rig(position=q)
     rig.run(0.2)
@@ -319,10 +319,10 @@ def with_joint(config, number, **changes):
     return replace(config, joints=tuple(joints))
 
 
-def test_a_joint_whose_home_is_near_a_limit_turns_the_other_way_only(config, turn):
+def test_a_joint_homed_near_a_limit_turns_only_away_from_it(config, turn):
     for sign in (1, -1):
         near = with_joint(config, 2, position_min=-0.4 * turn[2], sign=sign)
-        assert not no_room(near)
+        assert not homing_range_problem(near)
         _, error, travels = homed(near, 0.0, 1.0, 1.0)
         assert np.abs(error).max() < 3e-4
         assert travels[:, 2].min() > -2e-3
@@ -359,7 +359,7 @@ def test_an_implausible_pulse_stops_the_arm_whose_zero_is_then_unknown(make_rig,
     assert 'index pulse of joint4 +0.40 motor turns' in rig.bridge.faults[0]
     assert rig.bridge.zeros.are_lost
     assert 'the zero of joint4 is unknown' in rig.bridge.zeros.problem
-    assert "'arm home'" in rig.bridge.way_out(emulated=True)
+    assert "'arm home'" in rig.bridge.recovery_hint(emulated=True)
 
 
 def test_pulses_that_are_commissioned_meanwhile_count_for_the_next_homing(make_rig):

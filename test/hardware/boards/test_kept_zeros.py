@@ -58,7 +58,7 @@ def restarted(rig, kept):
     return rig.bridge
 
 
-def test_a_zero_survives_a_restart_beside_boards_that_stayed_on(make_rig):
+def test_zeros_survive_a_bridge_restart_if_the_boards_stay_on(make_rig):
     rig = homed_elsewhere(make_rig)
     kept = kept_by(rig)
     away(rig, 3.0)
@@ -147,7 +147,7 @@ def test_a_clock_of_16_bits_is_read_across_its_wrap_and_not_beyond_its_period(ma
     rig.boards._now = rig.now
     bridge = restarted(rig, kept)
     assert bridge.mode == 'unhomed'
-    assert f'its clock covers at most {AWAY_MAX:g} s' in bridge.zeros.problem
+    assert f'its clock can show a restart only within {AWAY_MAX:g} s' in bridge.zeros.problem
 
 
 @pytest.mark.parametrize('drift', [4e-4, -4e-4, 3e-2, -3e-2])
@@ -160,7 +160,7 @@ def test_a_clock_may_drift_as_crystals_do(make_rig, drift):
     assert restarted(rig, kept).mode == ('idle' if abs(drift) < 1e-3 else 'unhomed')
 
 
-def test_an_arm_that_sank_while_nobody_watched_is_known_where_it_lies(make_rig):
+def test_the_angles_of_an_arm_that_sank_during_a_bridge_restart_are_known(make_rig):
     rig = homed_elsewhere(make_rig)
     kept = kept_by(rig)
     rig.boards._carried = False

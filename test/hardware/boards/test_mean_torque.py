@@ -13,7 +13,7 @@ PERIOD = 1e-3
 
 
 @pytest.mark.parametrize('speed', [0.4, -0.4])
-def test_measured_torque_is_what_the_motors_give_on_average(speed: float) -> None:
+def test_measured_torque_is_the_mean_motor_torque(speed: float) -> None:
     config = load_arm_config().with_encoders('absolute')
     transport = make_emulated_transport(config, load_robot(), None)
     plant, given = transport.plant, []

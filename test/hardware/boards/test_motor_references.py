@@ -85,7 +85,9 @@ def test_velocity_alone_is_integrated_from_where_the_joint_is(references, drive)
     assert not get(references, 'current').any()
 
 
-def test_integrated_reference_never_asks_for_more_than_the_effort_limit(references, drive, config):
+def test_the_integrated_reference_never_requests_more_than_the_effort_limit(
+    references, drive, config
+):
     for _ in range(2000):
         track(references, command(dq=4.0), Q, DT)
     stiffness = drive.motor_to_joint_gain(config.column('board_kp'))
@@ -102,7 +104,7 @@ def test_integrated_reference_stays_within_position_limits(references, config):
     assert get(references, 'joint_position') == pytest.approx(config.column('position_max'))
 
 
-def test_integration_starts_anew_after_torque_control_or_damping(references):
+def test_integration_restarts_after_torque_control_or_damping(references):
     for _ in range(50):
         track(references, command(dq=1.0), Q, DT)
     track(references, command(tau=0.0), Q, DT)
@@ -169,7 +171,7 @@ def test_a_braked_joint_is_held_where_it_is_with_the_load_that_is_known(referenc
     assert not get(references, 'noise').any()
 
 
-def test_a_braking_torque_too_large_for_a_held_up_host_is_damped_about_the_speed_to_come(
+def test_a_braking_torque_unsafe_during_a_host_delay_is_damped_about_the_predicted_speed(
     references, config
 ):
     barriers = make_barriers(config, q=Q, highest=[5.0] * 4)
@@ -182,7 +184,7 @@ def test_a_braking_torque_too_large_for_a_held_up_host_is_damped_about_the_speed
     assert references.torques(Q, mean) == pytest.approx(5.0)
 
 
-def test_what_passes_a_barrier_is_left_as_it_is(references, config):
+def test_references_within_a_barrier_are_unchanged(references, config):
     track(references, command(q=Q, dq=0.1, tau=1.0), Q, DT)
     before = [get(references, name) for name in ('position', 'velocity', 'current', 'kp', 'kd')]
     assert not references.keep_within(make_barriers(config, q=Q), TRUSTED)
@@ -190,9 +192,7 @@ def test_what_passes_a_barrier_is_left_as_it_is(references, config):
     assert np.array_equal(before, after)
 
 
-def test_a_torque_that_a_held_up_host_may_not_leave_acting_is_damped_in_the_board(
-    references, drive, config
-):
+def test_a_torque_unsafe_during_a_host_delay_is_damped_on_the_board(references, drive, config):
     barriers = make_barriers(config, q=Q)
     for barrier in barriers:
         barrier.inertia, barrier.dq, barrier.filtered = 0.01, 1.0, 0.9
@@ -343,7 +343,7 @@ def test_damping_that_lets_the_arm_fall_is_refused(config):
         MotorReferences(config, load_profile(), 0.5, damping_min=[1.0, 9.0, 0.1, 0.1])
 
 
-def test_damping_is_judged_by_what_the_frame_makes_of_it(config):
+def test_damping_is_checked_after_rounding_to_the_frame(config):
     # One count of 0.3 A s/rad: 0.14 becomes nothing.
     coarse = load_profile().with_lsb('kd', 31.4)
     MotorReferences(replace_kd(config, 0.3), coarse, 0.5, damping_min=0.1)

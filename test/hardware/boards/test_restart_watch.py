@@ -9,7 +9,7 @@ def watch(timestamp: float = 30.0, until_power_cycle: bool = True, **state: obje
     return seen
 
 
-def test_a_clock_that_goes_on_is_that_of_a_board_that_does() -> None:
+def test_a_continuing_clock_means_that_the_board_stayed_on() -> None:
     seen, time = watch(), 30.0
     for step, longest in [(1e-3, 1e-3), (5.0, 5.0), (0.0, 1e-3), (0.01, 3.0), (60.0, 61.0)]:
         time += step
@@ -17,7 +17,7 @@ def test_a_clock_that_goes_on_is_that_of_a_board_that_does() -> None:
         assert not seen.saw(state, longest), (step, longest)
 
 
-def test_a_clock_that_began_anew_is_that_of_a_board_that_was_off() -> None:
+def test_a_restarted_clock_means_that_the_board_was_off() -> None:
     assert watch(30.0).saw(BoardState(timestamp=0.02), 0.02)
     assert watch(0.3).saw(BoardState(timestamp=0.05), 0.5)
     assert watch(64.0).saw(BoardState(timestamp=0.5), 0.5)

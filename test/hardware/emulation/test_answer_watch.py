@@ -6,7 +6,7 @@ MS = 1_000_000
 NOW = 1_000 * MS
 
 
-def test_awaits_nothing_of_who_never_answered() -> None:
+def test_a_controller_that_never_answered_is_not_awaited() -> None:
     assert not AnswerWatch(MS, 0).awaits(NOW)
 
 
@@ -21,7 +21,7 @@ def test_awaits_an_answer_that_is_later_than_the_lag(lag: int) -> None:
 @pytest.mark.parametrize(
     'stamp', [NOW + MS, NOW - MS // 2, NOW - 21 * MS, 0], ids=['future', 'own', 'stale', 'none']
 )
-def test_a_stamp_that_is_none_of_the_last_states_is_no_answer(stamp: int) -> None:
+def test_a_stamp_of_no_recent_state_is_no_answer(stamp: int) -> None:
     watch = AnswerWatch(MS, 0)
     watch.note(NOW, NOW)
     watch.note(stamp, NOW)
@@ -29,7 +29,7 @@ def test_a_stamp_that_is_none_of_the_last_states_is_no_answer(stamp: int) -> Non
     assert not watch.awaits(NOW + 5 * MS)
 
 
-def test_who_is_given_up_is_expected_again_after_its_next_answer_with_more_patience() -> None:
+def test_after_a_time_out_the_next_answer_resumes_waiting_with_a_larger_lag() -> None:
     watch = AnswerWatch(MS, 0)
     watch.note(NOW, NOW)
     watch.give_up()
@@ -52,7 +52,7 @@ def test_a_controller_of_every_tenth_state_is_not_waited_for_in_the_end() -> Non
     assert given_up <= 3
 
 
-def test_forgets_who_commanded() -> None:
+def test_discards_the_previous_controller() -> None:
     watch = AnswerWatch(MS, 2)
     watch.note(NOW, NOW)
     watch.give_up()

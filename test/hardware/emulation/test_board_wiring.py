@@ -44,7 +44,7 @@ def test_the_count_of_joint4_is_that_of_the_wiring(boards, fault, motors):
     assert counted(boards, 3, 0.1) == pytest.approx(expected, abs=0.01)
 
 
-def test_a_count_goes_on_where_it_is_when_the_wiring_changes(boards):
+def test_encoder_counts_continue_when_the_wiring_changes(boards):
     boards.advance(0.0)
     boards.advance(1e-3)
     encoders = [motor.encoder for board in boards.boards for motor in board.motors]
@@ -54,7 +54,7 @@ def test_a_count_goes_on_where_it_is_when_the_wiring_changes(boards):
     assert [encoder.position for encoder in encoders] == pytest.approx(before, abs=0.002)
 
 
-def test_a_weak_driver_measures_what_it_delivers(rig):
+def test_a_weak_driver_measures_the_delivered_current(rig):
     rig.inject('weak_driver', 0, 0)
     motor = rig.boards.boards[0].motors[0]
     rig.run(0.03, lambda _: (None, None, [2.0, 0.0, 0.0, 0.0]))

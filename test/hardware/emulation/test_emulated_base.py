@@ -27,7 +27,7 @@ def held_posture(config, robot, profile: str) -> np.ndarray:
     return plant.position
 
 
-def test_boards_hold_the_arm_on_a_base_that_leans(config, robot):
+def test_boards_hold_the_arm_on_a_tilted_base(config, robot):
     """On a base that leans sideways joint 1 carries weight too, and yields by its stiffness."""
     level, leaning = (held_posture(config, robot, profile) for profile in (STILL, TILTED))
     assert abs(level[0]) < 1e-3

@@ -56,7 +56,7 @@ class BoardBench:
         return self
 
 
-def test_is_off_until_told():
+def test_the_board_is_off_until_enabled():
     bench = BoardBench()
     state = bench.cycles(10)
     assert not state.system_enabled
@@ -120,7 +120,7 @@ def test_clock_runs_in_milliseconds_and_wraps():
 
 
 @pytest.mark.parametrize('profile', ['uomodri_v3', 'udriver_v2'])
-def test_bad_frames_are_ignored_and_the_last_command_goes_on(profile):
+def test_bad_frames_are_ignored_and_the_last_command_remains_active(profile):
     bench = BoardBench(profile).enabled()
     bench.command.current = [1.0, 1.0]
     bench.cycle()

@@ -17,7 +17,7 @@ def turn(boards, joint, angle):
 
 
 @pytest.mark.parametrize('seed', [0, 3])
-def test_the_hand_turns_one_joint_and_lets_go(config, robot, seed):
+def test_the_hand_turns_one_joint_and_releases_it(config, robot, seed):
     boards = make_emulated_transport(config, robot, seed)
     for joint, angle in enumerate([1.5, 3.1, -1.5, 1.5]):
         before = boards.plant.position
@@ -46,6 +46,6 @@ def test_joint_and_angle_are_read():
 
 
 @pytest.mark.parametrize('text', ['joint2', ':1', 'joint5:1', 'joint:1', 'joint1:nan', 'joint1:x'])
-def test_a_turn_that_makes_no_sense_is_rejected(text):
+def test_an_invalid_turn_is_rejected(text):
     with pytest.raises(ValueError, match='must be JOINT:ANGLE'):
         parse_turn(text, NAMES)

@@ -13,7 +13,7 @@ def test_a_battery_sags_under_a_load_and_takes_braking_power_back():
     assert supply.voltage == pytest.approx(24.5)
 
 
-def test_what_a_supply_does_not_take_back_charges_the_capacitors():
+def test_braking_energy_that_the_supply_rejects_charges_the_capacitors():
     supply = EmulatedSupply()
     supply.capacitance = 1e-3
     for _ in range(100):

@@ -33,7 +33,7 @@ def test_running_ahead_of_the_next_cycle_neither_gains_nor_loses_time(boards):
     assert boards.slipped == 0.0
 
 
-def test_after_a_gap_time_slips_by_what_exceeds_10_ms(boards):
+def test_after_a_gap_time_above_10_ms_is_skipped(boards):
     boards.advance(0.0)
     boards.advance(0.5)
     assert boards.plant.time == pytest.approx(0.010)
@@ -112,7 +112,7 @@ def test_the_arm_is_carried_until_all_motors_are_ready(boards):
     assert boards.plant.support == 1.0
 
 
-def test_an_arm_that_is_caught_is_told_to_be_at_rest(rig):
+def test_a_caught_arm_is_reported_at_rest(rig):
     rig.bridge.disable()
     rig.plant.reset(rig.plant.position, [0.0, 2.0, 0.0, 0.0])
     rig.run(0.02)

@@ -32,7 +32,7 @@ def test_short_and_long_forms(text, request_):
         ('dead_board:0:0:1', 'dead_board takes no VALUE'),
     ],
 )
-def test_what_makes_no_sense_is_said(text, hint):
+def test_invalid_faults_raise_an_error_with_the_reason(text, hint):
     with pytest.raises(FaultInjectionError, match=hint):
         FaultRequest.parse(text, 2)
 

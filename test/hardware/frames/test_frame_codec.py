@@ -105,7 +105,7 @@ def test_laas_power_reads_voltages():
     ],
     ids=['line low', 'line high', 'nothing', 'short', 'long', 'check not swapped', 'echo of ours'],
 )
-def test_what_is_no_sensor_frame_is_refused_and_leaves_the_record_alone(codec, frame):
+def test_an_invalid_sensor_frame_is_rejected_and_the_record_unchanged(codec, frame):
     state = codec.decode(SENSOR_FRAME)
     assert codec.decode(frame) is None
     assert codec.decode(frame, state) is None
@@ -190,7 +190,7 @@ def encoded_and_read(codec, **values):
     return codec.decode_command(codec.encode(BoardCommand(**values)))
 
 
-def test_what_is_harmless_saturates_and_never_wraps(codec):
+def test_harmless_values_saturate_and_never_wrap(codec):
     read = encoded_and_read(
         codec,
         velocity=[1e6, -1e6],
@@ -235,7 +235,7 @@ def test_what_is_harmless_saturates_and_never_wraps(codec):
         ({'current_saturation': [1.0, math.nan]}, 'current_saturation of motor 2'),
     ],
 )
-def test_what_is_dangerous_is_refused(codec, values, hint):
+def test_dangerous_values_are_rejected(codec, values, hint):
     with pytest.raises(FrameError, match=hint):
         codec.encode(BoardCommand(**values))
 

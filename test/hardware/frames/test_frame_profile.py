@@ -19,7 +19,7 @@ def written(tmp_path, command='', sensor='', order='high_first'):
 
 
 @pytest.mark.parametrize('name', ['uomodri_v3', 'udriver_v2', 'laas_power'])
-def test_packaged_profiles_are_whole(name):
+def test_packaged_profiles_are_complete(name):
     profile = load_profile(name)
     assert profile.name == name
     assert FRAME_BYTES == 34
@@ -29,7 +29,7 @@ def test_packaged_profiles_are_whole(name):
         assert profile.sensor.has(quantity)
 
 
-def test_v2_differs_by_the_saturation_bytes_and_by_what_an_error_needs():
+def test_v2_differs_in_saturation_bytes_and_error_recovery():
     v2, v3 = load_profile('udriver_v2'), load_profile('uomodri_v3')
 
     def bits(profile):

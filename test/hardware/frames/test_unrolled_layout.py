@@ -48,11 +48,11 @@ def test_a_value_at_either_end_of_its_field_is_packed_and_one_beyond_is_not():
 
 
 @pytest.mark.parametrize('value', [float('nan'), float('inf'), -float('inf')])
-def test_what_is_no_number_is_not_packed(value):
+def test_non_finite_values_are_not_packed(value):
     assert packed(current=[0.0, value]) is None
 
 
-def test_what_may_not_be_zero_is_not_packed_as_zero():
+def test_values_that_must_not_be_zero_are_not_packed_as_zero():
     assert packed(timeout=0.0) is None
     assert packed(timeout=entry('timeout').si_per_count) is not None
 
@@ -70,7 +70,7 @@ def test_bits_and_numbers_are_read_into_the_record():
 
 
 @pytest.mark.parametrize('profile', ['uomodri_v3', 'laas_power'])
-def test_what_fits_never_takes_the_slow_way(profile, monkeypatch):
+def test_values_in_range_use_the_fast_path(profile, monkeypatch):
     codec = FrameCodec(load_profile(profile))
     for direction in (codec._command, codec._sensor):
         monkeypatch.setattr(direction, '_pack_limited', None)

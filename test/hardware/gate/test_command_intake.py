@@ -39,7 +39,7 @@ def test_a_good_command_is_kept(intake):
     assert intake.accepted == 2
 
 
-def test_before_the_first_command_there_is_none_and_no_rejection(intake):
+def test_before_the_first_command_there_is_no_command_and_no_rejection(intake):
     assert intake.age(5.0) == math.inf
     assert (intake.last_rejection, intake.last_rejection_time) == ('', -math.inf)
     command = OfferedCommand(NAMES, None, ONE, None, 0.0, 'me')
@@ -101,7 +101,7 @@ def test_every_reason_has_a_text():
     }  # fmt: skip
 
 
-def test_what_is_just_old_enough_is_taken_and_what_is_just_fresh_enough_is_followed(intake):
+def test_commands_exactly_at_the_age_limits_are_accepted_and_followed(intake):
     assert offer(intake, age_of_stamp=0.05, now=0.0)
     assert intake.is_fresh(0.0)
     assert intake.is_fresh(0.05)
@@ -132,7 +132,7 @@ def test_a_rejected_command_gives_no_claim(intake):
     assert offer(intake, source='good')
 
 
-def test_who_is_not_allowed_or_cannot_be_told_apart_is_rejected(intake):
+def test_publishers_that_are_not_allowed_or_unidentified_are_rejected(intake):
     assert not offer(intake, allowed=False)
     assert not offer(intake, source=None)
     assert intake.rejections == {'not_allowed': 1, 'source': 1}

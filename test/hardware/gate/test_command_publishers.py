@@ -29,7 +29,7 @@ def test_an_allowed_node_may_command_once_it_was_found(allowed):
     assert publishers.warning == ''
 
 
-def test_the_list_judges_the_node_that_sends_whoever_else_is_there():
+def test_the_list_applies_to_the_sending_node_only():
     publishers = CommandPublishers(['controller'])
     publishers.look({SECOND: '/intruder', FIRST: '/controller'})
     assert publishers.judge(FIRST, 2) == (FIRST, True)
@@ -93,7 +93,7 @@ def test_before_anybody_looked_there_is_no_publisher():
     assert CommandPublishers().warning == ''
 
 
-def test_an_empty_name_on_the_list_allows_nobody():
+def test_an_empty_name_on_the_list_allows_no_publisher():
     publishers = CommandPublishers([''])
     assert publishers.judge(FIRST, 1) == (FIRST, False)
     publishers.look({FIRST: '/a'})

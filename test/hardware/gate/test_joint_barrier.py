@@ -62,7 +62,7 @@ def test_torque_towards_a_limit_closes_before_it_and_opens_back():
     assert other.lowest == pytest.approx(-beyond.highest)
 
 
-def test_on_the_barrier_the_torque_is_what_brakes_along_it():
+def test_on_the_barrier_the_torque_bound_brakes_along_it():
     q = JOINT.position_max - 0.1
     speed = make_barrier().speed(0.1 - DT * 3.4)
     barrier = seen(q=q, dq=speed, effort=1.0, load=1.0)
@@ -100,7 +100,7 @@ def test_an_unknown_load_is_learned_from_the_motion():
     assert barrier.load == 0.0
 
 
-def test_what_is_learned_is_bounded():
+def test_the_learned_load_is_bounded():
     assert seen(effort=9.0, load=0.0).load == pytest.approx(0.15 * JOINT.effort_max)
     assert seen(dq=4.0, effort=99.0).load == pytest.approx(2.15 * JOINT.effort_max)
     assert seen(dq=-4.0, effort=-99.0).load == pytest.approx(-2.15 * JOINT.effort_max)
@@ -175,7 +175,7 @@ def test_the_place_is_led_on_with_speed_and_acceleration():
     assert barrier.dq == pytest.approx(2.0 + time * acceleration)
 
 
-def test_what_the_board_will_make_of_the_speed_lags_behind():
+def test_the_predicted_filtered_speed_lags_behind_the_speed():
     barrier = make_barrier()
     barrier.update(0.0, 2.0, 3.0, 1.0, INERTIA, DT, DT)
     mean = 2.0 + 0.5 * DT * 2.0 / INERTIA
@@ -198,7 +198,7 @@ def test_torque_falls_with_speed_beyond_the_barrier_as_fast_as_delay_and_drive_a
     assert highest(-1.0) == pytest.approx(6.25 * gain, rel=1e-2)
 
 
-def test_who_leaves_a_limit_is_not_braked_for_it():
+def test_a_joint_that_leaves_a_limit_is_not_braked_by_it():
     q = JOINT.position_max - 0.02
     leaving, resting = seen(q=q, dq=-1.0), seen(q=q)
     gain = 250.0 * INERTIA
@@ -237,7 +237,7 @@ def test_speeds_five_milliseconds_apart_still_teach():
     assert barrier.load != learned
 
 
-def test_what_was_known_before_a_restart_is_not_used():
+def test_estimates_from_before_a_restart_are_not_used():
     barrier, fresh = seen(dq=3.0, effort=2.0, load=1.0), make_barrier()
     barrier.restart()
     for each in (barrier, fresh):
@@ -246,13 +246,13 @@ def test_what_was_known_before_a_restart_is_not_used():
     assert (barrier.load, barrier.highest) == pytest.approx((fresh.load, fresh.highest))
 
 
-def test_who_gives_way_gets_slower_to_a_share_and_is_fast_again_later():
+def test_a_slowed_joint_is_limited_to_a_fraction_of_its_speed_and_recovers():
     barrier = make_barrier()
     fastest = barrier.speed(2.0)
     assert not barrier.is_slowed
     speeds = []
     for _ in range(400):
-        barrier.give_way(DT)
+        barrier.lower_speed_limit(DT)
         speeds.append(barrier.speed(2.0))
     assert speeds[0] == pytest.approx(fastest * (1.0 - DT / 0.3))
     assert speeds[-1] == pytest.approx(0.3 * fastest)
@@ -264,21 +264,21 @@ def test_who_gives_way_gets_slower_to_a_share_and_is_fast_again_later():
         barrier.recover(DT)
     assert not barrier.is_slowed
     assert barrier.speed(2.0) == fastest
-    barrier.give_way(0.1)
+    barrier.lower_speed_limit(0.1)
     barrier.restart()
     assert barrier.speed(2.0) == fastest
 
 
-def test_who_is_slowed_is_braked_far_from_its_limits():
+def test_a_slowed_joint_is_braked_far_from_its_limits():
     slowed, free = make_barrier(), make_barrier()
-    slowed.give_way(0.15)
+    slowed.lower_speed_limit(0.15)
     for barrier in (slowed, free):
         barrier.update(0.0, 4.0, 0.0, 0.0, INERTIA, DT, DT)
     assert slowed.highest < -2.0
     assert free.highest > 0.0
 
 
-def test_overwhelmed_is_who_the_whole_torque_does_not_brake():
+def test_a_joint_is_overwhelmed_if_full_torque_cannot_brake_it():
     near = JOINT.position_max - 0.1
     # 60 rad/s^2 leave 8.8 Nm for a load.
     assert not seen(q=near, dq=3.0, load=-8.0).is_overwhelmed
@@ -292,7 +292,7 @@ def test_overwhelmed_is_who_the_whole_torque_does_not_brake():
 PULL = 0.05 * JOINT.effort_max  # of other joints that are braked meanwhile
 
 
-def test_a_torque_that_a_joint_survives_needs_no_damping_for_a_host_that_is_held_up():
+def test_a_torque_that_is_safe_during_a_host_delay_needs_no_damping():
     # Until the board lets go it brings the joint to 1.1 times its limit at most, and to 1.15 times
     # if other joints pull at it.
     barrier = seen()
@@ -371,7 +371,7 @@ def test_a_stiff_law_that_ends_by_itself_needs_no_damping():
     assert barrier.gap_damping(5.0, 50.0, 100.0, 1.0) > 0.0
 
 
-def test_a_fast_joint_under_a_feeble_law_is_damped_for_what_others_pull_at_it():
+def test_a_fast_joint_with_low_gains_is_damped_against_coupling_torque():
     assert seen(dq=4.8).gap_damping(0.0, 0.0, 0.0, 0.2) > 0.0
     assert seen(dq=4.8).gap_damping(0.0, 0.0, 0.0, 20.0) == 0.0
     assert seen(dq=1.0).gap_damping(0.0, 0.0, 0.0, 0.2) == 0.0

@@ -27,13 +27,13 @@ def limited(position=NAN, velocity=NAN, effort=NAN, q=0.0, cycles=1):
     return limiter
 
 
-def test_what_is_allowed_passes_unchanged():
+def test_references_within_the_limits_pass_unchanged():
     limiter = limited(position=0.001, velocity=1.0, effort=0.2)
     assert (limiter.position, limiter.velocity, limiter.effort) == (0.001, 1.0, 0.2)
     assert limiter.limited == []
 
 
-def test_at_its_limit_a_reference_still_creeps_on():
+def test_at_its_limit_a_reference_still_moves_slowly():
     # Else it would never reach the limit.
     assert limited(velocity=5.0, q=JOINT.position_max).velocity == pytest.approx(0.025)
     assert limited(velocity=-5.0, q=JOINT.position_min).velocity == pytest.approx(-0.025)
@@ -70,7 +70,7 @@ def test_velocity_is_cut_to_its_limit():
 
 
 @pytest.mark.parametrize('distance', [0.0, 0.01, 0.05, 0.1, 0.3, 0.9])
-def test_speed_towards_a_limit_is_what_can_be_braked(distance):
+def test_speed_towards_a_limit_is_limited_to_the_brakeable_speed(distance):
     q = JOINT.position_max - distance
     fastest = limited(velocity=5.0, q=q).velocity
     assert fastest**2 / 2.0 / 20.0 <= distance + 1e-4
@@ -149,13 +149,13 @@ def test_a_joint_out_of_bounds_demands_a_stop(q, dq, hint):
     assert hint in make_limiter().state_violation(q, dq)
 
 
-def test_what_a_stop_is_for_is_one_whole_sentence():
+def test_the_reason_for_a_stop_is_one_complete_sentence():
     assert make_limiter().state_violation(0.0, 6.3) == (
         'joint3 runs at 6.30 rad/s, above its limit of 5.00: check the controller and the encoder'
     )
 
 
-def test_a_joint_within_tolerance_demands_none():
+def test_a_joint_within_tolerance_requires_no_stop():
     limiter = make_limiter()
     assert limiter.state_violation(3.01, 6.2) == ''
     assert limiter.state_violation(-3.01, -6.2) == ''
@@ -176,7 +176,7 @@ def test_a_command_far_out_of_bounds_demands_a_stop(command, hint):
     assert 'joint3' in limiter.command_violation(*command, q=0.0)
 
 
-def test_a_command_a_little_over_its_limits_demands_none():
+def test_a_command_slightly_above_its_limits_requires_no_stop():
     limiter = make_limiter()
     assert limiter.command_violation(3.0, 6.2, 15.0, q=2.9) == ''
     assert limiter.command_violation(NAN, NAN, NAN, q=0.0) == ''
@@ -193,7 +193,7 @@ def test_a_position_in_the_soft_zone_is_led_at_the_speed_of_the_barrier(side):
     assert limiter.limited[-1] == 'soft_zone'
 
 
-def test_each_limit_says_its_name_once():
+def test_each_limit_is_reported_once_by_name():
     limiter = limited(position=9.0, velocity=9.0, effort=99.0, q=JOINT.position_max - 0.01)
     assert set(limiter.limited) == {'position', 'velocity', 'soft_zone', 'effort', 'effort_rate'}
     assert limited(velocity=JOINT.velocity_max).limited == []

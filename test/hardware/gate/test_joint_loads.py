@@ -41,7 +41,7 @@ def test_the_deceleration_is_not_more_than_the_configuration_allows(loads, confi
     assert 4.0 < loads.deceleration[1] < 0.5 * config.joints[1].acceleration_max
 
 
-def test_the_load_is_what_a_joint_at_rest_needs(loads, config):
+def test_the_load_is_the_holding_torque_at_rest(loads, config):
     zero, stretched = np.zeros(4), np.zeros(4)
     guess = np.zeros(4)
     for _ in range(50):  # the torque at which nothing accelerates

@@ -90,7 +90,7 @@ def test_motors_align_at_rest_and_inside(gate):
     )
 
 
-def test_who_falls_while_the_motors_align_is_stopped(gate):
+def test_an_arm_that_falls_during_alignment_is_stopped(gate):
     gate.watch_alignment(np.array([0.0, 5.0, 0.0, 0.0]))
     assert gate.stop == ''
     gate.watch_alignment(np.array([0.0, -5.01, 0.0, 0.0]))
@@ -99,14 +99,14 @@ def test_who_falls_while_the_motors_align_is_stopped(gate):
     )
 
 
-def test_standstill_is_zero_speed_and_nothing_else():
+def test_the_standstill_command_is_zero_velocity_only():
     still = CommandBuffer.standstill(3)
     assert still.dq.tolist() == [0.0, 0.0, 0.0]
     assert np.isnan(still.q).all()
     assert np.isnan(still.tau).all()
 
 
-def test_barriers_know_where_the_arm_is_and_what_it_carries(gate):
+def test_barriers_use_the_posture_and_the_payload(gate):
     stretched, top = np.array([0.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.5, 0.0, 2.094])
     gate.watch(stretched, DQ, np.array([0.0, 5.4, 0.0, 0.0]), CYCLE, CYCLE, *LOSSLESS)
     assert gate.barriers[1].load == pytest.approx(5.3, abs=0.2)

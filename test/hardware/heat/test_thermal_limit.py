@@ -29,7 +29,7 @@ def drive(limited: ThermalLimit, config: ArmConfig, joint: int, seconds: float, 
 
 @pytest.mark.parametrize('joint', [0, 1, 2])
 @pytest.mark.parametrize(('ambient', 'start'), [(25.0, 25.0), (25.0, 60.0), (45.0, 60.0)])
-def test_no_command_brings_a_winding_beyond_its_largest_temperature(config, joint, ambient, start):
+def test_no_command_heats_a_winding_above_its_largest_temperature(config, joint, ambient, start):
     limited = limit(config, joint, ambient, start)
     limits = drive(limited, config, joint, 60.0)
     hottest = config.joints[joint].motor.thermal.temperature_max
@@ -58,7 +58,7 @@ def test_the_order_is_warning_reduction_stop(config):
     assert 'is limited' in limited.warning() or limited.lets_down
 
 
-def test_the_warning_says_how_much_time_is_left(config):
+def test_the_warning_states_the_remaining_time(config):
     limited = limit(config)
     drive(limited, config, 1, 25.0, 10.0)
     assert limited.warning().startswith('the motor of joint2 has')
@@ -110,7 +110,7 @@ def test_a_motor_without_data_counts_a_third_of_its_current(config):
 
 
 @pytest.mark.parametrize('period', [0.5, 4.0, 20.0])
-def test_full_torque_again_and_again_never_brings_a_made_motor_to_its_boards_error(config, period):
+def test_repeated_full_torque_never_causes_a_temperature_error_of_the_board(config, period):
     """All motors at their thermal torque limit half of the time, as manufactured, by seeds."""
     step = 0.05
     for joint in config.joints[:3]:

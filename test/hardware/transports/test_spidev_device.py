@@ -81,7 +81,7 @@ def test_one_error_does_not_close_the_file(device, driver):
 
 
 @pytest.mark.parametrize('error', [errno.ESHUTDOWN, errno.ENODEV, errno.EIO])
-def test_a_device_that_is_gone_is_looked_for_with_growing_waits(device, driver, error):
+def test_a_removed_device_is_reopened_after_increasing_waits(device, driver, error):
     driver.error, driver.is_there = error, False
     assert run(device, driver, 30.0) == 0
     assert driver.closed == 1
@@ -115,14 +115,14 @@ def test_closed_it_stays_closed(device, driver):
         device.set_mode(1)
 
 
-def test_it_says_when_a_transfer_was_and_how_long_it_took(device, driver):
+def test_time_and_duration_of_a_transfer_are_stored(device, driver):
     ticks = iter([1.0, 1.25])
     device._clock = lambda: next(ticks)
     device.transfer(FRAME)
     assert (device.duration, device.ended) == (0.25, 1.25)
 
 
-def test_what_cannot_be_opened_says_what_to_check(config, driver):
+def test_a_device_that_cannot_be_opened_raises_an_error_with_a_remedy(config, driver):
     driver.is_there = False
     with pytest.raises(TransportError, match='/dev/spidev0.0 of board0 cannot be opened'):
         SpidevDevice(config.boards[0]).open()

@@ -14,13 +14,13 @@ def nowhere(config):
 
 
 @pytest.mark.skipif(HAS_SPIDEV, reason='the module spidev is installed')
-def test_without_the_module_it_says_what_to_install(config):
+def test_without_spidev_the_error_states_what_to_install(config):
     with pytest.raises(TransportError, match=r'pip install "aerarm_ros\[spi\]"'):
         SpidevTransport(config).open()
 
 
 @pytest.mark.skipif(not HAS_SPIDEV, reason='the module spidev is not installed (extra spi)')
-def test_without_the_device_it_says_what_to_check(config):
+def test_without_the_device_the_error_states_what_to_check(config):
     with pytest.raises(TransportError, match='/dev/spidev77.7 of board0 cannot be opened'):
         SpidevTransport(nowhere(config)).open()
 

@@ -41,7 +41,7 @@ def test_a_joint_that_rested_is_uncertain(
     assert result.demands[1].uncertainty[3] > 3.0 * result.demands[0].uncertainty[3]
 
 
-def test_what_no_motion_of_the_arm_shows_is_the_priors(result: IdentificationResult) -> None:
+def test_parameters_without_effect_keep_their_prior(result: IdentificationResult) -> None:
     assert 'm_link1' in result.only_prior
     assert 'Ja_joint4' not in result.only_prior
     assert len(result.only_prior) == pytest.approx(52 - result.used_base.rank, abs=10)

@@ -39,7 +39,7 @@ def test_they_are_the_joules_of_the_exact_motion(balances, result, arm, config) 
     assert abs(balance.unexplained.sum()) < 0.01 * balance.motors.sum()
 
 
-def test_the_report_tells_them_joint_by_joint(balances, result) -> None:
+def test_the_report_lists_energies_and_resistances_per_joint(balances, result) -> None:
     used = {'joint1': '0.1 (an estimate)', 'joint2': '0.171 (± 0.002)'}
     page = report_html(result, ReportExtras(energy=balances, resistances=used))
     assert 'joint1 0.1 (an estimate); joint2 0.171 (± 0.002).' in page

@@ -74,11 +74,11 @@ def test_the_error_is_named(
     assert words in found[0]
 
 
-def test_good_data_have_none(warnings: Callable[[Change], list[str]]) -> None:
+def test_correct_data_cause_no_warning(warnings: Callable[[Change], list[str]]) -> None:
     assert not [text for text in warnings(lambda same: same) if 'a simple model leaves' in text]
 
 
-def test_a_drawing_without_friction_gives_no_factor(
+def test_a_urdf_without_friction_suggests_no_effort_factor(
     make_arm: Callable, robot: Robot, config: ArmConfig
 ) -> None:
     """Joint 1 turns about gravity, slowly: the drawing asks for next to no torque of it."""

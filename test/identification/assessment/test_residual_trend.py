@@ -8,7 +8,7 @@ import pytest
 from aerarm_ros.identification.assessment import residual_trend, trend_warnings
 
 
-def test_what_changes_with_time_is_named(result, robot) -> None:
+def test_changes_of_friction_and_offset_are_named(result, robot) -> None:
     (bag,), (assessed,) = result.identification, result.recommended.identification
     samples = bag.samples
     quiet = residual_trend(bag, assessed)

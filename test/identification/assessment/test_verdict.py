@@ -14,7 +14,7 @@ from aerarm_ros.identification.identification_result import (
 )
 
 
-def test_each_limit_is_compared_with_what_was_found(result: IdentificationResult) -> None:
+def test_each_limit_is_compared_with_the_result(result: IdentificationResult) -> None:
     error = result.recommended.validation[0].filtered
     verdict = judge(result, {'filtered': 1.1 * error, 'inconsistent': 0.0, 'tilt': 0.5})
     assert verdict.passed

@@ -29,7 +29,7 @@ def test_a_periodic_motion_is_recognised(recording) -> None:
     assert rectangular == {5, 50, None}
 
 
-def test_what_is_known_is_not_searched(recording) -> None:
+def test_given_settings_are_not_searched(recording) -> None:
     known = ConditioningOptions(fundamental=0.2, harmonics=3, cutoff=7.0)
     conditioner = Conditioner([recording], known)
     assert (conditioner.fundamental, conditioner.harmonics) == (pytest.approx(0.2), 3)

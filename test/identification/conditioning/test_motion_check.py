@@ -21,7 +21,7 @@ def warnings(recording, **options: object) -> str:
     return ' '.join(Conditioner([recording], ConditioningOptions(**options)).warnings)
 
 
-def test_what_agrees_is_not_warned_of(recording) -> None:
+def test_options_that_match_the_motion_cause_no_warning(recording) -> None:
     assert warnings(recording) == ''
     assert warnings(recording, fundamental=0.1, harmonics=5) == ''
     # Two periods together are periodic too.

@@ -18,7 +18,7 @@ def noise(count: int, columns: int = 3) -> np.ndarray:
     return np.random.default_rng(0).standard_normal((count, columns))
 
 
-def test_low_pass_is_a_butterworth_run_forwards_and_backwards() -> None:
+def test_the_low_pass_is_a_butterworth_filter_applied_forwards_and_backwards() -> None:
     """Far below the Nyquist frequency the digital design equals the analogue one."""
     signal = np.cumsum(noise(4000), axis=0) * 0.05
     expected = sosfiltfilt(butter(4, 5.0, fs=1.0 / DT, output='sos'), signal, axis=0)
@@ -98,7 +98,7 @@ def test_uneven_decimation_of_a_periodic_signal_is_refused() -> None:
 
 @pytest.mark.parametrize('derivative', [0, 1])
 @pytest.mark.parametrize(('settling', 'decimation'), [(None, 1), (None, 20), (1.2, 20)])
-def test_a_long_signal_is_filtered_in_parts_as_a_whole(
+def test_filtering_in_parts_equals_filtering_the_whole_signal(
     settling: float | None, decimation: int, derivative: int
 ) -> None:
     count, cutoff = 200_000, 5.0

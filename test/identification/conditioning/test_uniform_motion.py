@@ -27,7 +27,7 @@ def test_a_period_gets_a_whole_number_of_decimated_samples(make_arm: Callable) -
     assert np.allclose(motion.q.T, exact)
 
 
-def test_a_recording_of_exactly_two_periods_is_used_whole(make_arm: Callable) -> None:
+def test_a_recording_of_exactly_two_periods_is_used_completely(make_arm: Callable) -> None:
     whole = make_arm(rate=100.0).recording(1)
     cut = whole.part(3.0 / whole.duration, 22.9901 / whole.duration, '')
     motion = periodic_motion(cut, PeriodicPart(cut.time[0], 10.0, 2), 10)

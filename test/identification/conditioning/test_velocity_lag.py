@@ -18,12 +18,12 @@ def recording(arm, noise: float, measured: bool = True) -> Recording:
     return Recording(bag.name, bag.joint_names, bag.time, bag.q, dq, bag.tau, bag.dead_effort)
 
 
-def test_it_is_found_and_less_than_two_milliseconds_left_alone(arm) -> None:
+def test_the_lag_is_estimated_and_ignored_below_two_milliseconds(arm) -> None:
     motions = [aperiodic_motion(recording(arm, noise)) for noise in (0.0, 1.0)]
     for bags in (motions[:1], motions[1:], motions):
         assert velocity_lag(bags, CUTOFF) == pytest.approx([0.0, 5e-3, -4e-3, 0.0], abs=2e-4)
 
 
-def test_without_measured_velocities_there_is_none(arm) -> None:
+def test_without_measured_velocities_the_lag_is_zero(arm) -> None:
     motion = aperiodic_motion(recording(arm, 0.0, measured=False))
     assert not velocity_lag([motion], CUTOFF).any()

@@ -37,7 +37,7 @@ def benches(tmp_path: Path) -> tuple[Path, Path]:
     return old, written(tmp_path, 'new', joint2=NEW)
 
 
-def test_a_worn_gear_is_told(benches: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_worn_gear_is_reported(benches: tuple[Path, Path], tmp_path: Path) -> None:
     comparison = compare_benches(*benches)
     assert len(comparison.changes) == len(OLD)
     (clear,) = [change for change in comparison.changes if change.is_clear]
@@ -51,7 +51,9 @@ def test_a_worn_gear_is_told(benches: tuple[Path, Path], tmp_path: Path) -> None
     assert 'backlash of joint2' in (out / 'comparison.html').read_text()
 
 
-def test_what_cannot_be_compared_is_said(benches: tuple[Path, Path], tmp_path: Path) -> None:
+def test_results_that_cannot_be_compared_raise_an_error(
+    benches: tuple[Path, Path], tmp_path: Path
+) -> None:
     old, new = benches
     other = written(tmp_path, 'other', joint4=OLD)
     with pytest.raises(IdentificationError, match='with the same joints'):

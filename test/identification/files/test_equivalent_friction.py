@@ -49,7 +49,7 @@ def test_load_becomes_coulomb_friction(result: IdentificationResult) -> None:
     assert more[1] - coulomb[1] == pytest.approx(0.1 * load[1], rel=0.5)
 
 
-def test_what_is_beside_the_load_is_not_counted_twice(result: IdentificationResult) -> None:
+def test_load_dependent_friction_is_not_counted_twice(result: IdentificationResult) -> None:
     """For who knows the load's share; and rounded off or not, Coulomb friction stays what it is."""
     loaded = estimate_with(result, fv=0.1, fs=0.2, fl=0.1)
     viscous, coulomb = equivalent_friction(loaded, result.identification, beside_load=True)

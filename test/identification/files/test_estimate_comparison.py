@@ -37,7 +37,9 @@ def results(text: str, tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / 'old', tmp_path / 'new'
 
 
-def test_clear_changes_are_told_from_uncertain_ones(result, results: tuple[Path, Path]) -> None:
+def test_significant_changes_are_distinguished_from_uncertain_ones(
+    result, results: tuple[Path, Path]
+) -> None:
     old, new = (folder / 'estimate.yaml' for folder in results)
     comparison = compare_estimates(old, new)
     assert len(comparison.friction) == 12
@@ -77,7 +79,9 @@ def test_friction_is_compared_whatever_terms_it_is_made_of(
     assert more.new - more.old == pytest.approx(0.02 * load, rel=1e-3)
 
 
-def test_the_command_tells_writes_and_shows_it(results: tuple[Path, Path], tmp_path: Path) -> None:
+def test_the_command_prints_and_writes_the_comparison(
+    results: tuple[Path, Path], tmp_path: Path
+) -> None:
     out = tmp_path / 'out'
     options = Namespace(compare=list(results), out=out, bag=[], model=None, payload=[])
     told = CompareRun(options).execute()
@@ -92,7 +96,9 @@ def test_the_command_tells_writes_and_shows_it(results: tuple[Path, Path], tmp_p
         CompareRun(Namespace(**{**vars(options), 'bag': [out]}))
 
 
-def test_what_cannot_be_compared_is_said(results: tuple[Path, Path], tmp_path: Path) -> None:
+def test_results_that_cannot_be_compared_raise_an_error(
+    results: tuple[Path, Path], tmp_path: Path
+) -> None:
     old, new = (folder / 'estimate.yaml' for folder in results)
     other = tmp_path / 'other.yaml'
     other.write_text(old.read_text().replace('joint4', 'elbow'))

@@ -17,7 +17,7 @@ from aerarm_ros.identification.joint_model import TermKind
 NOTHING = np.zeros(4)
 
 
-def test_it_predicts_the_same_torque(
+def test_the_estimate_that_is_read_predicts_the_same_torque(
     result: IdentificationResult, robot: Robot, tmp_path: Path
 ) -> None:
     estimate = result.recommended.estimate

@@ -109,7 +109,7 @@ def test_files_that_carry_less_are_worse(stated: dict[str, ExportError]) -> None
     assert stated['identified.sdf Drake'].filtered[-1] == pytest.approx(simulator)
 
 
-def test_own_programs_read_friction_beside_the_load(
+def test_the_suite_reads_load_dependent_friction_separately(
     result: IdentificationResult, folder: Path
 ) -> None:
     robot = load_robot(folder / 'identified.urdf')

@@ -47,7 +47,9 @@ def pinocchio_model(text: str) -> pin.Model:
 
 
 @pytest.mark.parametrize('file', [None, 'ur10_robot.urdf', 'panda.urdf'])
-def test_it_needs_the_same_torque(file: str | None, example_urdf: Callable[[str], Path]) -> None:
+def test_the_sdf_model_needs_the_same_torque(
+    file: str | None, example_urdf: Callable[[str], Path]
+) -> None:
     locked = ['panda_finger_joint1', 'panda_finger_joint2'] if file == 'panda.urdf' else []
     robot = load_robot(None if file is None else example_urdf(file), locked=locked)
     random = np.random.default_rng(0)

@@ -122,7 +122,7 @@ def test_a_joint_locked_in_the_middle_of_the_chain(robot: Robot) -> None:
     assert np.allclose(again, inertial, atol=1e-12)
 
 
-def test_parameters_of_no_body_are_said_to_be_so(robot: Robot) -> None:
+def test_physically_impossible_parameters_are_reported(robot: Robot) -> None:
     inertial = robot.inertial_parameters.copy()
     inertial[2, 4] = -1.0
     written = identified_urdf(robot, inertial, np.zeros(4), np.zeros(4))

@@ -73,7 +73,7 @@ def test_a_result_with_anything_else_is_not_replaced(tmp_path: Path, files: tupl
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(files)
 
 
-def test_it_knows_whether_it_replaces(tmp_path: Path) -> None:
+def test_the_directory_reports_whether_it_replaced_a_result(tmp_path: Path) -> None:
     for replaced in (False, True):
         with ResultDirectory(tmp_path / 'result', files=(MARKER, 'x')) as directory:
             directory.write(MARKER, '')

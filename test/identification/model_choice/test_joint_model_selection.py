@@ -31,7 +31,7 @@ def test_every_candidate_occurs_once() -> None:
     assert {*THESIS_TERMS, ROTOR} <= set(terms)
 
 
-def test_creep_is_slower_than_dry_friction() -> None:
+def test_saturating_friction_needs_higher_velocities_than_dry_friction() -> None:
     assert min(CREEP_WIDTHS) > max(WIDTHS)
     assert JointTerm(TermKind.CREEP, CREEP_WIDTHS[0]) in candidate_terms()
     assert max(STRIBECK_WIDTHS) < min(CREEP_WIDTHS)

@@ -31,7 +31,7 @@ def test_a_true_model_leaves_next_to_nothing(bag: SampleColumns, cad) -> None:
         assert np.nanstd(residuals) < 0.01 * np.std(torque)
 
 
-def test_what_a_part_alone_has_is_not_explained_there(bag: SampleColumns, cad) -> None:
+def test_a_torque_of_a_single_part_is_not_explained_by_the_others(bag: SampleColumns, cad) -> None:
     """A torque that only one part has cannot be learnt from the others."""
     samples = bag.samples
     before = SimpleFit([bag], cad).residuals()[0]
@@ -44,7 +44,7 @@ def test_what_a_part_alone_has_is_not_explained_there(bag: SampleColumns, cad) -
     assert np.mean(added) == pytest.approx(3.0, abs=0.1)
 
 
-def test_shared_columns_get_their_coefficient(bag: SampleColumns, cad) -> None:
+def test_the_coefficient_of_shared_columns_is_estimated(bag: SampleColumns, cad) -> None:
     samples = bag.samples
     wave = np.sin(7.0 * samples.time)[:, None] * np.array([1.0, 0.0, 2.0, 0.0])
     shared = SharedColumns(samples.coarse_filter(wave)[:, :, None], np.array([1.0]))

@@ -25,7 +25,9 @@ UPRIGHT, LEANING, LEVEL = [0.0, 1.5708, 0.0, 0.0], [0.0, 1.0, 0.0, -0.5708], [0.
         (3, LEANING, []),
     ],
 )
-def test_who_is_moved_and_not_pressed_rattles(joint: int, posture: list, loose: list) -> None:
+def test_a_joint_that_is_moved_and_not_pressed_moves_within_its_backlash(
+    joint: int, posture: list, loose: list
+) -> None:
     shift = rattle_of_others(DYNAMICS, np.array(posture), joint, 0.25, 20.0)
     assert np.flatnonzero(shift > 3e-3).tolist() == loose
     assert shift.max() < 0.06

@@ -5,7 +5,11 @@ import pytest
 from motor_data import swings
 
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_largest, is_told
+from aerarm_ros.identification.motor_bench.motor_backlash import (
+    fit_backlash,
+    is_largest,
+    is_significant,
+)
 from aerarm_ros.identification.motor_bench.motor_friction import MotorFriction, MotorRun
 
 # As of `swings`.
@@ -24,26 +28,26 @@ def found(run: MotorRun, gravity: tuple[float, float] = GRAVITY) -> tuple[float,
     return fit_backlash([run], friction, (links, 0.2 * links), (rotor, 0.3 * rotor), 'joint')
 
 
-def test_it_is_found_within_a_tenth() -> None:
+def test_the_backlash_is_estimated_within_a_tenth() -> None:
     value, std = found(swings(0.02))
     assert value == pytest.approx(0.02, rel=0.1)
     assert abs(value - 0.02) < 3.0 * std < 0.008
     assert not is_largest((value, std))
 
 
-def test_a_gear_without_has_none() -> None:
+def test_a_gear_without_backlash_yields_none() -> None:
     value, std = found(swings(0.0))
-    assert not is_told((value, std))
+    assert not is_significant((value, std))
     assert value + 3.0 * std < 3e-3
 
 
-def test_more_than_is_looked_for_is_said_to_be() -> None:
+def test_a_backlash_above_the_search_range_is_reported() -> None:
     assert is_largest(found(swings(0.14, seconds=1.2)))
 
 
-def test_a_link_that_gravity_presses_to_one_side_tells_nothing() -> None:
+def test_a_link_pressed_to_one_flank_gives_no_significant_backlash() -> None:
     heavy = (0.1, 0.5)
-    assert not is_told(found(swings(0.02, heavy), heavy))
+    assert not is_significant(found(swings(0.02, heavy), heavy))
 
 
 def test_swings_that_are_too_short_are_refused() -> None:

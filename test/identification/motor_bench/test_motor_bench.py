@@ -17,7 +17,7 @@ from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.excitation.bench_motion import BenchPlan
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
 from aerarm_ros.identification.errors import IdentificationError
-from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_told
+from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_significant
 from aerarm_ros.identification.motor_bench.motor_bench import Earlier, KnownMass, MotorBench
 from aerarm_ros.identification.motor_bench.motor_friction import (
     VOLTAGE,
@@ -135,7 +135,7 @@ def test_a_bare_motor(config: ArmConfig, robot: Robot, truth: PlantParameters) -
     np.testing.assert_array_equal(result.friction.gravity, 0.0)
 
 
-def test_what_swings_tell_of_a_worn_gear(
+def test_swings_measure_the_backlash_of_a_worn_gear(
     config: ArmConfig, robot: Robot, truth: PlantParameters
 ) -> None:
     """Joint 2 is the whole arm's: the play of the others' gears does not matter."""
@@ -149,10 +149,12 @@ def test_what_swings_tell_of_a_worn_gear(
         [run], friction, (of_links, 0.2 * of_links), (of_rotor, 0.3 * of_rotor), 'joint2'
     )
     assert found[0] == pytest.approx(WORN, rel=0.1)
-    assert is_told(found)
+    assert is_significant(found)
 
 
-def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -> None:
+def test_swings_without_a_significant_backlash_are_reported(
+    config: ArmConfig, robot: Robot
+) -> None:
     """Other joints may rattle along, and gravity may press the links to one flank."""
     runs = [*steps(), swings(0.02)]
     upright = MotorBench(config, robot, config.rest_position)
@@ -163,7 +165,7 @@ def test_swings_that_tell_no_play_are_said_to(config: ArmConfig, robot: Robot) -
     leaning = MotorBench(config, robot, [0.0, 1.0, 0.0, -0.5708])
     found = leaning.evaluate(3, runs).backlash
     assert found is not None
-    assert not is_told(found)
+    assert not is_significant(found)
     (warning,) = leaning.warnings
     assert 'is not significant' in warning
     assert MotorBench(config, None, np.zeros(4)).evaluate(3, runs).backlash is None

@@ -56,7 +56,7 @@ def test_the_result_serves_a_later_run(tmp_path: Path) -> None:
     assert entry['rotor_inertia'][0] == pytest.approx((0.97 * 0.02 - 0.01) / 27**2)
 
 
-def test_the_configuration_loads_and_has_what_was_measured(tmp_path: Path) -> None:
+def test_the_written_configuration_loads_with_the_measured_values(tmp_path: Path) -> None:
     source = resource('config', 'aerarm.yaml')
     before = load_arm_config(source)
     file = tmp_path / 'config.yaml'
@@ -76,7 +76,7 @@ def test_the_configuration_loads_and_has_what_was_measured(tmp_path: Path) -> No
         assert after.joints[joint] == before.joints[joint]
 
 
-def test_what_is_not_known_is_not_written(tmp_path: Path) -> None:
+def test_uncertain_values_are_not_written(tmp_path: Path) -> None:
     source = resource('config', 'aerarm.yaml')
     before = load_arm_config(source)
     vague = result(inertia=(0.02, 1e-4), carried_inertia=(0.015, 3e-3))

@@ -37,7 +37,7 @@ def test_power_current_and_speed_tell_it() -> None:
     assert found.std < 0.02 * OHM
 
 
-def test_without_voltages_it_is_what_the_board_states() -> None:
+def test_without_voltages_the_resistance_is_that_of_the_board() -> None:
     stated = MotorSupply(NOTHING, NOTHING, NOTHING, NOTHING, reported=0.5)
     assert find_resistance(stated, 0.25) == MotorResistance(0.5, 0.125, BOARD)
     assert find_resistance(replace(stated, reported=np.nan), 0.25) is None
@@ -56,7 +56,7 @@ def test_currents_that_tell_nothing_are_no_measurement() -> None:
 
 
 @pytest.mark.parametrize('seconds', [0.0, 0.3])
-def test_short_readings_are_none(seconds: float) -> None:
+def test_short_readings_yield_no_resistance(seconds: float) -> None:
     full = supply()
     part = full.time < seconds
     fields = (full.time, full.current, full.speed, full.power)

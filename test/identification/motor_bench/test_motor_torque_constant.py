@@ -29,7 +29,7 @@ def test_bare_motor_needs_no_angle_of_the_lever() -> None:
     assert ratio == pytest.approx(0.97, rel=5e-3)
 
 
-def test_what_cannot_be_measured_is_named() -> None:
+def test_unmeasurable_torque_constants_raise_an_error() -> None:
     friction = friction_with(np.zeros(2))
     with pytest.raises(IdentificationError, match='elbow: the mass causes 0 Nm'):
         fit_torque_constant(friction, GRAVITY, np.zeros(2), 'elbow')

@@ -26,7 +26,7 @@ def test_vector_is_the_regressors(robot: Robot, config: ArmConfig) -> None:
     assert np.array_equal(cad.vector(model), expected)
 
 
-def test_what_cad_does_not_know_is_zero(robot: Robot) -> None:
+def test_terms_without_cad_value_are_zero(robot: Robot) -> None:
     cad = ArmParameters.stated(robot, None)
     terms = (ROTOR, JointTerm(TermKind.LOAD))
     model = JointModel.uniform(robot.joint_names, robot.link_names, terms)

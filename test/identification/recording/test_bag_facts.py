@@ -5,7 +5,7 @@ import pytest
 from aerarm_ros.identification.recording.recording import BagFacts
 
 
-def test_what_is_not_recorded_is_not_mentioned() -> None:
+def test_unrecorded_facts_are_not_mentioned() -> None:
     assert BagFacts('whole bag').text == 'used whole bag'
     assert BagFacts('whole bag', 0, 3).text == 'used whole bag, 0 states lost, 3 cycles missed'
 

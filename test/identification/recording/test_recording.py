@@ -125,7 +125,7 @@ def test_single_faulty_joints_are_named(states) -> None:
     assert 'joint joint2 does not move' in recording.warnings[0]
 
 
-def test_rest_at_both_ends_is_left_out_with_what_is_wrong_there(states) -> None:
+def test_standstill_at_both_ends_and_its_defects_are_ignored(states) -> None:
     """A gap of the stamps and missing efforts before the motion don't matter."""
     early = states.stamp.copy()
     early[:40] -= 0.337
@@ -139,7 +139,7 @@ def test_rest_at_both_ends_is_left_out_with_what_is_wrong_there(states) -> None:
     assert 'NaN' not in ' '.join(recording.warnings)
 
 
-def test_only_what_was_commanded_is_used(states) -> None:
+def test_only_the_commanded_part_is_used(states) -> None:
     recording = recording_from_states('bag', states, JOINTS, AS_IS, (slice(500, 1500), 'commands'))
     assert len(recording.time) == 1000
     assert recording.time[0] == pytest.approx(5.0)

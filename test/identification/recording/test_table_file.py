@@ -58,7 +58,7 @@ def test_columns_are_known_by_their_names(tmp_path: Path, header: str, delimiter
         np.testing.assert_allclose(found, true, atol=1e-15)
 
 
-def test_other_columns_are_passed_over_and_what_is_missing_is_unknown(tmp_path: Path) -> None:
+def test_other_columns_are_ignored_and_missing_quantities_are_nan(tmp_path: Path) -> None:
     header = 'cycle,tau1,q_desired_elbow,tau2,q2,q1'
     path = csv(tmp_path / 'a.csv', header, T, TAU[:, 0], T, TAU[:, 1], Q[:, 1], Q[:, 0])
     lines = path.read_text().splitlines()
@@ -103,7 +103,7 @@ def test_degrees_become_radians(tmp_path: Path, unit: str, degrees: bool) -> Non
     np.testing.assert_allclose(states.effort, TAU)
 
 
-def test_units_that_are_stated_are_believed(tmp_path: Path) -> None:
+def test_stated_units_are_used(tmp_path: Path) -> None:
     header = 'time [ms],q1 [mrad],q2 (°),dq1 [rpm],dq2 [degrees/s],tau1 [mNm],tau2 [N m]'
     scaled = (1e3 * T, 1e3 * Q[:, 0], np.degrees(Q[:, 1]), 30.0 / np.pi * DQ[:, 0])
     columns = (*scaled, np.degrees(DQ[:, 1]), 1e3 * TAU[:, 0], TAU[:, 1])
@@ -175,13 +175,15 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
         ('time,q1,q2,tau1 [lbf],tau2', (T, Q, TAU), r'column tau1 .*unknown unit lbf'),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path: Path, header: str, columns, words: str) -> None:
+def test_an_invalid_table_raises_an_error_with_the_reason(
+    tmp_path: Path, header: str, columns, words: str
+) -> None:
     path = csv(tmp_path / 'a.csv', header, *columns)
     with pytest.raises(IdentificationError, match=words):
         read_table(path, JOINTS)
 
 
-def test_files_that_are_none(tmp_path: Path) -> None:
+def test_unreadable_tables_raise_errors(tmp_path: Path) -> None:
     with pytest.raises(IdentificationError, match='check the path'):
         read_table(tmp_path / 'none.csv', JOINTS)
     for name, content in (('a.csv', b'time,q1\n1.0,two\n'), ('a.npz', b'PK nothing')):

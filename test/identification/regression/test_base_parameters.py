@@ -28,7 +28,7 @@ def test_tilted_gravity_identifies_two_more(robot: Robot) -> None:
     assert find_base_parameters(*factor_of(tilted, False)).rank == 32
 
 
-def test_only_distal_rotors_are_told_apart_from_links(robot: Robot) -> None:
+def test_only_distal_rotors_are_separable_from_links(robot: Robot) -> None:
     base = find_base_parameters(*factor_of(robot, True))
     found = {base.columns[i] for i in base.independent}
     assert {'Ja_joint3', 'Ja_joint4'} <= found

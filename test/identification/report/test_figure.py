@@ -31,7 +31,7 @@ def test_curves_go_to_their_joints_axes() -> None:
     assert layout['yaxis2']['title']['text'] == 'joint2 [Nm]'
 
 
-def test_what_is_measured_stays_visible_under_what_is_predicted() -> None:
+def test_the_measured_curve_stays_visible_under_the_predicted_curve() -> None:
     figure = StackedFigure(('joint1',), 'Nm')
     for role in ('measured', 'predicted'):
         figure.add(0, np.zeros(2), np.zeros(2), role, role)

@@ -44,7 +44,7 @@ def test_the_arm_that_differs_is_found() -> None:
     assert {o.arm for o in odd} <= {'arm4', 'arm2'}
 
 
-def test_the_page_names_both_and_what_failed() -> None:
+def test_the_page_names_drifts_deviating_arms_and_failed_bags() -> None:
     failed = {'bag': 'x', 'arm': 'arm1', 'date': None, 'status': 'failed', 'reason': 'no <bag>'}
     text = fleet_page([*rows(), failed])
     assert '60 of 61 bags of 6 arms were identified' in text

@@ -39,7 +39,7 @@ def test_triangles_close_each_box(result: IdentificationResult) -> None:
     assert np.all(np.sign(volume) == np.sign(volume[0]))
 
 
-def test_impossible_links_have_none(result: IdentificationResult) -> None:
+def test_impossible_links_have_no_inertia_box(result: IdentificationResult) -> None:
     wrong = np.array(result.cad.inertial)
     wrong[2, 4:] = 0.0
     changed = replace(result, cad=replace(result.cad, inertial=wrong))

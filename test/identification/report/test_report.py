@@ -79,7 +79,7 @@ def html(result: IdentificationResult, extras: ReportExtras) -> str:
     return report_html(result, extras)
 
 
-def test_it_is_well_formed_and_needs_no_network(html: str) -> None:
+def test_the_report_is_well_formed_and_needs_no_network(html: str) -> None:
     page = Page(html)
     assert not page.stack
     # To places of its own.
@@ -93,7 +93,7 @@ def test_many_bags_have_fewer_points_each(result: IdentificationResult) -> None:
     assert points(many) == 200
 
 
-def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) -> None:
+def test_the_report_contains_tables_and_figures(html: str, result: IdentificationResult) -> None:
     page = Page(html)
     assert page.headings == [
         'Torque errors',
@@ -132,7 +132,7 @@ def test_it_shows_tables_and_figures(html: str, result: IdentificationResult) ->
         assert expression in page.texts
 
 
-def test_the_joints_table_shows_what_matters_and_folds_the_rest(
+def test_the_table_per_joint_shows_the_main_solvers_and_folds_the_others(
     result: IdentificationResult,
 ) -> None:
     shown, _, folded = joint_error_table(result).partition('<details>')
@@ -213,7 +213,7 @@ def test_base_parameters_are_compared_as_currents_show_them(
         assert re.search(f'<td>{re.escape(number(value))}{filled}</td></tr>', row)
 
 
-def test_what_the_truth_lacks_is_a_dash(result: IdentificationResult, extras: ReportExtras) -> None:
+def test_missing_true_values_are_a_dash(result: IdentificationResult, extras: ReportExtras) -> None:
     truth = replace(
         extras.truth,
         parameters={k: v for k, v in extras.truth.parameters.items() if k != 'fv_joint1'},
@@ -224,13 +224,13 @@ def test_what_the_truth_lacks_is_a_dash(result: IdentificationResult, extras: Re
             assert row.count('–') == expected
 
 
-def test_it_can_do_without_extras(result: IdentificationResult) -> None:
+def test_the_report_works_without_extras(result: IdentificationResult) -> None:
     page = Page(report_html(result, ReportExtras()))
     assert 'Comparison with the true parameters' not in page.headings
     assert not any('True: parameter of the simulated arm' in text for text in page.texts)
 
 
-def test_parameters_that_only_a_sum_is_known_of_are_told_apart(
+def test_parameters_known_only_in_sums_are_marked(
     result: IdentificationResult,
 ) -> None:
     """Joint 1 turns about one axis: link 1's inertia about it and the rotor's are one number."""

@@ -14,7 +14,7 @@ from aerarm_ros.identification.rollout import (
 )
 
 
-def test_it_moves_as_another_engine_does(arm, robot, true_theta) -> None:
+def test_rollouts_agree_with_another_engine(arm, robot, true_theta) -> None:
     """Friction as damping only: there the two say the same thing differently."""
     model = JointModel.uniform(
         robot.joint_names, robot.link_names, (JointTerm(TermKind.VISCOUS), ROTOR)

@@ -20,7 +20,7 @@ def test_they_are_half_seconds_of_the_motion(arm, robot, samples_of) -> None:
     assert twice.count == 2 * windows.count
 
 
-def test_what_was_not_measured_is_left_out(arm, robot, samples_of) -> None:
+def test_unmeasured_samples_are_omitted(arm, robot, samples_of) -> None:
     samples = samples_of(arm.recording(1))
     measured = samples.measured.copy()
     measured[: len(measured) // 2, 2] = False

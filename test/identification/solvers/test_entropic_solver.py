@@ -98,7 +98,7 @@ def test_same_input_same_bits(system_of, prior, limits) -> None:
     assert np.array_equal(first, second)
 
 
-def test_a_drawing_without_extent_is_refused(system_of, prior, limits) -> None:
+def test_a_link_without_volume_in_the_urdf_is_rejected(system_of, prior, limits) -> None:
     mean = prior.mean.copy()
     mean[21:30] = 0.0  # link 3 is a point
     with pytest.raises(IdentificationError, match='link 3 in the URDF'):

@@ -30,7 +30,7 @@ def test_collisions_do_not_spoil_it(
     assert np.all(robust.estimate.theta[40:] >= 0.0)
 
 
-def test_it_keeps_the_bounds_of_the_user(
+def test_the_solution_satisfies_the_bounds_of_the_user(
     arm, robot: Robot, config: ArmConfig, result: IdentificationResult
 ) -> None:
     true_mass = float(result.recommended.estimate.inertial[:, 0].sum())

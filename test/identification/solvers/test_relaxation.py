@@ -28,7 +28,7 @@ def test_bounds_are_met(result: IdentificationResult) -> None:
     assert np.all(np.abs(centres - boxes.centre) <= boxes.reach + 1e-6)
 
 
-def test_an_impossible_total_mass_is_given_up_and_the_centres_kept(
+def test_an_impossible_total_mass_is_dropped_and_the_centres_are_kept(
     result: IdentificationResult,
 ) -> None:
     estimate = solve(result, LinkBounds((300.0, 310.0), centres=True))
@@ -45,7 +45,7 @@ def far_off(limits: PhysicalLimits) -> PhysicalLimits:
     return replace(limits, centre=limits.centre + 1e9, reach=0.0 * limits.reach)
 
 
-def test_impossible_centres_are_given_up_first(result: IdentificationResult) -> None:
+def test_impossible_centres_are_dropped_first(result: IdentificationResult) -> None:
     total = float(result.cad.inertial[:, 0].sum())
     bounds = LinkBounds((total, 1.01 * total), centres=True)
     limits = far_off(physical_limits(result.fit, result.cad, bounds))

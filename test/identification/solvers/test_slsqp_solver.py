@@ -6,7 +6,7 @@ from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.solvers.thesis_solvers import ThesisProblem, solve_slsqp
 
 
-def test_it_obeys_the_constraints_and_fits(
+def test_the_solution_satisfies_the_constraints_and_fits_the_data(
     problem: ThesisProblem, result: IdentificationResult
 ) -> None:
     theta = solve_slsqp(problem)

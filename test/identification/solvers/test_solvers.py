@@ -16,7 +16,7 @@ def estimates(result: IdentificationResult):
     return solve_all(result.fit, result.cad)
 
 
-def test_each_does_what_it_is_for(result: IdentificationResult, estimates) -> None:
+def test_solver_errors_have_the_expected_order(result: IdentificationResult, estimates) -> None:
     regression = result.fit.regression
     errors = {name: regression.error(estimate.theta) for name, estimate in estimates.items()}
     assert min(errors, key=errors.get) == 'ols'
@@ -42,7 +42,7 @@ def test_limits_are_those_of_cad(result: IdentificationResult) -> None:
     assert np.all((lower < centre) & (centre < upper))
 
 
-def test_slow_ones_run_if_asked_for_and_tell(result: IdentificationResult) -> None:
+def test_slow_solvers_run_on_request_and_report_progress(result: IdentificationResult) -> None:
     told: list[str] = []
     estimates = solve_all(result.fit, result.cad, result.identification, ['slsqp'], told.append)
     assert list(estimates) == ['cad', 'cad_friction', 'ols', 'slsqp', 'sdp']
@@ -65,7 +65,7 @@ def test_an_unknown_solver_is_refused(result: IdentificationResult) -> None:
         solve_all(result.fit, result.cad, names=['magic'])
 
 
-def test_what_lies_at_its_bound_is_nothing(result: IdentificationResult) -> None:
+def test_a_parameter_at_its_bound_is_exactly_zero(result: IdentificationResult) -> None:
     """Friction that the data want to be a little below 0."""
     fit = result.fit
     index = fit.model.columns.index('fv_joint2')

@@ -17,7 +17,7 @@ from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import CommandPublishers
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop, SteadyClock
 from aerarm_ros.ros.bridge.bridge_diagnostics import BridgeDiagnostics, BridgeTiming, Watched
-from aerarm_ros.ros.graph import PublisherWatch, RivalWatch
+from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
 
 PERIOD = 1e-3
 PIECES = 20  # cycles in which a report is complete
@@ -39,7 +39,7 @@ class Listener:
         publishers = CommandPublishers()
         self.watch = PublisherWatch(node, topics.JOINT_COMMAND, publishers.look)
         timing = BridgeTiming(PeriodicLoop(PERIOD), self.stamps)
-        self.rivals = RivalWatch(node, topics.JOINT_STATES)
+        self.rivals = DuplicatePublisherWatch(node, topics.JOINT_STATES)
         self.watched = Watched(
             config.joint_names,
             self.cycle,
@@ -69,7 +69,7 @@ def listener(ros_node: Node) -> Listener:
     return Listener(ros_node)
 
 
-def test_an_inactive_bridge_says_so_by_itself(listener: Listener) -> None:
+def test_an_inactive_bridge_reports_its_state(listener: Listener) -> None:
     listener.wait_for(lambda: bool(listener.messages))
     assert listener.arm().name == '/test: arm'
     assert listener.arm().level == DiagnosticStatus.STALE
@@ -121,7 +121,7 @@ def test_a_new_mode_is_reported_within_some_cycles(listener: Listener) -> None:
     assert 'emergency stop: test' in listener.arm().message
 
 
-def test_a_publisher_that_is_not_heard_is_reported(listener: Listener) -> None:
+def test_a_publisher_that_cannot_be_received_is_reported(listener: Listener) -> None:
     listener.watch.problems = ('joint_command of /other is not received: it is another type',)
     for now in range(20):
         listener.cycle.update(100.0 + now * PERIOD)

@@ -78,7 +78,7 @@ def test_all_transitions(start_bridge: StartBridge, ros_node: Node) -> None:
     assert 'Traceback' not in process.tail(100)
 
 
-def test_what_is_wrong_when_configuring_is_reported(
+def test_errors_of_the_configure_transition_are_reported(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
     process = start_bridge(autostart=False, config='/nowhere/arm.yaml')
@@ -91,7 +91,7 @@ def test_what_is_wrong_when_configuring_is_reported(
     assert process.wait(60.0) == 0
 
 
-def test_what_ends_the_process_is_said_once(start_bridge: StartBridge) -> None:
+def test_the_error_that_ends_the_process_is_printed_once(start_bridge: StartBridge) -> None:
     process = start_bridge(config='/nowhere/arm.yaml')
     assert process.wait(60.0) == 1
     assert process.tail().count('/nowhere/arm.yaml') == 1

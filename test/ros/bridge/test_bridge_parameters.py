@@ -69,7 +69,7 @@ def test_the_integral_gain_of_the_thesis(start_bridge: StartBridge, ros_node: No
         ({'position_tolerance': 100.0}, 'position_tolerance must be .* from 0.001 to 0.5'),
     ],
 )
-def test_what_cannot_be_configured_is_said(
+def test_invalid_parameters_end_the_bridge_with_an_error(
     ros_domain: dict[str, str], parameters: dict, text: str
 ) -> None:
     done = run('fake_hardware', parameters=parameters)

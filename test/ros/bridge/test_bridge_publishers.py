@@ -45,7 +45,7 @@ def test_two_bridges_warn_of_each_other(
     assert bridge.tail(50).count('joint_states has') == 1
 
 
-def test_a_second_publisher_is_told_apart_rejected_and_named(
+def test_a_second_publisher_is_identified_rejected_and_named(
     client: BridgeClient, bridge: NodeProcess, intruder: Publisher
 ) -> None:
     client.make_ready()

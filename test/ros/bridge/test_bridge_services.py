@@ -8,14 +8,14 @@ from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.bridge_modes import Action, Answer
-from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests, says_not_active
+from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests, reports_not_active
 
 
 def late(action: Action, is_stop: bool) -> Answer:
     raise TimeoutError
 
 
-def test_a_cycle_that_does_not_answer_is_said_with_where_to_look(ros_node: Node) -> None:
+def test_a_cycle_that_does_not_respond_is_reported_with_a_remedy(ros_node: Node) -> None:
     BridgeServices(ros_node, late, {'disable': BridgeCycle.disable})
     client = ros_node.create_client(Trigger, '~/disable')
     assert client.wait_for_service(60.0)
@@ -67,5 +67,5 @@ def test_an_ending_bridge_answers_without_a_warning(
     answer = client.call_async(Trigger.Request())
     assert spin_until(ros_node, answer.done, 60.0)
     assert not answer.result().success
-    assert says_not_active(answer.result().message)
+    assert reports_not_active(answer.result().message)
     assert logged == [('info', f'hold: {answer.result().message}')]

@@ -42,7 +42,7 @@ def test_an_action_gets_the_cycle_and_gives_its_answer(requests):
     assert seen == [('the cycle', threading.current_thread())]
 
 
-def test_what_an_action_raises_goes_to_who_asked(requests):
+def test_an_exception_of_an_action_is_raised_in_the_caller(requests):
     def action(cycle):
         raise ValueError('no such fault')
 
@@ -50,7 +50,7 @@ def test_what_an_action_raises_goes_to_who_asked(requests):
     assert str(error) == 'no such fault'
 
 
-def test_posted_actions_are_done_in_order_and_nobody_waits(requests):
+def test_posted_actions_run_in_order_without_waiting_callers(requests):
     done = []
     for number in range(3):
         requests.post(lambda cycle, number=number: done.append(number))
@@ -75,7 +75,7 @@ def test_a_cycle_that_does_not_serve_is_noticed(requests):
 
 
 @pytest.mark.parametrize('insist', [False, True])
-def test_what_came_too_late_is_done_only_if_it_stops_the_arm(requests, insist):
+def test_late_actions_run_only_if_they_stop_the_arm(requests, insist):
     done = []
     with pytest.raises(TimeoutError):
         requests.ask(lambda cycle: done.append(cycle), insist)

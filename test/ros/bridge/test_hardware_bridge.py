@@ -111,7 +111,7 @@ def start(ros_domain: dict[str, str]) -> Iterator[Callable[[type[FakeHardware]],
     sys.setswitchinterval(interval)
 
 
-def test_nothing_periodic_wakes_the_executor_beside_the_cycle(start) -> None:
+def test_no_periodic_work_wakes_the_executor(start) -> None:
     quiet = start(Quiet)
     quiet.run()
     assert quiet.before > 0  # the modes at the start were logged
@@ -150,7 +150,7 @@ def ask_and_stop(bridge: FakeHardware, action: str, answers: list[Answer]) -> No
         ('e_stop', {'connect_frames': 1000, 'bad_frames_max': 1000}, 'the arm is damped'),
     ],
 )
-def test_what_is_asked_of_a_bridge_that_starts_is_done_once_its_boards_are_known(
+def test_requests_during_the_start_run_once_the_boards_are_known(
     start, action, settings, text
 ) -> None:
     node, answers = start(Unhurried), []
@@ -163,7 +163,7 @@ def test_what_is_asked_of_a_bridge_that_starts_is_done_once_its_boards_are_known
     assert text in answers[0].message
 
 
-def test_a_bridge_that_is_stopped_while_it_starts_lets_nobody_wait(start) -> None:
+def test_stopping_a_starting_bridge_rejects_waiting_requests(start) -> None:
     node = start(StoppedEarly)
     node.run()
     with pytest.raises(RuntimeError, match='not active'):

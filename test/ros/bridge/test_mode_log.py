@@ -16,7 +16,7 @@ def modes(log: str) -> list[str]:
     return [f'{severity} {mode}' for severity, mode in found]
 
 
-def test_modes_and_faults_are_logged_with_the_way_out(
+def test_modes_and_faults_are_logged_with_the_recovery_hint(
     client: BridgeClient, bridge: NodeProcess
 ) -> None:
     client.make_ready()

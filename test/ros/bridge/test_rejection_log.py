@@ -57,7 +57,7 @@ def test_each_reason_is_one_warning_when_it_begins(cycle: Cycle) -> None:
     assert length.endswith(REJECTIONS['length'])
 
 
-def test_what_begins_anew_is_said_anew_ten_seconds_later_at_the_earliest(cycle: Cycle) -> None:
+def test_a_repeated_rejection_is_logged_at_most_every_ten_seconds(cycle: Cycle) -> None:
     cycle.run(100.0, 1.0, 'nan')
     cycle.run(103.0, 1.0, 'nan')
     cycle.run(111.0, 1.0, 'nan')
@@ -78,7 +78,7 @@ def test_publishers_that_are_found_a_little_later_are_named(cycle: Cycle) -> Non
     assert cycle.lines()[1].endswith(REJECTIONS['nan'])
 
 
-def test_commands_on_their_way_when_the_arm_stops_are_no_news(cycle: Cycle) -> None:
+def test_commands_in_transit_when_the_arm_stops_are_not_logged(cycle: Cycle) -> None:
     cycle.run(100.0, 1.0)
     cycle.run(101.0, 0.1, 'not_ready', mode='fault')
     cycle.run(102.0, 0.1, 'nan', mode='fault')

@@ -26,7 +26,7 @@ rclpy.spin(node)
 """
 
 
-def test_a_tutorial_s_subscriptions_hear_the_bridge(
+def test_subscriptions_with_default_qos_receive_from_the_bridge(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
     # In lockstep a world that stands before somebody listens tells joint_states alone again.

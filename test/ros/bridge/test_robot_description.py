@@ -5,7 +5,7 @@ from aerarm_msgs_py.topics import ROBOT_DESCRIPTION
 from aerarm_ros.ros.bridge.hardware_bridge import RobotDescription
 
 
-def test_whoever_comes_later_gets_the_urdf(ros_node: Node) -> None:
+def test_late_subscribers_receive_the_urdf(ros_node: Node) -> None:
     RobotDescription(ros_node, '<robot name="arm"/>')
     received: list[str] = []
     late = rclpy.create_node('late')

@@ -104,7 +104,7 @@ def service(node: BaseReactionNode, name: str) -> Trigger.Response:
     return future.result()
 
 
-def test_a_push_is_told_and_what_is_missing_is_named(make) -> None:
+def test_a_push_is_published_and_missing_inputs_are_named(make) -> None:
     node = make(drone_file=str(resource('config', 'drone.yaml')), contact_bandwidth=5.0)
     drone = HoveringDrone(node)
     assert node.describe()['contact'] == 'no joint states yet'
@@ -117,7 +117,7 @@ def test_a_push_is_told_and_what_is_missing_is_named(make) -> None:
     message = drone.wrenches[-1]
     assert message.header.frame_id == 'base_link'
     assert message.header.stamp.nanosec % STEP_NS == 0
-    assert node.describe()['contact'] == 'told'
+    assert node.describe()['contact'] == 'published'
     assert np.hypot(message.wrench.force.x, message.wrench.force.y) < 1e-6
     # It can be zeroed, where there is something to average.
     told = service(node, 'zero_contact')
@@ -147,7 +147,7 @@ def test_a_push_is_told_and_what_is_missing_is_named(make) -> None:
     assert node.warning().startswith('contact_wrench: no good odometry for')
 
 
-def test_of_an_unknown_drone_nothing_is_told(make) -> None:
+def test_without_drone_file_no_wrench_is_published(make) -> None:
     node = make()
     drone = HoveringDrone(node)
     for _ in range(50):

@@ -73,7 +73,7 @@ def test_full_is_refused_with_a_payload_by_which_it_would_excite_itself(make, he
         make(base_motion='full', drone_file=heavy_drone, **{PAYLOAD: LOAD})
 
 
-def test_nor_may_such_a_payload_be_told_later(make, heavy_drone) -> None:
+def test_an_unstable_payload_is_rejected_at_run_time(make, heavy_drone) -> None:
     node = make(base_motion='full', drone_file=heavy_drone).node
     (result,) = node.set_parameters([Parameter(PAYLOAD, value=LOAD)])
     assert 'is unstable' in result.reason
@@ -81,7 +81,7 @@ def test_nor_may_such_a_payload_be_told_later(make, heavy_drone) -> None:
     assert result.successful, result.reason
 
 
-def test_a_law_that_uses_no_base_warns_of_none(make) -> None:
+def test_without_base_motion_there_is_no_warning_about_it(make) -> None:
     node = make(KinematicControlNode, base_motion='free', drone_file=DRONE)
     node._mode = COMMANDABLE[0]
     assert node.warning() == ''
@@ -103,7 +103,7 @@ def rotor_command(names: tuple[str, ...], stamp_ns: int, thrust: list[float]) ->
     return message
 
 
-def test_rotor_commands_are_heard_and_those_of_others_refused(make) -> None:
+def test_rotor_commands_are_used_and_those_of_other_drones_rejected(make) -> None:
     node = make(base_motion='free', drone_file=DRONE)
     base, names = node.base, node.arm.drone.rotor_names
     assert isinstance(base, FreeBaseEstimator)

@@ -35,7 +35,9 @@ def bench(
         yield bench
 
 
-def test_gravity_compensation_goes_to_set_points_and_lets_go(bench: ControllerBench) -> None:
+def test_gravity_compensation_moves_to_set_points_and_releases_the_arm(
+    bench: ControllerBench,
+) -> None:
     with bench.controller('gravity_compensation') as process:
         set_points = bench.publisher(topics.SET_POINT)
         bench.wait(lambda: bench.mode == 'running', 'commands')
@@ -179,7 +181,7 @@ def test_base_reaction_counts_no_states_that_it_need_not_answer(bench: Controlle
 
 
 @pytest.mark.parametrize('name', ['gravity_compensation', 'base_reaction'])
-def test_without_a_bridge_says_what_it_waits_for(
+def test_without_a_bridge_the_log_states_the_awaited_conditions(
     tmp_path: Path, ros_domain: dict[str, str], name: str
 ) -> None:
     with NodeProcess(name, log=tmp_path / 'log') as process:

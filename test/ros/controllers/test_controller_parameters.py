@@ -99,7 +99,7 @@ def test_hand_guiding_comes_and_goes_without_a_step(make) -> None:
     np.testing.assert_allclose(node.follower.reference.q, pushed.q)
 
 
-def test_whoever_guides_the_arm_is_not_overruled(make) -> None:
+def test_references_are_rejected_during_hand_guiding(make) -> None:
     node = make(GravityCompensationNode, 'hand_guiding:=true')
     for take, message in (
         (node._unless_guided(lambda *_: pytest.fail('taken')), JointState(name=NAMES)),

@@ -1,4 +1,4 @@
-"""A controller compensates the friction of `friction_file`, which the URDF cannot hold."""
+"""A controller compensates the friction of `friction_file`, which the URDF cannot contain."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

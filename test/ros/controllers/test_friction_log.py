@@ -60,7 +60,7 @@ def test_a_silence_is_no_learning(tmp_path: Path) -> None:
     assert not path.exists()
 
 
-def test_a_folder_that_has_gone_is_told_and_made_good(tmp_path: Path) -> None:
+def test_a_deleted_folder_is_reported_and_recovered(tmp_path: Path) -> None:
     folder = tmp_path / 'stick'
     folder.mkdir()
     log = FrictionLog(folder / 'friction.csv', NAMES, 1.0)
@@ -75,7 +75,7 @@ def test_a_folder_that_has_gone_is_told_and_made_good(tmp_path: Path) -> None:
     assert len(read_trend(folder / 'friction.csv').records) == 1
 
 
-def test_what_cannot_be_kept_is_refused_at_once(tmp_path: Path) -> None:
+def test_an_unusable_friction_file_is_rejected_at_the_start(tmp_path: Path) -> None:
     with pytest.raises(OSError, match='cannot be written to'):
         FrictionLog(tmp_path / 'none' / 'friction.csv', NAMES, 1.0)
     (tmp_path / 'notes.txt').write_text('mine\n')

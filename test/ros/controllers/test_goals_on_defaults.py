@@ -21,7 +21,7 @@ SETTLING = 0.5  # [s]
         ('gravity_compensation', 1, 0.3),
     ],
 )
-def test_an_arm_that_differs_from_its_drawing_settles_at_its_goal(
+def test_an_arm_that_differs_from_its_urdf_settles_at_its_goal(
     controller: str, seed: int, distance: float
 ) -> None:
     bench = GoalBench(controller, seed)

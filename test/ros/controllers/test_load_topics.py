@@ -34,7 +34,7 @@ def swing(time: float | np.ndarray) -> JointReference:
     return JointReference(AMPLITUDE * s, AMPLITUDE * W * c, -AMPLITUDE * W**2 * s)
 
 
-class ToldArm:
+class PublishedArm:
     """Publish a swinging arm's states and plan, and receive the drone's topics."""
 
     def __init__(self, node: Node) -> None:
@@ -87,7 +87,7 @@ class ToldArm:
 
 
 @pytest.fixture
-def arm(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[ToldArm]:
+def arm(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[PublishedArm]:
     parameters = {
         'drone_file': resource('config', 'drone.yaml'),
         'lead': LEAD,
@@ -95,7 +95,7 @@ def arm(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterator[
         'acceleration_at': 'centre',
     }
     with NodeProcess('base_reaction', (), parameters, log=tmp_path / 'log') as process:
-        arm = ToldArm(ros_node)
+        arm = PublishedArm(ros_node)
         assert spin_until(ros_node, arm.states.get_subscription_count, 60.0), process.tail()
         yield arm
 
@@ -104,13 +104,13 @@ def vector(part) -> np.ndarray:
     return np.array([part.x, part.y, part.z])
 
 
-def until_in_time(arm: ToldArm) -> None:
+def until_in_time(arm: PublishedArm) -> None:
     end = time.monotonic() + 60.0
     while not arm.step():
         assert time.monotonic() < end
 
 
-def sizes_of_a_fade(arm: ToldArm) -> list[float]:
+def sizes_of_a_fade(arm: PublishedArm) -> list[float]:
     """Return the sizes of a fading motion after the last state, until zero."""
     sizes = [arm.motion()]
     while sizes[-1] > 0.0:
@@ -120,7 +120,7 @@ def sizes_of_a_fade(arm: ToldArm) -> list[float]:
     return sizes
 
 
-def test_the_drone_is_told_ahead_of_time_and_of_an_end(arm: ToldArm) -> None:
+def test_the_forecast_is_published_in_advance_and_fades_at_the_end(arm: PublishedArm) -> None:
     # Until one plan has been heard for as long as it takes to be believed.
     in_time = errors = 0
     while in_time < 30:

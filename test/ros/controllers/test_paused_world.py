@@ -54,7 +54,7 @@ def drone(ros_domain: dict[str, str], ros_node: Node, tmp_path: Path) -> Iterato
 
 # The clock of the second of two arms has another name, which only its bridge knows.
 @pytest.mark.parametrize('clock', ['/clock', '/left/clock'])
-def test_a_pause_of_the_host_is_none_of_the_arms_motion(
+def test_a_pause_of_the_host_does_not_fade_the_arms_motion(
     drone: PausedArm, tmp_path: Path, clock: str
 ) -> None:
     names = ('--ros-args', '-r', f'/clock:={clock}', '--')
@@ -73,9 +73,7 @@ def test_a_pause_of_the_host_is_none_of_the_arms_motion(
 
 
 @pytest.mark.pace('keep_up')
-def test_the_motion_of_an_emulated_arm_that_is_gone_fades(
-    drone: PausedArm, bridge: NodeProcess
-) -> None:
+def test_the_motion_of_an_ended_emulated_arm_fades(drone: PausedArm, bridge: NodeProcess) -> None:
     drone.let_it_move()
     os.kill(bridge.pid, signal.SIGTERM)
     heard, count = time.monotonic(), len(drone.states)
@@ -87,7 +85,7 @@ def test_the_motion_of_an_emulated_arm_that_is_gone_fades(
 
 
 @pytest.mark.pace('real_time')
-def test_where_the_world_goes_on_the_motion_of_a_silent_arm_fades(
+def test_in_real_time_the_motion_of_a_silent_arm_fades(
     drone: PausedArm, bridge: NodeProcess
 ) -> None:
     drone.let_it_move()

@@ -88,7 +88,7 @@ def test_its_torque_never_steps() -> None:
     assert np.ptp(torques, axis=0).max() > 1.0
 
 
-def test_a_share_of_it_is_a_share() -> None:
+def test_a_fraction_of_the_payload_is_compensated() -> None:
     rig = IntakeRig(0.5)
     grasped(rig)
     before = rig.residual()
@@ -97,7 +97,7 @@ def test_a_share_of_it_is_a_share() -> None:
     assert rig.residual() == pytest.approx(0.5 * before)
 
 
-def test_what_is_not_there_is_taken_back_and_told() -> None:
+def test_a_wrong_payload_is_withdrawn_and_reported() -> None:
     rig = IntakeRig(1.0)
     rig.offer(0.2)
     rig.wait(0.2)
@@ -114,7 +114,7 @@ def test_what_is_not_there_is_taken_back_and_told() -> None:
 @pytest.mark.parametrize(
     ('frame', 'mass', 'words'), [('tool0', 0.2, 'last link'), ('link4', -0.2, 'no body')]
 )
-def test_what_cannot_be_its_payload_is_refused(frame: str, mass: float, words: str) -> None:
+def test_impossible_payloads_are_rejected(frame: str, mass: float, words: str) -> None:
     rig = IntakeRig(1.0)
     with pytest.raises(RejectedInputError, match=words):
         rig.intake.take(inertia_message(base_header(0, frame), mass, CENTRE, INERTIA), 0.0)

@@ -128,7 +128,7 @@ def test_goals_on_the_defaults_succeed_whatever_the_arm(arm: ActionBench) -> Non
 
 
 @pytest.mark.skipif(HAS_ACTION, reason='control_msgs is installed')
-def test_without_control_msgs_it_is_said(tmp_path: Path, ros_node: Node) -> None:
+def test_missing_control_msgs_is_reported(tmp_path: Path, ros_node: Node) -> None:
     bench = ControllerBench(tmp_path, ros_node)
     with bench.hardware:
         bench.start()

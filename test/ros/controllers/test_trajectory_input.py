@@ -37,7 +37,7 @@ def test_joints_that_are_not_named_stay() -> None:
 
 
 @pytest.mark.parametrize('names', [['joint1', 'elbow'], ['joint1', 'joint1'], []])
-def test_other_names_are_rejected_all_the_same(names: list[str]) -> None:
+def test_other_joint_names_are_rejected_as_well(names: list[str]) -> None:
     reason = re.escape(f'joint names {names} do not match the arm: name some of')
     with pytest.raises(RejectedInputError, match=reason):
         read_trajectory(LIMITS, message(names, [[0.1] * len(names)]), 0.0, HERE)
@@ -49,7 +49,7 @@ def test_values_are_counted_by_the_joints_that_are_named() -> None:
         read_trajectory(LIMITS, wrong, 0.0, HERE)
 
 
-def test_velocities_are_given_at_every_point_or_at_none() -> None:
+def test_velocities_are_required_at_every_point_or_at_none() -> None:
     wrong = message(['joint1', 'joint3'], [[0.1, 0.2], [0.3, 0.4]], [[0.1, 0.2]])
     with pytest.raises(RejectedInputError, match='point 1 has 0 velocities for 2 joints'):
         read_trajectory(LIMITS, wrong, 0.0, HERE)

@@ -1,7 +1,7 @@
 from aerarm_ros.ros.diagnostics import PATIENCE, REPETITION, WaitingNotice
 
 
-def test_says_what_a_long_wait_is_for_and_repeats_it_now_and_then() -> None:
+def test_a_long_wait_is_reported_and_repeated() -> None:
     notice = WaitingNotice(10.0)
     said = {time: notice.update(['a', 'b'], time) for time in (10.0, 11.9, 12.0, 16.9, 17.0)}
     assert said == {
@@ -13,5 +13,5 @@ def test_says_what_a_long_wait_is_for_and_repeats_it_now_and_then() -> None:
     }
 
 
-def test_says_nothing_when_nothing_is_missing() -> None:
+def test_no_notice_without_missing_inputs() -> None:
     assert WaitingNotice(0.0).update([], 100.0) == ''

@@ -45,7 +45,7 @@ def hold(state: JointState) -> JointState:
 
 
 @pytest.mark.parametrize('pace', ['keep_up', 'real_time'])
-def test_a_pause_of_the_host_is_none_of_the_emulated_world(
+def test_a_pause_of_the_host_does_not_advance_simulation_time(
     start_bridge: StartBridge, ros_node: Node, pace: str
 ) -> None:
     bridge = start_bridge(pace=pace)
@@ -106,7 +106,7 @@ def test_a_controller_that_ends_has_the_arm_held_unless_it_is_to_be_released(
         assert client.modes[seen:] == ['running', mode]
 
 
-def test_in_lockstep_who_answers_no_more_is_waited_for_once(
+def test_in_lockstep_a_silent_node_is_awaited_once(
     start_bridge: StartBridge, ros_node: Node
 ) -> None:
     bridge = start_bridge(pace='lockstep', answer_timeout=0.5)
@@ -122,7 +122,7 @@ def test_in_lockstep_who_answers_no_more_is_waited_for_once(
     )
 
 
-def test_a_controller_takes_over_where_the_clock_was_set_back(
+def test_a_controller_starts_after_the_clock_was_set_back(
     start_bridge: StartBridge, ros_node: Node, tmp_path: Path
 ) -> None:
     first = start_bridge(pace='keep_up')
@@ -158,7 +158,7 @@ def test_in_lockstep_requests_are_served_while_the_world_stands(
 
 
 @pytest.mark.pace('keep_up')
-def test_the_clock_tells_the_time_of_the_states(client: BridgeClient, ros_node: Node) -> None:
+def test_the_clock_equals_the_time_of_the_states(client: BridgeClient, ros_node: Node) -> None:
     clock: list[int] = []
     ros_node.create_subscription(
         Clock, topics.CLOCK.name, lambda message: clock.append(stamp_ns(message)), topics.CLOCK.qos
@@ -331,7 +331,7 @@ def test_in_lockstep_imu_and_observer_make_no_difference(tmp_path: Path, ros_nod
 
 
 @pytest.mark.pace('keep_up')
-def test_time_goes_on_where_the_bridge_was_deactivated(
+def test_simulation_time_continues_after_a_deactivation(
     client: BridgeClient, ros_node: Node
 ) -> None:
     service = ros_node.create_client(ChangeState, 'fake_hardware/change_state')

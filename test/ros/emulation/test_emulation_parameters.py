@@ -14,7 +14,7 @@ CONFIG, ROBOT = load_arm_config(), load_robot()
 SMOOTH = (0.0, 0.05)  # no Stribeck friction
 
 
-def test_gears_have_the_play_that_is_asked_for() -> None:
+def test_gears_have_the_requested_backlash() -> None:
     parameters = plant_parameters(CONFIG, ROBOT, 1, [0.02], 1e-3, SMOOTH, [])
     transport = make_emulated_transport(CONFIG, ROBOT, parameters=parameters)
     assert isinstance(transport.plant, BacklashPlant)
@@ -24,7 +24,7 @@ def test_gears_have_the_play_that_is_asked_for() -> None:
         mount_on_base(transport, ROBOT, next(iter(BASE_PROFILES.values())))
 
 
-def test_none_are_asked_for_by_default() -> None:
+def test_gears_have_no_backlash_by_default() -> None:
     assert plant_parameters(CONFIG, ROBOT, 1, [], 0.0, SMOOTH, []).backlash is None
 
 

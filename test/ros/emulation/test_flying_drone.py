@@ -115,7 +115,7 @@ class ArmSwinger:
         bench.wait(lambda: bench.feels(wanted) and np.abs(bench.dq).max() > 0.1, f'{force} N')
 
 
-def test_it_hovers_under_its_controller_and_falls_without(bench: DroneBench) -> None:
+def test_the_drone_hovers_with_its_controller_and_falls_without(bench: DroneBench) -> None:
     contact = {'drone_file': DRONE, 'contact_bandwidth': 2.0}
     with (
         bench.controller('gravity_compensation'),
@@ -147,7 +147,7 @@ def test_it_hovers_under_its_controller_and_falls_without(bench: DroneBench) -> 
     bench.wait(lambda: abs(bench.place[2]) < 0.01, 'the way back')
 
 
-def test_where_it_was_is_not_told_once_it_is_put_back(tmp_path: Path, ros_node: Node) -> None:
+def test_after_put_back_the_old_pose_is_not_published(tmp_path: Path, ros_node: Node) -> None:
     bench = DroneBench(tmp_path, ros_node, odometry_delay=0.05)
     with bench.hardware, bench.controller('gravity_compensation'):
         with bench.flight_control():

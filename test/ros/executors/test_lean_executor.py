@@ -37,7 +37,7 @@ def spin_until(executor: LeanExecutor, condition: Callable[[], bool]) -> None:
         executor.spin_once(timeout_sec=0.05)
 
 
-def test_this_rclpy_has_what_it_needs() -> None:
+def test_rclpy_has_the_required_functions() -> None:
     assert LeanExecutor.available()
 
 
@@ -68,7 +68,7 @@ def test_every_kind_of_callback_runs_and_is_announced(
     assert len(pauses) >= 8
 
 
-def test_a_task_goes_on_when_a_callback_brings_what_it_waits_for(
+def test_a_task_continues_when_a_callback_completes_its_future(
     ros_node: Node, executor: LeanExecutor
 ) -> None:
     # As an action server's: begun by one callback, ended by another.
@@ -190,9 +190,7 @@ def test_a_defect_in_a_callback_takes_no_other_one_with_it(
     assert woken == [1]
 
 
-def test_what_a_callback_destroys_does_not_run_any_more(
-    ros_node: Node, executor: LeanExecutor
-) -> None:
+def test_a_destroyed_entity_does_not_run(ros_node: Node, executor: LeanExecutor) -> None:
     ran: list[str] = []
 
     def destroy_second() -> None:

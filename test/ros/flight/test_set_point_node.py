@@ -94,7 +94,7 @@ def flight(ros_domain: dict[str, str]) -> Iterator[AdvisedFlight]:
         (-0.12, "the arm's forecast is 0.1"),  # 0.15 s with feed_lead, and the way here
     ],
 )
-def test_an_arm_whose_time_is_another_is_told_of(
+def test_a_clock_offset_of_the_arm_is_reported(
     flight: AdvisedFlight, ahead: float, said: str
 ) -> None:
     flight.until(lambda: 'in order' in flight.problems and np.any(flight.flown.added))

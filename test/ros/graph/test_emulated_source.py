@@ -37,7 +37,7 @@ def test_a_clock_of_any_name_is_one(ros_node: Node) -> None:
     bridge.destroy_node()
 
 
-def test_a_clock_of_another_node_is_none(ros_node: Node) -> None:
+def test_a_clock_of_another_node_does_not_count(ros_node: Node) -> None:
     bridge, player = publish_states('bridge'), rclpy.create_node('player', namespace='/left')
     player.create_publisher(Clock, CLOCK.name, CLOCK.qos)
     wait_for(ros_node, 1, CLOCK.name)
@@ -46,7 +46,7 @@ def test_a_clock_of_another_node_is_none(ros_node: Node) -> None:
         node.destroy_node()
 
 
-def test_beside_a_real_arm_none_is_emulated(ros_node: Node) -> None:
+def test_a_real_arm_does_not_count_as_emulated(ros_node: Node) -> None:
     emulated, real = publish_states('emulated'), publish_states('real')
     emulated.create_publisher(Clock, CLOCK.name, CLOCK.qos)
     wait_for(ros_node, 2, CLOCK.name)
@@ -60,7 +60,7 @@ def test_beside_a_real_arm_none_is_emulated(ros_node: Node) -> None:
     emulated.destroy_node()
 
 
-def test_a_node_that_vanishes_is_none(ros_node: Node, monkeypatch) -> None:
+def test_a_vanished_node_does_not_count(ros_node: Node, monkeypatch) -> None:
     bridge = publish_states('bridge')
     bridge.create_publisher(Clock, CLOCK.name, CLOCK.qos)
     wait_for(ros_node, 1, CLOCK.name)
@@ -74,7 +74,7 @@ def test_a_node_that_vanishes_is_none(ros_node: Node, monkeypatch) -> None:
     assert not is_emulated(ros_node, STATES)
 
 
-def test_endpoints_whose_node_is_not_known_yet_are_told_apart_by_process(
+def test_endpoints_of_unknown_nodes_are_distinguished_by_process(
     ros_node: Node, monkeypatch
 ) -> None:
     bridge = publish_states('bridge')

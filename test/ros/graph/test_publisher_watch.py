@@ -79,7 +79,7 @@ def test_publishers_that_come_and_go_are_named(
     watched.wait_for(lambda: watched.names == ['/somewhere/second'])
 
 
-def test_one_that_takes_the_place_of_another_is_named_when_asked_for(
+def test_a_replaced_publisher_is_named_on_request(
     watched: WatchedTopic, make_publisher: MakePublisher
 ) -> None:
     leave = make_publisher('first')
@@ -108,7 +108,7 @@ def test_nothing_is_looked_up_while_nothing_changes(
     assert watched.looks <= looks + 2  # a name may be unknown at first
 
 
-def test_who_is_not_heard_is_reported_with_the_reason(
+def test_unreceived_publishers_are_reported_with_the_reason(
     watched: WatchedTopic, make_publisher: MakePublisher
 ) -> None:
     make_publisher('heard')

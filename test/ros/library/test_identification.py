@@ -47,7 +47,7 @@ def test_three_calls_from_a_bag_to_a_model(
         assert found.parameters == pytest.approx(arm.parameters, rel=1e-4, abs=1e-6)
 
 
-def test_it_says_what_it_is_worth(arm: IdentifiedArm) -> None:
+def test_the_result_states_its_torque_error(arm: IdentifiedArm) -> None:
     assert arm.errors[0].filtered < 0.2 * arm.result.solutions['cad'].validation[0].filtered
     assert f'{arm.errors[0].filtered:.2f} % filtered' in repr(arm)
     text = arm.summary()
@@ -98,7 +98,7 @@ def test_its_dynamics_are_those_identified(arm: IdentifiedArm) -> None:
     assert found == pytest.approx(bag.links_torque(inertial)[row] + rotors, abs=1e-9)
 
 
-def test_it_is_saved_as_the_identifier_does(arm: IdentifiedArm, tmp_path: Path) -> None:
+def test_the_result_is_saved_as_by_the_identifier(arm: IdentifiedArm, tmp_path: Path) -> None:
     folder = arm.save(tmp_path / 'result')
     assert sorted(path.name for path in folder.iterdir()) == [
         *('estimate.yaml', 'identified.sdf', 'identified.urdf', 'identified.xml'),
@@ -155,7 +155,7 @@ def test_signatures_are_short_and_errors_have_names() -> None:
     assert all(issubclass(each, ValueError) for each in errors)
 
 
-def test_bags_are_told_apart(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
+def test_bags_have_distinct_names(arrays: tuple[np.ndarray, ...], tmp_path: Path) -> None:
     stamp, q, dq, tau = (values[::4] for values in arrays)
     known = aerarm_ros.ConditioningOptions(cutoff=3.0, filter='butterworth', exact_stamps=True)
     options = aerarm_ros.IdentificationOptions(known, friction='coulomb', tilt=False)

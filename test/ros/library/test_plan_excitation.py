@@ -28,7 +28,7 @@ def test_the_motion_is_from_rest_to_rest_within_the_limits(plan: PlannedExcitati
     assert np.gradient(motion.q[:, 1], time)[5:-5] == pytest.approx(motion.dq[5:-5, 1], abs=1e-3)
 
 
-def test_it_is_saved_and_shown(plan: PlannedExcitation, tmp_path: Path) -> None:
+def test_the_plan_is_saved_and_displayed(plan: PlannedExcitation, tmp_path: Path) -> None:
     file = TrajectoryFile.load(plan.save(tmp_path / 'motion.yaml'))
     assert file.periods == 1
     assert file.joint_names == plan.joint_names == aerarm_ros.load_robot().joint_names
@@ -50,7 +50,7 @@ def test_it_is_saved_and_shown(plan: PlannedExcitation, tmp_path: Path) -> None:
         ({'acceleration_limit': 5.0}, 'acceleration_limit needs an arm without motors'),
     ],
 )
-def test_what_cannot_be_is_said(given: dict, message: str) -> None:
+def test_impossible_arguments_raise_errors(given: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         aerarm_ros.plan_excitation(**{'seconds': 0.0, **given})
 

@@ -27,7 +27,7 @@ def watchdog(node: Node, action: str, timeout: float = 1.0) -> GroundWatchdog:
 
 
 @pytest.mark.parametrize('action', [CONTINUE, STOP, HOME])
-def test_it_acts_once_per_cut(ros_node: Node, action: str) -> None:
+def test_the_watchdog_acts_once_per_cut(ros_node: Node, action: str) -> None:
     came: list[JointTrajectory | JointState] = []
     for topic in (topics.JOINT_TRAJECTORY, topics.SET_POINT):
         ros_node.create_subscription(topic.type, topic.name, came.append, topic.qos)
@@ -49,7 +49,7 @@ def test_it_acts_once_per_cut(ros_node: Node, action: str) -> None:
 
 
 @pytest.mark.parametrize(('timeout', 'last'), [(0.0, 10.0), (1.0, -inf)])
-def test_it_does_nothing_when_off_or_before_the_first_ground(
+def test_the_watchdog_does_nothing_when_off_or_before_the_first_connection(
     ros_node: Node, timeout: float, last: float
 ) -> None:
     dog = watchdog(ros_node, STOP, timeout)

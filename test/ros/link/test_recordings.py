@@ -231,7 +231,7 @@ def test_a_fetch_resumes_after_a_restart_of_either_end(
     assert blocks < 1.7 * 151  # what was stored is not sent again
 
 
-def test_a_fetch_goes_on_without_the_user_and_without_the_drones_memory(
+def test_a_fetch_continues_without_the_user_and_after_a_restart_of_the_drone(
     link: LinkedRecordings, client: Node, tmp_path: Path
 ) -> None:
     bag = make_bag(tmp_path)
@@ -379,7 +379,7 @@ def test_the_user_learns_that_the_recording_ended_by_itself(
 def test_the_user_learns_that_the_drone_started_again_during_the_recording(
     link: LinkedRecordings, client: Node, tmp_path: Path
 ) -> None:
-    with pytest.raises(ArmClientError, match='started again during the recording'):
+    with pytest.raises(ArmClientError, match='restarted during the recording'):
         record(link, client, tmp_path / 'here', lambda _: link.restart_drone())
     assert same(tmp_path / 'bags' / 'flight', tmp_path / 'here' / 'flight')
 
@@ -396,7 +396,7 @@ def random_message(source: random.Random) -> bytes:
     return json.dumps(source.choice((content, content, [content], 'text'))).encode()
 
 
-def test_random_messages_raise_only_what_the_ends_expect(
+def test_random_messages_cause_no_unexpected_exception(
     link: LinkedRecordings, tmp_path: Path
 ) -> None:
     make_bag(tmp_path, blocks=5)

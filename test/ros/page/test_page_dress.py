@@ -17,7 +17,7 @@ PAGE = b'<html><head><title>Viser</title></head><body></body></html>'
 
 
 @pytest.mark.parametrize('encoding', ['identity', 'gzip'])
-def test_a_page_gets_title_and_layout_whole(encoding: str) -> None:
+def test_title_and_layout_are_added_to_a_page_with_the_right_length(encoding: str) -> None:
     body = gzip.compress(PAGE) if encoding == 'gzip' else PAGE
     headers = {'Content-Type': 'text/html; charset=utf-8', 'Content-Encoding': encoding}
     response = Response(200, 'OK', Headers(**headers, **{'Content-Length': str(len(body))}), body)

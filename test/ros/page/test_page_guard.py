@@ -12,7 +12,7 @@ def refusal(
 
 
 @pytest.mark.parametrize('host', ['127.0.0.1:8080', 'localhost:9000', '[::1]:8080', 'LOCALHOST'])
-def test_the_page_itself_is_let_in(host: str) -> None:
+def test_requests_of_the_page_itself_are_accepted(host: str) -> None:
     guard = PageGuard('127.0.0.1')
     assert refusal(guard, host) == ''
     assert refusal(guard, host, f'http://{host}', ws=True) == ''
@@ -57,7 +57,7 @@ def test_another_site_is_refused(origin: str, ws: bool) -> None:
     assert 'another site' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', origin, ws=ws)
 
 
-def test_a_websocket_tells_its_origin() -> None:
+def test_a_websocket_needs_an_origin() -> None:
     assert 'an empty value' in refusal(PageGuard('127.0.0.1'), '127.0.0.1:8080', ws=True)
 
 
@@ -67,7 +67,7 @@ def test_a_header_that_comes_twice_is_refused() -> None:
     assert guard.refusal('/', [host], [f'http://{host}', 'http://evil.example'], True)
 
 
-def test_on_a_network_the_token_is_asked_for() -> None:
+def test_on_a_network_the_token_is_required() -> None:
     guard = PageGuard('0.0.0.0', 'secret')
     host = '192.168.1.2:8080'
     for path in ('/', '/secre/', '/secret1/', '/SECRET/', '/?secret', '//secret/', '/x/secret/'):
@@ -99,5 +99,5 @@ def test_tokens_are_new_each_time_and_only_where_they_are_needed() -> None:
     [('127.0.0.1', True), ('127.1.2.3', True), ('localhost', True), ('::1', True)]
     + [('0.0.0.0', False), ('::', False), ('', False), ('192.168.1.2', False), ('pi', False)],
 )
-def test_who_can_reach_an_address(host: str, loopback: bool) -> None:
+def test_loopback_addresses_are_recognized(host: str, loopback: bool) -> None:
     assert is_loopback(host) is loopback

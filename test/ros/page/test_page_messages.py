@@ -36,7 +36,7 @@ def allowed(message: object) -> bool:
     return is_allowed(msgspec.msgpack.encode(message))
 
 
-def test_what_the_page_sends_is_taken() -> None:
+def test_messages_of_the_page_are_accepted() -> None:
     assert allowed(CAMERA)
     assert allowed(PRESS)
     for value in (0.35, -1, 'computed_torque', False):
@@ -63,7 +63,7 @@ def test_what_the_page_sends_is_taken() -> None:
         None,
     ],
 )
-def test_a_press_changes_nothing_else(updates: object) -> None:
+def test_a_press_with_other_changes_is_rejected(updates: object) -> None:
     assert not allowed(PRESS | {'updates': updates})
 
 
@@ -91,10 +91,10 @@ def test_a_press_changes_nothing_else(updates: object) -> None:
         [PRESS, PRESS],
     ],
 )
-def test_nothing_else_is_taken(message: object) -> None:
+def test_other_messages_are_rejected(message: object) -> None:
     assert not allowed(message)
 
 
 @pytest.mark.parametrize('raw', [b'', b'\xc1', b'\x81', b'\x91' * 100_000 + b'\x90', 'text', None])
-def test_what_is_no_message_is_not_taken(raw: object) -> None:
+def test_invalid_messages_are_rejected(raw: object) -> None:
     assert not is_allowed(raw)

@@ -34,13 +34,15 @@ def test_only_trajectories_of_the_folder_are_offered(
 @pytest.mark.parametrize(
     'name', ['', '../bag', '/tmp/bag', 'a/b', '.hidden', '-p', 'a b', 'x' * 90]
 )
-def test_a_bag_is_no_way_out_of_the_folder(programs: PagePrograms, name: str) -> None:
+def test_a_bag_name_cannot_leave_the_folder(programs: PagePrograms, name: str) -> None:
     with pytest.raises(PageProgramError, match='invalid bag name'):
         programs.record(name)
     assert not programs.recorder.runs
 
 
-def test_what_exists_or_is_not_offered_is_refused(programs: PagePrograms, tmp_path: Path) -> None:
+def test_existing_bags_and_unknown_trajectories_are_rejected(
+    programs: PagePrograms, tmp_path: Path
+) -> None:
     (tmp_path / 'bag').mkdir()
     with pytest.raises(PageProgramError, match='already exists: choose another name'):
         programs.record('bag')

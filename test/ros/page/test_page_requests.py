@@ -31,7 +31,7 @@ def test_without_a_bridge_in_its_namespace_its_emergency_stop_reaches_all(ros_no
         assert page.ask('e_stop') == (True, '/left/fake_hardware: done')
 
 
-def test_it_is_ready_to_stop_a_bridge_before_it_is_asked(ros_node: Node) -> None:
+def test_bridges_are_found_before_the_stop_request(ros_node: Node) -> None:
     bridges, page = AnsweringBridges(), PageRequests(ros_node, [])
     bridges.add('my_arm', ACTIONS)
     for action in ACTIONS:

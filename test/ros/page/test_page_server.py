@@ -129,7 +129,7 @@ def test_the_button_stops(page: ServedPage) -> None:
         viewer.listen(lambda: page.presses == before + 1)
 
 
-def test_nobody_takes_the_button_from_others(page: ServedPage) -> None:
+def test_no_client_can_change_the_page_of_others(page: ServedPage) -> None:
     with viewing(page) as viewer, viewing(page) as attacker:
         button = attacker.button(STOP)
         for updates in (
@@ -166,7 +166,7 @@ def test_nobody_takes_the_button_from_others(page: ServedPage) -> None:
             assert newcomer.button(STOP) == button
 
 
-def test_a_message_too_long_ends_the_connection_and_nothing_else(page: ServedPage) -> None:
+def test_a_too_long_message_ends_only_its_connection(page: ServedPage) -> None:
     with viewing(page) as viewer:
         with page.connect() as attacker:
             attacker.send(b'\x00' * 1_000_000)

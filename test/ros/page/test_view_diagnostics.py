@@ -34,7 +34,7 @@ def test_a_level_that_does_not_exist_is_an_error() -> None:
     diagnostics.add('other', ViewStatus(7, 'strange', TIMING, received=1.0))
     for html in (diagnostics.status_html(1.0), diagnostics.timing_html(1.0)):
         assert 'ERROR' in html
-    assert diagnostics.way_out(1.0) == ''
+    assert diagnostics.recovery_hint(1.0) == ''
 
 
 def test_a_newer_status_replaces_the_older() -> None:
@@ -56,7 +56,7 @@ def test_text_from_the_graph_is_escaped() -> None:
         assert '<i>' not in html
 
 
-def test_who_has_ended_is_shown_no_more_and_forgotten() -> None:
+def test_statuses_of_ended_nodes_are_removed() -> None:
     diagnostics = ViewDiagnostics(gone_after=10.0)
     diagnostics.add('recorder', ViewStatus(0, 'in order', received=1.0))
     diagnostics.add('arm', ViewStatus(0, 'ready', received=12.0))
@@ -67,13 +67,13 @@ def test_who_has_ended_is_shown_no_more_and_forgotten() -> None:
     assert len(diagnostics._statuses) <= 11
 
 
-def test_the_way_out_is_that_of_a_bridge_that_is_there() -> None:
+def test_the_recovery_hint_is_that_of_a_running_bridge() -> None:
     diagnostics = ViewDiagnostics()
-    assert diagnostics.way_out(0.0) == ''
+    assert diagnostics.recovery_hint(0.0) == ''
     values = {'recovery hint': "'arm clear_fault'"}
     diagnostics.add('arm', ViewStatus(2, 'fault', values, received=10.0))
-    assert diagnostics.way_out(11.0) == "'arm clear_fault'"
-    assert diagnostics.way_out(20.0) == ''
+    assert diagnostics.recovery_hint(11.0) == "'arm clear_fault'"
+    assert diagnostics.recovery_hint(20.0) == ''
 
 
 def test_temperatures_and_the_time_that_is_left_make_a_table():

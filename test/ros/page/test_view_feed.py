@@ -13,7 +13,7 @@ from aerarm_ros.ros.page.view_plots import ROWS, ViewFeed
 NAMES = ['joint1', 'joint2']
 
 
-def test_an_arm_that_is_not_homed_is_told_apart_from_one_that_does_not_publish(
+def test_an_unhomed_arm_is_distinguished_from_a_silent_one(
     ros_node: Node,
 ) -> None:
     topic = topics.JOINT_STATES

@@ -13,7 +13,7 @@ def test_keeps_the_last_seconds_in_order() -> None:
     np.testing.assert_allclose(values[:, 2, 1], np.arange(25, 35))
 
 
-def test_what_is_too_old_is_left_out() -> None:
+def test_old_samples_are_omitted() -> None:
     history = ViewHistory((3, 1), duration=1.0, rate=10.0)
     history.add(0.0, np.zeros((3, 1)))
     history.add(5.0, np.ones((3, 1)))

@@ -108,7 +108,7 @@ def test_a_bad_set_is_rejected_and_changes_nothing(declare, name: str, value: ob
     )
 
 
-def test_the_descriptor_says_it_all(declare) -> None:
+def test_the_descriptor_is_complete(declare) -> None:
     node, _ = declare()
     rate = node.describe_parameter('rate')
     assert rate.description == 'cycles [Hz]'

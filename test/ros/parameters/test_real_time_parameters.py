@@ -44,7 +44,7 @@ def test_a_refusal_is_a_warning(monkeypatch) -> None:
     assert logger.warnings == [refusal]
 
 
-def test_cpus_that_shall_not_sleep_are_asked_for(monkeypatch) -> None:
+def test_keep_cpus_awake_is_requested(monkeypatch) -> None:
     refusal = 'CPUs may sleep between cycles'
     monkeypatch.setattr(shared_parameters, 'keep_cpus_awake', lambda: refusal)
     logger = Logger()

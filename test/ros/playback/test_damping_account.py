@@ -14,7 +14,7 @@ def account(*modes: tuple[float, str], begin: float = 0.0, end: float = 10.0) ->
     return account
 
 
-def test_a_motion_without_damping_has_no_account() -> None:
+def test_a_motion_without_damping_reports_none() -> None:
     calm = account((-1.0, 'ready'), (0.5, 'running'))
     assert calm.damped == (0, 0.0)
     assert calm.share == 0.0
@@ -38,7 +38,7 @@ def test_only_the_motion_counts() -> None:
     assert across.damped == (2, pytest.approx(2.0))
 
 
-def test_a_mode_that_is_told_twice_or_late_is_once_and_in_its_place() -> None:
+def test_repeated_or_late_modes_are_counted_once_in_order() -> None:
     twice = account((3, 'damping'), (0, 'running'), (4, 'damping'), (5, 'running'))
     assert twice.damped == (1, pytest.approx(2.0))
     assert 'once' in twice.text

@@ -85,7 +85,7 @@ def player() -> ExcitationPlayer:
     return ExcitationPlayer(motion, VelocityLaw(0.0), StopLimits(limits, None))
 
 
-def test_states_before_the_motion_are_not_told_to_be_unanswered(
+def test_states_before_the_motion_do_not_count_as_unanswered(
     ros_node: Node, player: ExcitationPlayer
 ) -> None:
     arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
@@ -113,7 +113,7 @@ def test_states_before_the_motion_are_not_told_to_be_unanswered(
 
 
 @pytest.mark.parametrize('held_up', ['state', 'answer'])
-def test_a_motion_does_not_begin_while_states_or_answers_are_held_up(
+def test_a_motion_does_not_begin_while_states_or_answers_are_delayed(
     ros_node: Node, player: ExcitationPlayer, held_up: str
 ) -> None:
     arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
@@ -143,9 +143,7 @@ def test_a_motion_does_not_begin_while_states_or_answers_are_held_up(
     playback.destroy()
 
 
-def test_stamps_that_jump_all_the_time_are_told_of(
-    ros_node: Node, player: ExcitationPlayer
-) -> None:
+def test_repeatedly_jumping_stamps_are_reported(ros_node: Node, player: ExcitationPlayer) -> None:
     arm, playback = LockstepArm(), MotionPlayback(ros_node, NAMES)
     until(arm.is_heard)
     problems: list[str] = []

@@ -23,7 +23,7 @@ def check(*arguments: str) -> list[str]:
     return COMMAND_LINE.check(RosArguments(arguments))
 
 
-def test_help_tells_of_every_parameter() -> None:
+def test_help_lists_every_parameter() -> None:
     text = COMMAND_LINE.help()
     assert 'Plays a motion.\n\nUsage: player\n' in text
     assert '  periods (integer, default 2, from 1 to 10)\n      how often' in text
@@ -54,7 +54,7 @@ def test_help_begins_with_the_node_s_own_parameters() -> None:
         ('--ros-args -p plyer:periods:=3', '-p plyer:periods sets a parameter of /plyer'),
     ],
 )
-def test_what_the_node_does_not_have_is_refused(line: str, said: str) -> None:
+def test_unknown_arguments_are_rejected(line: str, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         check(*line.split())
 

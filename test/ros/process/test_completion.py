@@ -56,7 +56,7 @@ def test_parameters_of_a_node(tmp_path: Path, line: str, words: list[str]) -> No
     assert completed(tmp_path, NODE, line) == words
 
 
-def test_a_program_that_nobody_asks_loads_no_completion() -> None:
+def test_completion_is_loaded_only_on_request() -> None:
     lines = TOOL.replace('parser.parse_args()', 'parser.parse_args([])\nimport sys')
     lines = lines.replace("'it ran'", "int('argcomplete' in sys.modules)")
     assert subprocess.run([sys.executable, '-c', lines]).returncode == 0

@@ -72,7 +72,7 @@ def test_a_bridge_ends_with_launch(
     assert 'fake_hardware: ' in launch.stdout.read()  # its account: an orderly end
 
 
-def test_a_command_whose_launch_has_gone_already_does_not_begin() -> None:
+def test_a_command_does_not_start_after_its_launch_has_ended() -> None:
     launch, late = start('itself', LATE)
     launch.kill()
     launch.wait(60.0)
@@ -81,7 +81,7 @@ def test_a_command_whose_launch_has_gone_already_does_not_begin() -> None:
     until(lambda: is_gone(late))
 
 
-def test_what_others_start_is_theirs(ros_domain: dict[str, str], tmp_path: Path) -> None:
+def test_processes_of_other_parents_survive(ros_domain: dict[str, str], tmp_path: Path) -> None:
     truth = tmp_path / 'truth.yaml'
     launch, bridge = start('through', BRIDGE.format(truth))
     until(truth.exists)

@@ -122,7 +122,7 @@ def test_the_profiles_differ_in_the_interfaces_only() -> None:
     assert loopback.replace(listed[0], '') == everywhere
 
 
-def test_what_comes_while_a_new_process_stands_still_fits_into_its_queue() -> None:
+def test_messages_during_a_pause_of_a_new_process_fit_into_its_queue() -> None:
     # Fast DDS lets it sleep for a third of that time, where it first writes to one that is idle.
     profile = resource('config', 'fastdds.xml').read_text()
     numbers = dict(re.findall(r'<(healthy_check_timeout_ms|port_queue_capacity)>(\d+)<', profile))
@@ -201,7 +201,7 @@ def running_node(
 
 
 @pytest.mark.parametrize('running_node', [''], indirect=True)  # their own default
-def test_a_node_on_this_host_hears_the_loopback_interface_only(
+def test_by_default_a_node_receives_only_on_the_loopback_interface(
     running_node: NodeProcess, ros_domain: dict[str, str]
 ) -> None:
     sockets = udp_sockets(running_node.pid)
@@ -217,7 +217,7 @@ def test_a_node_on_this_host_hears_the_loopback_interface_only(
 
 
 @pytest.mark.parametrize('running_node', ['SUBNET'], indirect=True)
-def test_a_node_for_the_subnet_hears_every_interface(running_node: NodeProcess) -> None:
+def test_a_node_open_to_the_subnet_receives_on_every_interface(running_node: NodeProcess) -> None:
     assert hears_elsewhere(running_node.pid, 10.0)
 
 

@@ -49,7 +49,7 @@ def run(code: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize('status', [0, 7])
-def test_it_ends_with_its_status(status: int) -> None:
+def test_the_process_ends_with_its_status(status: int) -> None:
     done = run(
         f'{SPINNING}{LIMIT}exit_limit.exit_within({status}, 0.3); print("done"); sys.exit({status})'
     )
@@ -61,18 +61,18 @@ def test_one_that_ends_in_time_is_not_touched() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (3, 'done\n', '')
 
 
-def test_it_ends_while_something_is_closed() -> None:
+def test_the_process_ends_while_an_object_is_being_closed() -> None:
     done = run(f'{SPINNING}{LIMIT}\nwith exit_limit.ExitLimit(7, 0.3): spin()')
     assert (done.returncode, done.stderr) == (7, '')
 
 
-def test_what_was_closed_in_time_has_no_limit_any_more() -> None:
+def test_a_closed_limit_no_longer_applies() -> None:
     busy = '\nwith exit_limit.ExitLimit(7, 0.1): pass\nwhile time.process_time() < 2.0: pass'
     assert run(f'{LIMIT}{busy}').returncode == 0
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='real-time priority needs rights')
-def test_a_loop_that_let_nobody_run_can_be_ended() -> None:
+def test_a_busy_loop_is_ended() -> None:
     alone = """
 import os
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

@@ -18,7 +18,7 @@ RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
     ],
     ids=str,
 )
-def test_nodes_stay_on_this_host_whatever_the_environment_says(given: dict[str, str]) -> None:
+def test_discovery_is_restricted_to_this_host_in_any_environment(given: dict[str, str]) -> None:
     environment = dict(given)
     notice = stay_on_this_host(environment)
     assert environment == {RANGE: 'LOCALHOST'}
@@ -65,7 +65,9 @@ def test_another_value_of_the_variable_is_an_error() -> None:
         ({RANGE: 'LOCALHOST', 'ROS_DISCOVERY_SERVER': '192.168.1.2:11811'}, False),
     ],
 )
-def test_who_is_alone_on_this_host(environment: dict[str, str], alone: bool) -> None:
+def test_environments_restricted_to_this_host_are_recognized(
+    environment: dict[str, str], alone: bool
+) -> None:
     assert is_on_this_host(environment) is alone
 
 

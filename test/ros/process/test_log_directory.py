@@ -16,7 +16,7 @@ def test_a_choice_stays(name: str) -> None:
     assert environment == {name: '/somewhere'}
 
 
-def test_without_one_the_users_home_is_taken() -> None:
+def test_without_home_variable_the_users_home_is_used() -> None:
     environment: dict[str, str] = {}
     find_log_directory(environment)
     assert environment == {'HOME': pwd.getpwuid(os.getuid()).pw_dir}

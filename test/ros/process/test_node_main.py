@@ -50,7 +50,7 @@ def test_ordinary_ends(ros_domain, action) -> None:
     assert not rclpy.ok()
 
 
-def test_what_had_something_to_do_was_cut_short(ros_domain, capsys) -> None:
+def test_an_interrupted_task_returns_130(ros_domain, capsys) -> None:
     node = Script(raising(KeyboardInterrupt()))
     node.status = 1
     assert run_node('script', lambda: node, []) == 130
@@ -64,7 +64,7 @@ def test_the_status_of_the_node_is_the_exit_status(ros_domain) -> None:
 
 
 @pytest.mark.parametrize('error', [ValueError('gain\n is bad'), OSError('gain is bad')])
-def test_what_the_user_can_repair_is_one_line(ros_domain, capsys, error: Exception) -> None:
+def test_user_errors_print_one_line(ros_domain, capsys, error: Exception) -> None:
     assert run_node('script', raising(error), []) == 1
     assert capsys.readouterr().err == 'script: gain is bad\n'
     assert not rclpy.ok()

@@ -55,7 +55,7 @@ def test_a_killed_parent_leaves_no_child(
     assert not is_up or 'cycles' in log.read_text()
 
 
-def test_nothing_starts_for_a_parent_that_has_gone() -> None:
+def test_no_process_starts_for_an_ended_parent() -> None:
     gone = subprocess.Popen([sys.executable, '-c', ''])
     gone.wait()
     run = subprocess.run(
@@ -71,7 +71,9 @@ def test_ctrl_c_of_a_terminal_does_not_reach_it(ros_domain: dict[str, str], tmp_
         assert os.getpgid(process.pid) == process.pid != os.getpgrp()
 
 
-def test_ended_while_it_starts_it_says_nothing(ros_domain: dict[str, str], tmp_path: Path) -> None:
+def test_a_process_ended_during_its_start_logs_nothing(
+    ros_domain: dict[str, str], tmp_path: Path
+) -> None:
     with NodeProcess('identifier', log=tmp_path / 'log') as process:
         assert process.stop() in (-signal.SIGTERM, 0)
     assert process.tail() == ''

@@ -34,7 +34,7 @@ def test_own_arguments_are_apart_from_those_for_ros() -> None:
     assert [parameter.name for parameter in arguments.parameters] == ['seed', 'x']
 
 
-def test_no_arguments_are_none() -> None:
+def test_an_empty_command_line_has_no_arguments() -> None:
     arguments = RosArguments([])
     assert (arguments.plain, arguments.parameters) == ([], [])
     assert arguments.full_name('excitation') == '/excitation'
@@ -121,13 +121,13 @@ def test_a_parameter_without_a_value_is_refused() -> None:
         ('pace:=a: b', 'has no valid value'),
     ],
 )
-def test_what_rcl_cannot_read_is_refused_before_it_is_asked(rule: str, said: str) -> None:
+def test_values_that_rcl_cannot_read_are_rejected_before_rcl_starts(rule: str, said: str) -> None:
     with pytest.raises(UsageError, match=re.escape(said)):
         RosArguments(['--ros-args', '-p', rule])
 
 
 @pytest.mark.parametrize('value', ["''", '[]', '[1, 2]', '!text x', '~', ' ', '/dev/x:=y', '-1e3'])
-def test_what_rcl_reads_is_let_through(value: str) -> None:
+def test_values_that_rcl_reads_are_accepted(value: str) -> None:
     (given,) = RosArguments(['--ros-args', '-p', f'pace:={value}']).parameters
     assert given.name == 'pace'
     context = Context()

@@ -80,7 +80,7 @@ def end(stopped: Stopped) -> None:
 @pytest.mark.parametrize(
     'number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT]
 )
-def test_each_of_them_asks_to_stop(stopped: Stopped, number: signal.Signals) -> None:
+def test_each_stop_signal_calls_the_function_once(stopped: Stopped, number: signal.Signals) -> None:
     stopped.send(number)
     assert stopped.calls() == 1
 
@@ -102,14 +102,14 @@ ENDING = """
 """
 
 
-def test_whatever_else_would_end_it_asks_once(stopped: Stopped) -> None:
+def test_other_ending_signals_call_the_function_once(stopped: Stopped) -> None:
     numbers = [signal.Signals[name] for name in ENDING.split()]
     for number in (*numbers, signal.SIGRTMIN, signal.SIGRTMIN + 5, signal.SIGRTMAX):
         stopped.send(number)
         assert stopped.calls() == 1, number
 
 
-def test_a_signal_that_somebody_uses_is_left_alone() -> None:
+def test_a_signal_with_another_handler_is_unchanged() -> None:
     use = 'import signal\nsignal.signal(signal.SIGUSR1, lambda *_: None)\n'
     stopped = Stopped(script=use + SCRIPT)
     stopped.send(signal.SIGUSR1)
@@ -128,7 +128,7 @@ def test_one_that_stays_awake_is_not_stopped_by_ctrl_z() -> None:
     end(stopped)
 
 
-def test_a_crash_ends_it_all_the_same() -> None:
+def test_a_crash_still_ends_the_process() -> None:
     # A handler would be called after the instruction that crashed, which is never over.
     for crash, number in (
         ('ctypes.string_at(0)', signal.SIGSEGV),
@@ -140,7 +140,7 @@ def test_a_crash_ends_it_all_the_same() -> None:
         end(stopped)
 
 
-def test_the_same_ctrl_c_from_two_sides_asks_once() -> None:
+def test_a_doubled_ctrl_c_calls_the_function_once() -> None:
     stopped = Stopped(script=AS_ONE + SCRIPT)
     # As from a terminal and from a supervisor at the same time.
     for _ in range(3):
@@ -149,7 +149,7 @@ def test_the_same_ctrl_c_from_two_sides_asks_once() -> None:
     end(stopped)
 
 
-def test_hanging_up_any_number_of_times_asks_once() -> None:
+def test_repeated_sighup_calls_the_function_once() -> None:
     stopped = Stopped(script=AS_ONE + SCRIPT)
     for _ in range(3):
         stopped.send(signal.SIGHUP)
@@ -171,7 +171,7 @@ def test_nohup_is_respected() -> None:
     end(stopped)
 
 
-def test_what_the_inner_context_was_asked_the_outer_was_too() -> None:
+def test_a_signal_in_the_inner_context_reaches_the_outer_one() -> None:
     stopped = Stopped(script=INNER)
     for said in ('inner', 'inner later', 'inner later'):
         stopped.send(signal.SIGINT)

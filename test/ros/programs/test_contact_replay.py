@@ -20,7 +20,7 @@ from aerarm_ros.ros.programs.contact_replay import contact_replay
         (['--bag', '{bag}', '--ros-args', '-p', 'rate:=3.0'], 'rate is a parameter of the node'),
     ],
 )
-def test_it_is_one_line(
+def test_user_errors_print_one_line(
     arguments: list[str],
     words: str,
     tmp_path: Path,

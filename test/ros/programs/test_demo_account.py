@@ -23,7 +23,7 @@ def account(
     return DemoAccount.read(bridge, {'identification': first, 'validation': second})
 
 
-def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
+def test_the_summary_states_simulation_speed_and_lost_messages(tmp_path: Path) -> None:
     assert list(account(tmp_path).lines()) == [
         'Bridge    999 cycles, the simulation ran at 99.9 % of real time',
         'Recorder  identification: 2000 messages, 0 lost',
@@ -45,7 +45,7 @@ def test_says_how_fast_the_world_ran_and_what_was_lost(tmp_path: Path) -> None:
         ({'lost': 7}, 'WARNING   the bags lack 7 messages: '),
     ],
 )
-def test_warns_with_what_to_do(tmp_path: Path, given: dict, said: str) -> None:
+def test_warnings_contain_a_remedy(tmp_path: Path, given: dict, said: str) -> None:
     *_, warning = account(tmp_path, **given).lines()
     assert warning.startswith(said)
     assert 'real-time priority (docs/how-to/raspberry_pi.md, "Real time")' in warning
@@ -56,7 +56,7 @@ def test_messages_without_numbers_are_not_called_complete(tmp_path: Path) -> Non
     assert last == 'Recorder  validation: 2000 messages, unknown lost'
 
 
-def test_a_log_without_an_account_is_named(tmp_path: Path) -> None:
+def test_a_log_without_its_final_line_is_named(tmp_path: Path) -> None:
     (tmp_path / 'bridge').write_text('Killed\n')
     with pytest.raises(ValueError, match='bridge has no line'):
         DemoAccount.read(tmp_path / 'bridge', {})

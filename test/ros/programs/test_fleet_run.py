@@ -80,7 +80,7 @@ def test_parquet_holds_the_same(out: Path) -> None:
     assert table[3]['fs_joint2'] is None
 
 
-def test_it_goes_on_where_it_was_ended(
+def test_an_interrupted_run_continues(
     out: Path, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     again = tmp_path / 'again'
@@ -124,7 +124,7 @@ def test_bags_are_found_in_folders_patterns_and_lists(folder: Path, tmp_path: Pa
         find_bags([tmp_path / 'nothing'])
 
 
-def test_what_cannot_be_done_is_one_line(folder: Path, tmp_path: Path, capsys: Any) -> None:
+def test_impossible_options_print_one_line(folder: Path, tmp_path: Path, capsys: Any) -> None:
     assert run('--each', folder, '--validation', folder) == 2
     assert '--each, which identifies each bag separately' in capsys.readouterr().err
     (tmp_path / 'other').write_text('kept')

@@ -104,7 +104,7 @@ def test_many_missed_cycles_are_warned_of(tmp_path: Path, missed: int, said: lis
     ]
 
 
-def test_less_than_the_metadata_says_is_truncated(bag: Path) -> None:
+def test_fewer_messages_than_in_the_metadata_are_reported_as_truncated(bag: Path) -> None:
     set_count(bag, COUNT + 1)
     reader = bags()
     assert len(reader.read(bag, 'bag').recording.time) == COUNT

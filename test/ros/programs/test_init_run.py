@@ -23,7 +23,7 @@ from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_setup
 URDF = str(resource('config', 'examples', 'three_joints.urdf'))
 
 
-def test_both_files_are_written_and_the_next_commands_told(tmp_path: Path, capsys: Any) -> None:
+def test_both_files_are_written_and_the_next_commands_printed(tmp_path: Path, capsys: Any) -> None:
     folder = tmp_path / 'new'
     assert main(['init', URDF, '--name', 'mine', '--out', str(folder)]) == 0
     text = (folder / 'mine.yaml').read_text()
@@ -34,7 +34,7 @@ def test_both_files_are_written_and_the_next_commands_told(tmp_path: Path, capsy
     assert f'-p config:={folder}/mine.yaml -p urdf:={URDF}' in printed
 
 
-def test_what_was_found_out_is_not_overwritten(tmp_path: Path, capsys: Any) -> None:
+def test_existing_files_are_not_overwritten(tmp_path: Path, capsys: Any) -> None:
     file = tmp_path / 'three_joints_excitation.yaml'
     file.write_text('measured')
     assert main(['init', URDF, '--out', str(tmp_path)]) == 2
@@ -52,7 +52,7 @@ def test_what_was_found_out_is_not_overwritten(tmp_path: Path, capsys: Any) -> N
         ([URDF, '--out', '/proc/nowhere'], '/proc/nowhere'),
     ],
 )
-def test_what_cannot_be_done_is_one_line(
+def test_impossible_arguments_print_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, arguments: list[str], message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -120,14 +120,12 @@ def test_an_arm_without_collision_shapes_is_drafted_and_moves(tmp_path: Path, ca
     assert main(['init', urdf, '--out', str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert 'no moving link of the URDF has a <collision> shape' in printed
-    assert 'check_clearance is false, so motions are NOT checked for collisions' in printed
+    assert 'check_clearance: false, so motions are NOT checked for collisions' in printed
     report = _plan(_values(tmp_path, urdf))
     assert 'collisions are not checked' in ' '.join(report.notes)
 
 
-def test_meshes_of_packages_are_found_where_they_are_said_to_be(
-    tmp_path: Path, capsys: Any
-) -> None:
+def test_meshes_are_found_in_the_given_package_directory(tmp_path: Path, capsys: Any) -> None:
     urdf, packages = _with_meshes(tmp_path)
     folder = str(packages)
     assert main(['init', urdf, '--out', str(tmp_path), '--package-directory', folder]) == 0

@@ -27,7 +27,7 @@ def empty(folder: Path) -> Path:
         (['{bag}', '--ros-args', '-p', 'memory:=3.0'], 'memory is a parameter of the node'),
     ],
 )
-def test_it_is_one_line(
+def test_user_errors_print_one_line(
     arguments: list[str],
     words: str,
     tmp_path: Path,

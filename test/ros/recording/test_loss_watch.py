@@ -58,7 +58,7 @@ def test_a_pass_that_another_program_took_names_the_processor() -> None:
     assert 'parameter depth, 10 now' in text
 
 
-def test_messages_of_another_host_that_nothing_here_held_up_were_lost_on_the_way() -> None:
+def test_losses_from_another_host_without_local_delay_are_attributed_to_the_network() -> None:
     watch = watch_of()
     for begin in range(0, 1000, 10):
         pass_for(watch, begin, 10, disk=9)
@@ -67,7 +67,7 @@ def test_messages_of_another_host_that_nothing_here_held_up_were_lost_on_the_way
     assert 'cause: link: the network between both hosts lost them' in text
 
 
-def test_a_short_pause_does_not_explain_what_a_deep_queue_would_have_kept() -> None:
+def test_a_pause_shorter_than_the_queue_does_not_explain_a_loss() -> None:
     watch = watch_of(depth=4000)
     pass_for(watch, 0, 200)
     gap(watch, '/a', 5, 100, 106, far=True)

@@ -47,7 +47,7 @@ def test_a_recorder_has_a_deep_history_and_the_topic_s_own_reliability() -> None
     assert deep.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def test_the_bag_describes_what_publishers_offer() -> None:
+def test_the_bag_contains_the_publishers_quality_of_service() -> None:
     recorded = as_recorded(topics.JOINT_STATES, '/arm/joint_states')
     assert (recorded.name, recorded.type) == ('/arm/joint_states', 'sensor_msgs/msg/JointState')
     assert (recorded.depth, recorded.reliable, recorded.latched) == (1, True, False)

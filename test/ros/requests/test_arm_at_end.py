@@ -27,7 +27,7 @@ def not_active() -> str:
         (False, 'a fault', [('warning', 'the arm is not held at the end: bridge: a fault')]),
     ],
 )
-def test_only_a_bridge_that_goes_on_and_does_not_hold_is_warned_of(
+def test_only_a_running_bridge_that_does_not_hold_causes_a_warning(
     held: bool,
     text: str,
     logged: list[tuple[str, str]],

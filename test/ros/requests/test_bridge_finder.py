@@ -8,7 +8,7 @@ from aerarm_ros.hardware.bridge_modes import ACTIONS
 from aerarm_ros.ros.requests.bridge_service import BridgeFinder, bridges_among
 
 
-def test_a_bridge_is_what_offers_all_services_of_one() -> None:
+def test_a_node_with_all_bridge_services_is_a_bridge() -> None:
     services = [f'/right/arm_of_mine/{action}' for action in (*ACTIONS, 'put_back')]
     services += [f'/hardware_bridge/{action}' for action in ACTIONS]
     services += ['/other_machine/e_stop', '/other_machine/enable']
@@ -16,7 +16,7 @@ def test_a_bridge_is_what_offers_all_services_of_one() -> None:
     assert bridges_among([]) == []
 
 
-def test_who_only_asks_and_who_offers_another_type_are_no_bridges(ros_node: Node) -> None:
+def test_clients_and_servers_of_another_type_are_no_bridges(ros_node: Node) -> None:
     others = AnsweringBridges()
     for action in ACTIONS:
         others.node.create_client(Trigger, f'asked_for/{action}')

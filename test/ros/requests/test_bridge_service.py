@@ -7,14 +7,14 @@ from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.requests.bridge_service import BridgeService
 
 
-def test_without_a_bridge_it_says_what_it_looked_for(ros_node: Node) -> None:
+def test_without_a_bridge_the_error_names_the_searched_services(ros_node: Node) -> None:
     hold = BridgeService(ros_node, 'hold', ['first', 'second'], 0.1)
     held, text = hold.call()
     assert not held
     assert text.startswith('no service first/hold or second/hold: check that the bridge runs')
 
 
-def test_what_stops_no_arm_is_asked_of_one_bridge_only(ros_node: Node) -> None:
+def test_requests_other_than_stops_go_to_one_bridge_only(ros_node: Node) -> None:
     hold, bridges = BridgeService(ros_node, 'hold', ['first', 'second'], LIMIT), AnsweringBridges()
     bridges.add('first', ['hold'])
     with BackgroundExecutor(ros_node), BackgroundExecutor(bridges.node):
@@ -26,7 +26,7 @@ def test_what_stops_no_arm_is_asked_of_one_bridge_only(ros_node: Node) -> None:
     assert bridges.asked == ['first']
 
 
-def test_of_two_bridges_with_one_name_none_is_asked(ros_node: Node) -> None:
+def test_two_bridges_with_one_name_receive_no_request(ros_node: Node) -> None:
     hold = BridgeService(ros_node, 'hold', ['first'], LIMIT)
     bridges, twins = AnsweringBridges(), AnsweringBridges()
     for one in (bridges, twins):

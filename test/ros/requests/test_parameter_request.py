@@ -12,7 +12,7 @@ from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 
 @pytest.mark.parametrize('request_type', ['describe_parameters', 'set_parameters'])
-def test_what_is_not_answered_is_asked_for_again(
+def test_unanswered_requests_are_repeated(
     ros_node: Node, monkeypatch: pytest.MonkeyPatch, request_type: str
 ) -> None:
     ask = getattr(AsyncParameterClient, request_type)

@@ -32,7 +32,7 @@ def reports(ros_node: Node) -> Iterator[list[DiagnosticArray]]:
     ros_node.destroy_timer(timer)
 
 
-def test_waits_for_a_controller_that_has_not_heard_the_arms_mode(
+def test_waits_for_a_controller_that_has_not_received_the_mode(
     ros_node: Node, reports: list[DiagnosticArray]
 ) -> None:
     early = [status('', count, "the arm is 'unknown'") for count in range(4)]
@@ -43,7 +43,7 @@ def test_waits_for_a_controller_that_has_not_heard_the_arms_mode(
     assert watch.reason() == ''
 
 
-def test_says_why_once_something_is_rejected(
+def test_the_reason_of_a_rejection_is_returned(
     ros_node: Node, reports: list[DiagnosticArray]
 ) -> None:
     reports += [status('ready', 1, 'before')]

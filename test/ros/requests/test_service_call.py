@@ -25,7 +25,7 @@ def test_a_request_that_cannot_be_sent_is_refused(ros_node: Node) -> None:
     assert not call.is_answered
 
 
-def test_what_is_repeated_is_sent_again_until_it_can_be(
+def test_repeated_requests_are_sent_until_they_succeed(
     ros_node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bridge_service, 'ASK_AGAIN', 0.0)
@@ -40,14 +40,14 @@ def test_what_is_repeated_is_sent_again_until_it_can_be(
         assert answer_of(call) == (True, 'done')
 
 
-def test_what_can_never_be_sent_is_said_at_the_end(ros_node: Node) -> None:
+def test_a_request_that_cannot_be_sent_is_reported_at_the_end(ros_node: Node) -> None:
     client = ros_node.create_client(Trigger, 'bridge/e_stop')
     ros_node.destroy_client(client)
     answer = answer_of(ServiceCall(client, 0.1, repeats=True))
     assert (answer.accepted, answer.message[:32]) == (False, 'the node cannot receive requests')
 
 
-def test_what_was_sent_at_last_and_not_answered_is_no_answer(
+def test_an_unanswered_request_returns_no_response(
     ros_node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     client = ros_node.create_client(Trigger, 'bridge/e_stop')

@@ -26,7 +26,7 @@ def test_a_bridge_that_is_discovered_meanwhile_is_stopped_too(ros_node: Node) ->
     assert bridges.asked == ['first', 'second']
 
 
-def test_without_a_bridge_it_says_so(ros_node: Node) -> None:
+def test_a_missing_bridge_is_reported(ros_node: Node) -> None:
     stopped, text = StopService(ros_node, 'e_stop', ['first'], 0.1).call()
     assert not stopped
     assert text.startswith('no bridge offers e_stop: check that one runs in this ROS domain')
@@ -44,7 +44,7 @@ def test_a_stop_is_for_the_own_namespace(ros_node: Node) -> None:
     assert bridges.asked == ['renamed', 'renamed']
 
 
-def test_what_bridges_say_is_told_in_the_order_of_their_names(ros_node: Node) -> None:
+def test_answers_are_sorted_by_bridge_name(ros_node: Node) -> None:
     bridges, late = AnsweringBridges(), AnsweringBridges()
     bridges.add('second', ACTIONS)
     late.add('first', ACTIONS, lambda: time.sleep(0.2))
@@ -102,7 +102,7 @@ def test_it_ends_although_services_come_and_go_all_the_time(ros_node: Node) -> N
     assert request.answers == {'/sound': (True, 'done')}
 
 
-def test_of_two_bridges_with_one_name_neither_is_said_to_be_stopped(ros_node: Node) -> None:
+def test_two_bridges_with_one_name_are_not_reported_as_stopped(ros_node: Node) -> None:
     bridges, twins = AnsweringBridges(), AnsweringBridges()
     for one in (bridges, twins):
         one.add('first', ACTIONS)

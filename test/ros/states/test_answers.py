@@ -20,7 +20,7 @@ def wire() -> Wire:
     return Wire()
 
 
-def test_finds_what_is_resent() -> None:
+def test_re_sent_states_are_detected() -> None:
     answers = Answers(needed=False)
     states = [b'a', b'a', b'b', b'b', b'b', b'a']
     assert [answers.begin(state) for state in states] == [False, True, False, True, True, False]
@@ -41,7 +41,7 @@ def test_a_resent_state_has_the_same_answer(wire: Wire) -> None:
     assert wire.sent == [b'1', b'1']
 
 
-def test_what_was_not_answered_is_given_once_more(wire: Wire) -> None:
+def test_an_unanswered_re_sent_state_is_returned_again(wire: Wire) -> None:
     answers = Answers()
     answers.begin(b'a')
     answers.publish(wire, b'1')
@@ -51,7 +51,7 @@ def test_what_was_not_answered_is_given_once_more(wire: Wire) -> None:
     assert wire.sent == [b'1']
 
 
-def test_no_state_comes_twice_to_who_answers_some(wire: Wire) -> None:
+def test_an_answered_state_is_not_returned_twice(wire: Wire) -> None:
     answers = Answers(needed=False)
     answers.begin(b'a')
     answers.publish(wire, b'1')
@@ -63,7 +63,7 @@ def test_no_state_comes_twice_to_who_answers_some(wire: Wire) -> None:
 
 
 @pytest.mark.parametrize(('needed', 'known'), [(True, False), (False, True)])
-def test_what_is_withdrawn_is_not_published_again(wire: Wire, needed: bool, known: bool) -> None:
+def test_withdrawn_answers_are_not_republished(wire: Wire, needed: bool, known: bool) -> None:
     answers = Answers(needed=needed)
     answers.begin(b'a')
     answers.publish(wire, b'1')

@@ -36,7 +36,7 @@ def publish_all(node: Node, stream: StateStream) -> None:
             time.sleep(1e-3)
 
 
-def test_who_wants_no_imu_is_not_woken_by_it(ros_node: Node) -> None:
+def test_without_imu_subscription_imu_messages_do_not_wake_the_loop(ros_node: Node) -> None:
     stream = StateStream(ros_node, NAMES, pytest.fail, imu=False)
     names = [subscription.topic_name for subscription in ros_node.subscriptions]
     assert topics.JOINT_STATES.name in ' '.join(names)

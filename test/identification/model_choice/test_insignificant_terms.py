@@ -6,7 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.identify import IdentificationOptions, identify, without_nil_terms
+from aerarm_ros.identification.identify import (
+    IdentificationOptions,
+    identify,
+    without_insignificant_terms,
+)
 from aerarm_ros.identification.stopwatch import Stopwatch
 
 
@@ -33,7 +37,7 @@ def test_rotors_that_a_sensor_behind_the_gear_does_not_feel(
 
 
 def test_nothing_is_fitted_again_without_need(result) -> None:
-    fit, left_out = without_nil_terms(
+    fit, left_out = without_insignificant_terms(
         result.fit, result.recommended.estimate, result.identification, result.cad
     )
     assert fit is result.fit

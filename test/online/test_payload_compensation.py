@@ -3,19 +3,19 @@ import pytest
 
 from aerarm_ros.model.inertia import minimum_eigenvalue
 from aerarm_ros.online.information_filter import SPECK, ball
-from aerarm_ros.online.payload_hand_over import PayloadHandOver
+from aerarm_ros.online.payload_compensation import PayloadCompensation
 
 STEP = 0.005
 FOUND = ball(0.2, [0.1, 0.01, -0.02], 0.05)
 
 
-def lead(hand_over: PayloadHandOver, seconds: float) -> np.ndarray:
+def lead(hand_over: PayloadCompensation, seconds: float) -> np.ndarray:
     """Return all payloads of the transition, (M, 10)."""
     return np.array([hand_over.update(STEP) for _ in range(round(seconds / STEP))])
 
 
-def test_it_comes_to_the_share_at_the_rate_of_the_mass_as_a_body() -> None:
-    hand_over = PayloadHandOver(0.8, 0.2, 1.0)
+def test_the_payload_reaches_its_fraction_at_the_mass_rate_as_a_possible_body() -> None:
+    hand_over = PayloadCompensation(0.8, 0.2, 1.0)
     hand_over.offer(FOUND)
     carried = lead(hand_over, 1.0)
     np.testing.assert_allclose(carried[-1], 0.8 * FOUND)
@@ -25,7 +25,7 @@ def test_it_comes_to_the_share_at_the_rate_of_the_mass_as_a_body() -> None:
 
 
 def test_the_centre_moves_at_its_rate() -> None:
-    hand_over = PayloadHandOver(1.0, 1.0, 0.05)
+    hand_over = PayloadCompensation(1.0, 1.0, 0.05)
     hand_over.offer(FOUND)
     lead(hand_over, 3.0)
     np.testing.assert_allclose(hand_over.carried, FOUND)
@@ -35,8 +35,8 @@ def test_the_centre_moves_at_its_rate() -> None:
     assert centres[-1] == pytest.approx(0.15)
 
 
-def test_what_is_put_down_goes_as_it_came() -> None:
-    hand_over = PayloadHandOver(1.0, 0.2, 1.0)
+def test_a_put_down_payload_is_removed_gradually() -> None:
+    hand_over = PayloadCompensation(1.0, 0.2, 1.0)
     hand_over.offer(FOUND)
     lead(hand_over, 2.0)
     hand_over.offer(ball(SPECK, np.zeros(3), 0.1))
@@ -47,8 +47,8 @@ def test_what_is_put_down_goes_as_it_came() -> None:
     assert lead(hand_over, 1.0)[-1] == pytest.approx(0.0)
 
 
-def test_what_makes_errors_larger_is_taken_back_until_something_else_is_found() -> None:
-    hand_over = PayloadHandOver(1.0, 0.2, 1.0)
+def test_a_payload_that_increases_errors_is_removed_until_the_estimate_changes() -> None:
+    hand_over = PayloadCompensation(1.0, 0.2, 1.0)
     hand_over.offer(FOUND)
     lead(hand_over, 2.0)
     asked = np.array([0.0, 1.5, 0.0, 0.2])
@@ -66,6 +66,6 @@ def test_what_makes_errors_larger_is_taken_back_until_something_else_is_found() 
 
 def test_bad_settings_are_refused() -> None:
     with pytest.raises(ValueError, match='fraction = 1.5'):
-        PayloadHandOver(1.5, 0.2, 0.1)
+        PayloadCompensation(1.5, 0.2, 0.1)
     with pytest.raises(ValueError, match='mass_rate'):
-        PayloadHandOver(1.0, 0.0, 0.1)
+        PayloadCompensation(1.0, 0.0, 0.1)

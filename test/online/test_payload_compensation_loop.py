@@ -11,8 +11,8 @@ from aerarm_ros.control.laws.computed_torque import ComputedTorque
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.motion.signals import ArmState, JointReference
+from aerarm_ros.online.payload_compensation import PayloadCompensation
 from aerarm_ros.online.payload_estimator import PayloadEstimator
-from aerarm_ros.online.payload_hand_over import PayloadHandOver
 from aerarm_ros.simulation.arm_plant import ArmPlant, PlantParameters
 
 CYCLE = 1e-3
@@ -53,7 +53,7 @@ def rows() -> np.ndarray:
     source = SwingSource()
     loop = ControlLoop(JointLimits.from_config(config), source, law)
     estimator = PayloadEstimator(models[1], *known, truth.load_friction)
-    hand_over = PayloadHandOver(1.0, 0.2, 0.1)
+    hand_over = PayloadCompensation(1.0, 0.2, 0.1)
     random = np.random.default_rng(0)
     effort, told = np.zeros(4), []
     for cycle in range(round(END / CYCLE)):

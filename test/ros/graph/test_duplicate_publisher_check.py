@@ -4,7 +4,7 @@ import rclpy
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import JOINT_STATES
-from aerarm_ros.ros.graph import SolePublisher
+from aerarm_ros.ros.graph import DuplicatePublisherCheck
 
 
 def publish(name: str) -> Node:
@@ -22,7 +22,7 @@ def wait_for(condition) -> None:
 
 def test_names_the_second_publisher_once_and_is_content_when_it_goes(ros_node: Node) -> None:
     looking = rclpy.create_node('looking', namespace='/left')
-    sources = SolePublisher(looking, JOINT_STATES)
+    sources = DuplicatePublisherCheck(looking, JOINT_STATES)
     assert sources.problem() == ''
     one = publish('one')
     wait_for(lambda: looking.count_publishers('joint_states') == 1)

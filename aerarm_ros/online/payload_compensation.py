@@ -10,7 +10,7 @@ _WORSE = 0.3  # [s] for which the unexplained torque must be larger with the pay
 _SMALL = 0.1  # [Nm] tolerated difference
 
 
-class PayloadHandOver:
+class PayloadCompensation:
     """Payload of a controller's model, which moves gradually to the estimated payload.
 
     The ten inertial parameters move along a straight line to the estimate times `share`. Physical
@@ -83,7 +83,7 @@ class PayloadHandOver:
         return self.carried
 
     def judge(self, residual: Array, share: Array, dt: float) -> bool:
-        """Check whether the payload increases the model's errors; return whether it is now undone.
+        """Check whether the payload increases the model's errors; return whether it was removed.
 
         Parameters
         ----------

@@ -7,7 +7,7 @@ from quick_spinning import spin_once
 from rclpy.node import Node
 
 from aerarm_msgs_py.topics import JOINT_STATES
-from aerarm_ros.ros.graph import RivalWatch
+from aerarm_ros.ros.graph import DuplicatePublisherWatch
 
 
 def publish(name: str) -> Node:
@@ -16,11 +16,11 @@ def publish(name: str) -> Node:
     return node
 
 
-def test_warns_once_of_each_change_of_who_publishes_beside_the_node(
+def test_each_change_of_duplicate_publishers_causes_one_warning(
     ros_node: Node, capfd: pytest.CaptureFixture[str]
 ) -> None:
     ros_node.create_publisher(JOINT_STATES.type, JOINT_STATES.name, JOINT_STATES.qos)
-    rivals = RivalWatch(ros_node, JOINT_STATES)
+    rivals = DuplicatePublisherWatch(ros_node, JOINT_STATES)
 
     def wait_for(condition: Callable[[], bool]) -> None:
         end = time.monotonic() + 60.0
