@@ -35,7 +35,7 @@ from aerarm_ros.model.dynamics import largest_gravity_load
 from aerarm_ros.motion.signals import Array
 
 if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.hardware.transports.transport import Transport
+    from aerarm_ros.hardware.boards.board_link import Transport
 
 _RECENT = 1.0  # [s] time for which a rejected or limited command stays in the list of faults
 

@@ -9,12 +9,11 @@ from math import exp, inf, sqrt
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drive_config import COPPER, RATED_AMBIENT, JointConfig, MotorConfig
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink
-from aerarm_ros.hardware.boards.board_monitor import BoardMode
+from aerarm_ros.hardware.boards.board_monitor import BoardMode, SupplyWatch
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
-from aerarm_ros.hardware.supply_watch import SupplyWatch
 
 _COPPER_REFERENCE = 20.0  # [degC] temperature to which `COPPER` refers
 # A reported resistance is used if it lies within these multiples of the configured one.

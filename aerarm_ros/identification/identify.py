@@ -1,6 +1,8 @@
 """Offline identification as one function, from recordings to parameter estimates."""
 
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -58,8 +60,30 @@ from aerarm_ros.identification.rollout import (
 )
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
+
+
+class Stopwatch:
+    """Wall-clock times summed by stage name.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Total time [s] of each stage, in the order of their first start.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measure the time of the enclosed code."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - begin
+
 
 _MOST = 10.0  # largest ratio between the weights of one bag and those of all bags together
 # number of rounds, because a noisy bag degrades the first fit, which determines the noise of all

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain
 from aerarm_ros.hardware.boards.board_monitor import BoardMode, BoardMonitor
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardCommand, BoardState
@@ -16,11 +16,7 @@ from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import Mask
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
-
-if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.hardware.transports.transport import Transport
 
 # A board that did not restart has a clock that is at most this far ahead of the host clock, or
 # jumps back by at most this between two answers [s], ...
@@ -79,6 +75,46 @@ class RestartWatch:
 
 _BOARD_INTERVAL_MAX = 1.0  # [s]
 _SATURATION_MIN = 0.5  # [A]
+
+
+class Transport(Protocol):
+    """Full-duplex exchange of frames with a number of boards.
+
+    Once open, `exchange` never raises and takes a bounded time. An unreachable board returns no
+    bytes, and `problem` gives the reason.
+    """
+
+    def open(self) -> None:
+        """Open the bus; raise TransportError with advice if that fails."""
+        ...
+
+    def close(self) -> None:
+        """Close the bus; closing again is allowed."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Advance the boards to the cycle's time [s, monotonic]; only emulated boards use it."""
+        ...
+
+    def exchange(self, board: int, frame: bytes) -> bytes:
+        """Send a frame to a board and return the received one; b'' if none arrived."""
+        ...
+
+    def exchange_time(self, board: int) -> float:
+        """Duration of the last exchange with a board [s]."""
+        ...
+
+    def exchanged_at(self, board: int) -> float:
+        """End time of the last exchange with a board [s], on the clock of `advance`.
+
+        A board prepares its answer at most one period of its control loop before the exchange
+        begins; the exchange begins `exchange_time` before its end.
+        """
+        ...
+
+    def problem(self, board: int) -> str:
+        """Reason why the last exchange with a board failed, '' if it succeeded."""
+        ...
 
 
 class BoardLink:

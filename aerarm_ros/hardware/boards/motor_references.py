@@ -7,11 +7,10 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.command_intake import Mask
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
 # number of stored references; without frames a board continues for at most 0.255 s, and a cycle

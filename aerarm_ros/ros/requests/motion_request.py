@@ -6,20 +6,64 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 import numpy as np
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.hardware.bridge_modes import HELD, to_switch_on
+from aerarm_ros.motion.signals import JointMotion
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
+
+POINT_PERIOD = 0.02
+"""[s] between two points, short enough for interpolation by quintics."""
+
+_SECOND = 1_000_000_000
+
+
+def trajectory_message(
+    motion: JointMotion, names: Sequence[str], start_ns: int = 0
+) -> JointTrajectory:
+    """Return points of a motion with velocity and acceleration as a message.
+
+    Parameters
+    ----------
+    motion
+        Motion of n joints.
+    names
+        Names of the joints.
+    start_ns
+        Start in the time of the states [ns]; 0 to start at once.
+    """
+    times = np.append(np.arange(0.0, motion.duration - 1e-6, POINT_PERIOD), motion.duration)
+    q, dq, ddq = motion.evaluate(times)
+    message = JointTrajectory(joint_names=list(names))
+    message.header.stamp = Time(**_split(start_ns))
+    message.points = [
+        JointTrajectoryPoint(
+            positions=q[k].tolist(),
+            velocities=dq[k].tolist(),
+            accelerations=ddq[k].tolist(),
+            time_from_start=Duration(**_split(round(when * _SECOND))),
+        )
+        for k, when in enumerate(times)
+    ]
+    return message
+
+
+def _split(nanoseconds: int) -> dict[str, int]:
+    seconds, rest = divmod(nanoseconds, _SECOND)
+    return {'sec': seconds, 'nanosec': rest}
+
 
 _REPORT = 3.0  # [s] within which every controller has reported on /diagnostics
 _COUNT, _REASON = 'rejected inputs', 'last rejection'  # keys in a controller's status

@@ -3,8 +3,8 @@ import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
-from aerarm_msgs_py.codecs.joint_state_cdr import JointSample
-from aerarm_msgs_py.codecs.joint_state_conversion import (
+from aerarm_msgs_py.codecs.joint_state_cdr import (
+    JointSample,
     decode_as_sent,
     decode_joint_state,
     from_message,

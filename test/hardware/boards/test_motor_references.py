@@ -4,12 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerarm_ros.description.arm_config import DriveTrain
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
-from aerarm_ros.model.drive_train import DriveTrain
 
 Q = np.array([0.1, 1.5, -0.2, 0.3])
 TRUSTED = np.ones(4, dtype=bool)

@@ -6,8 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.identify import IdentificationOptions, identify, without_nil_terms
-from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.identify import (
+    IdentificationOptions,
+    Stopwatch,
+    identify,
+    without_nil_terms,
+)
 
 
 def test_rotors_that_a_sensor_behind_the_gear_does_not_feel(

@@ -1,7 +1,7 @@
 """Separate parts of the nodes' work per cycle, for counting their instructions.
 
-In the folder `benchmarks`, `python -m counting.work PIECE CYCLES` runs one part for a number of
-cycles.
+In the folder `benchmarks/real_time`, `python -m counting.work PIECE CYCLES` runs one part for a
+number of cycles.
 """
 
 import argparse
