@@ -25,7 +25,6 @@ from aerarm_ros.hardware.gate.command_intake import (
     REJECTIONS,
     CommandBuffer,
     CommandIntake,
-    Mask,
     OfferedCommand,
 )
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
@@ -402,18 +401,21 @@ class BridgeCycle:
         if references.integrates:
             references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
         # A barrier would drive a joint whose position readings are wrong.
-        times, tells = state.age(now, now - elapsed), self._encoders.tells_position & state.heard
+        times = state.age(now, now - elapsed)
+        rows = zip(self._encoders.tells_position.tolist(), state.heard, strict=True)
+        tells = [tells_position and is_heard for tells_position, is_heard in rows]
         q, dq = state.believed(tells)
         kept = references.kept_torques(q, dq, state.unconfirmed)
         gate.watch(q, dq, references.torques(q, dq), *times, kept, state.unconfirmed)
-        return self._follow(now, min(elapsed, _STEP_MAX), tells & state.driven)
+        trusted = [known and driven for known, driven in zip(tells, state.driven, strict=True)]
+        return self._follow(now, min(elapsed, _STEP_MAX), trusted)
 
-    def _follow(self, now: float, dt: float, trusted: Mask) -> bool:
+    def _follow(self, now: float, dt: float, trusted: Sequence[bool]) -> bool:
         """Set the references of the command, or damp; return whether the arm follows a command."""
         references, gate = self._references, self.gate
         command = None if gate.stop else self._current_command(now)
         is_braked = command is not None and gate.follow(
-            command, self.q, dt, now, references.motors, trusted.tolist()
+            command, self.q, dt, now, references.motors, trusted
         )
         is_followed = command is not None and not gate.stop
         if not is_followed:

@@ -469,9 +469,10 @@ class HeatWatch:
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
-            if link.is_damped_unheard or link.monitor.mode is BoardMode.ALIGNING:
+            is_silent = link.monitor.is_silent
+            if link.monitor.mode is BoardMode.ALIGNING or (is_silent and link.is_damped_unheard):
                 current = limit.continuous_current  # a board that aligns reports no current
-            elif link.monitor.is_silent:
+            elif is_silent:
                 current = 0.0  # the last answer is outdated for a motor that is off
             limit.add(current, driven)
             if elapsed > driven:

@@ -301,8 +301,10 @@ class BoardMonitor:
         """Whether every motor in use is driven and aligned."""
         if not state.system_enabled:
             return False
-        enabled, ready = state.motor_enabled, state.motor_ready
-        return False not in [enabled[channel] and ready[channel] for channel in self._channels]
+        for channel in self._channels:
+            if not (state.motor_enabled[channel] and state.motor_ready[channel]):
+                return False
+        return True
 
     def _is_frozen(self, now: float) -> bool:
         """Whether consecutive answers have carried identical data for too long."""

@@ -12,7 +12,7 @@ from aerarm_ros.hardware.gate.command_intake import CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
 
 Q = np.array([0.1, 1.5, -0.2, 0.3])
-TRUSTED = np.ones(4, dtype=bool)
+TRUSTED = [True] * 4
 DT = 1e-3
 
 
@@ -221,7 +221,7 @@ def test_a_torque_that_a_held_up_host_may_not_leave_acting_is_damped_in_the_boar
 def test_a_joint_without_a_trusted_encoder_has_no_barrier(references, config):
     track(references, command(tau=1.0), Q, DT)
     barriers = make_barriers(config, q=Q, highest=[0.0] * 4)
-    assert references.keep_within(barriers, np.array([False, True, True, True]))
+    assert references.keep_within(barriers, [False, True, True, True])
     assert references.torques(Q, np.zeros(4)) == pytest.approx([1.0, 0.0, 0.0, 0.0])
 
 
