@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sensor_msgs.msg import JointState
 
 from aerarm_msgs_py.codecs.cdr import (
     ENCAPSULATION_SIZE,
@@ -485,25 +484,6 @@ def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
     reader.string()  # frame_id
     names = tuple(reader.strings())
     return names, _sample(stamp_ns, [reader.doubles() for _ in range(3)])
-
-
-def from_message(message: JointState) -> tuple[tuple[str, ...], JointSample]:
-    """Return names and numbers of a message object; raises like `decode_joint_state`."""
-    stamp = message.header.stamp
-    names = tuple(message.name)
-    fields = [np.array(x) for x in (message.position, message.velocity, message.effort)]
-    return _checked(names, _sample(stamp.sec * _NANOSECONDS + stamp.nanosec, fields))
-
-
-def to_message(names: Sequence[str], sample: JointSample) -> JointState:
-    """Return a JointState message object; None becomes an empty field."""
-    message = JointState(name=list(names))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(sample.stamp_ns, _NANOSECONDS)
-    for field in ('position', 'velocity', 'effort'):
-        values = getattr(sample, field)
-        if values is not None:
-            setattr(message, field, np.asarray(values, float).tolist())
-    return message
 
 
 def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:

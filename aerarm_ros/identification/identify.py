@@ -24,7 +24,13 @@ from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
-from aerarm_ros.identification.input_errors import find_input_errors
+from aerarm_ros.identification.input_errors import (
+    bound_warnings,
+    coupling_warnings,
+    error_warnings,
+    find_input_errors,
+    joint_warnings,
+)
 from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel, TermKind
 from aerarm_ros.identification.model_choice.filter_choice import (
     EffortDelay,
@@ -38,12 +44,6 @@ from aerarm_ros.identification.model_choice.filter_choice import (
 )
 from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
 from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
-from aerarm_ros.identification.plausibility import (
-    bound_warnings,
-    coupling_warnings,
-    error_warnings,
-    joint_warnings,
-)
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.regression.base_parameters import (
     BaseParameters,

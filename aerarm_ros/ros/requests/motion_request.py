@@ -133,7 +133,45 @@ _LISTENER = 'recorder'  # subscribes to everything but moves nothing
 _SEARCH = 10.0  # [s] for discovery on a busy machine
 
 
-class SetPointRequest:
+class _MotionRequest:
+    """Publisher of one target, with the arm's mode and the reasons why a motion ends.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions; no executor may contain it.
+    """
+
+    _TOPIC: Topic
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._mode = ''
+        self._rejections = RejectionWatch(node)
+        topic = self._TOPIC
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._listen(topics.ARM_MODE, self._on_mode)
+
+    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
+        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+
+    def _on_mode(self, message: String) -> None:
+        self._mode = message.data
+
+    def _require_held(self) -> None:
+        """Raise ArmClientError if the arm cannot move."""
+        if self._mode not in HELD:
+            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+
+    def _wait(self, ended: Callable[[], bool], timeout: float) -> bool:
+        """Return whether a motion ended in time; raises ArmClientError if it was rejected."""
+        in_time = spin_until(self._node, lambda: ended() or self._rejections.reason(), timeout)
+        if self._rejections.reason():
+            raise ArmClientError(f'rejected: {self._rejections.reason()}')
+        return bool(in_time)
+
+
+class SetPointRequest(_MotionRequest):
     """Publish a set point and wait for the result.
 
     Parameters
@@ -142,15 +180,12 @@ class SetPointRequest:
         Owner of publisher and subscriptions; no executor may contain it.
     """
 
+    _TOPIC = topics.SET_POINT
+
     def __init__(self, node: Node) -> None:
-        self._node = node
+        super().__init__(node)
         self._state: JointState | None = None
-        self._mode = ''
-        self._rejections = RejectionWatch(node)
-        topic = topics.SET_POINT
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._listen(topics.JOINT_STATES, self._on_state)
-        self._listen(topics.ARM_MODE, self._on_mode)
 
     def go(
         self,
@@ -205,12 +240,9 @@ class SetPointRequest:
             return error
 
         def ended() -> bool:
-            ends = self._rejections.reason() or self._rejections.touch()
-            return bool(np.all(distance() <= tolerance) or ends)
+            return bool(np.all(distance() <= tolerance) or self._rejections.touch())
 
-        in_time = spin_until(self._node, ended, timeout)
-        if self._rejections.reason():
-            raise ArmClientError(f'rejected: {self._rejections.reason()}')
+        in_time = self._wait(ended, timeout)
         if self._rejections.touch():
             raise ArmClientError(
                 f'{self._rejections.touch()}: remove what touches the arm, then send it on'
@@ -240,8 +272,7 @@ class SetPointRequest:
                 f'{what}: check that a bridge and computed_torque or gravity_compensation run in '
                 f'{this_domain()}'
             )
-        if self._mode not in HELD:
-            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+        self._require_held()
         assert self._state is not None
         return list(self._state.name)
 
@@ -259,21 +290,15 @@ class SetPointRequest:
             return False
         return bool(self._publisher.get_subscription_count() >= len(listeners))
 
-    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
-        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
-
     def _on_state(self, message: JointState) -> None:
         self._state = message
-
-    def _on_mode(self, message: String) -> None:
-        self._mode = message.data
 
 
 BASE, WORLD = 'base', 'world'
 _BASE_LINK = 'base_link'
 
 
-class ToolRequest:
+class ToolRequest(_MotionRequest):
     """Publish a tool target and wait for the result.
 
     Parameters
@@ -282,18 +307,12 @@ class ToolRequest:
         Owner of publisher and subscriptions; no executor may contain it.
     """
 
+    _TOPIC = topics.TOOL_TRAJECTORY
+
     def __init__(self, node: Node) -> None:
-        self._node = node
+        super().__init__(node)
         self._pose: PoseStamped | None = None
-        self._mode = ''
-        self._rejections = RejectionWatch(node)
-        topic = topics.TOOL_TRAJECTORY
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        for heard, callback in (
-            (topics.TOOL_POSE, self._on_pose),
-            (topics.ARM_MODE, self._on_mode),
-        ):
-            node.create_subscription(heard.type, heard.name, callback, heard.qos)
+        self._listen(topics.TOOL_POSE, self._on_pose)
 
     def go(
         self,
@@ -342,13 +361,7 @@ class ToolRequest:
             p = self._pose.pose.position
             return float(np.linalg.norm(np.array([p.x, p.y, p.z]) - np.asarray(place)))
 
-        def ended() -> bool:
-            return distance() <= tolerance or bool(self._rejections.reason())
-
-        in_time = spin_until(self._node, ended, timeout)
-        if self._rejections.reason():
-            raise ArmClientError(f'rejected: {self._rejections.reason()}')
-        if not in_time:
+        if not self._wait(lambda: distance() <= tolerance, timeout):
             raise ArmClientError(
                 f'the tool is still {distance():.3f} m away after {timeout:g} s, and arm_mode is '
                 f'{self._mode}: check the log of the controller'
@@ -380,11 +393,7 @@ class ToolRequest:
                 raise ArmClientError(
                     f'no controller publishes the tool pose: run a bridge, and {what}'
                 )
-        if self._mode not in HELD:
-            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+        self._require_held()
 
     def _on_pose(self, message: PoseStamped) -> None:
         self._pose = message
-
-    def _on_mode(self, message: String) -> None:
-        self._mode = message.data

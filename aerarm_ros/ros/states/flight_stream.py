@@ -97,11 +97,6 @@ class FlightStream:
         self.frame = ''
         """Frame of the odometry's poses, '' before the first."""
 
-    @property
-    def odometry_count(self) -> int:
-        """Number of odometry messages received."""
-        return self._reader.count(_ODOMETRY)
-
     def wait(self, timeout: float) -> bool:
         """Wait up to `timeout` [s] for a message; a stop signal returns False early."""
         return self._reader.wait(timeout)
