@@ -1,9 +1,9 @@
 """Detection of common errors in recordings, and warnings about implausible results.
 
-Errors are detected by a fit to corrected data. Examples are a wrong sign, swapped names, a shifted zero or a wrong torque constant of one joint,
-and gravity along another axis. Once such an error is corrected, a model near the nominal one
-explains the torque much better. Each possible error is therefore corrected in turn, a simple
-model is fitted, and the costs are compared.
+Errors are detected by a fit to corrected data. Examples are a wrong sign, swapped names, a shifted
+zero or a wrong torque constant of one joint, and gravity along another axis. Once such an error is
+corrected, a model near the nominal one explains the torque much better. Each possible error is
+therefore corrected in turn, a simple model is fitted, and the costs are compared.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
