@@ -56,7 +56,7 @@ def drive(bridge: BridgeCycle, cycles: int) -> None:
             bridge.enable()
         if index >= ALIGNED_AT:
             velocity = SWING * np.sin(3.0 * now)
-            bridge.command(OfferedCommand(NAMES, None, velocity, None, PERIOD, 1), now)
+            bridge.command(OfferedCommand(NAMES, None, velocity, None, PERIOD, 'counted'), now)
         bridge.update(now)
     if bridge.mode != 'running':
         raise SystemExit(f'the arm is {bridge.mode}: {bridge.faults}')
