@@ -6,7 +6,7 @@ from launched import is_in_the_index
 
 from aerarm_ros import launch_requirements
 from aerarm_ros.description.resources import resource
-from aerarm_ros.launch_parts import FILES, missing, packaged_files
+from aerarm_ros.launch_requirements import FILES, missing, packaged_files
 
 GIVEN = {
     'hardware': 'fake',

@@ -82,7 +82,9 @@ class ComputedTorqueNode(TrajectoryController):
             self.law = BoardComputedTorque(dynamics, integral, friction)
         self._feedback_gain = arm.feedback_gain(values)
         self.follower = arm.follower(values)
-        return self.loop_of(dynamics, friction)
+        observer = arm.observer(values, dynamics, friction)
+        limit = arm.compensation_max(values)
+        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
         """Subscribe as `TrajectoryController`, with a reaction that the law can carry out."""

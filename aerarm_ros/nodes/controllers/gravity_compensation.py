@@ -60,7 +60,9 @@ class GravityCompensationNode(TrajectoryController):
             dynamics, one_or_each(values.kp), one_or_each(values.kd), friction, hand
         )
         self.law.hand_guiding = self._was_guided = values.hand_guiding
-        return self.loop_of(dynamics, friction)
+        observer = arm.observer(values, dynamics, friction)
+        limit = arm.compensation_max(values)
+        return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def refusal(self) -> str:
         """Return why the controller accepts no reference while a person moves the arm."""

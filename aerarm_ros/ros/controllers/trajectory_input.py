@@ -19,11 +19,8 @@ from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
-from aerarm_ros.control.base.moving_base_dynamics import MovingBaseDynamics
 from aerarm_ros.control.checks import JointLimits, RejectedInputError, non_negative
-from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.contact_reaction import ContactReaction
-from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
 from aerarm_ros.control.references.trajectory_goals import (
@@ -213,14 +210,6 @@ class TrajectoryController(ControllerNode):
     follower: TrajectoryFollower
     law: Any
     reaction: ContactReaction
-
-    def loop_of(
-        self, dynamics: MovingBaseDynamics, friction: FrictionCompensation | None
-    ) -> ControlLoop[Any]:
-        """Return the control loop of follower and law, with an observer if it is enabled."""
-        observer = self.arm.observer(self.values, dynamics, friction)
-        limit = self.arm.compensation_max(self.values)
-        return ControlLoop(self.arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def refusal(self) -> str:
         """Return why the controller accepts no reference now, or an empty text."""
