@@ -86,7 +86,7 @@ energy: setup
 	$(BIN)/python benchmarks/energy.py --moves 100 --out output/energy
 
 calibration: setup
-	$(BIN)/python benchmarks/calibration.py
+	$(BIN)/python benchmarks/model_fits/calibration.py
 
 flight: setup
 	$(if $(filter-out px4 ardupilot betaflight,$(AUTOPILOT)),$(error AUTOPILOT=$(AUTOPILOT) is unknown: set px4, ardupilot or betaflight, or omit AUTOPILOT for flight_control))

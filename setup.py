@@ -64,7 +64,6 @@ COMPILED = [
     'bridge_cycle',
     'fault_watch',
     'heat_watch',
-    'supply_watch',
     'boards/board_link',
     'boards/board_monitor',
     'boards/encoder_monitor',

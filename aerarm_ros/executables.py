@@ -16,11 +16,11 @@ from functools import partial
 from pathlib import Path
 from types import ModuleType
 
-from aerarm_ros.ros.process.die_with_parent import die_with_launch
 from aerarm_ros.ros.process.process_end import (
     INTERRUPTED,
     USER_ERROR,
     StopSignals,
+    die_with_launch,
     exit_within,
     print_error,
 )

@@ -35,9 +35,8 @@ from launch_ros.substitutions import FindPackageShare
 
 from aerarm_ros.executables import controllers
 from aerarm_ros.launch_requirements import missing, packaged_files
-from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 from aerarm_ros.ros.process.node_process import STOP_TIMEOUT
-from aerarm_ros.ros.process.process_end import INTERRUPTED
+from aerarm_ros.ros.process.process_end import INTERRUPTED, LAUNCH_PID
 
 SHARE = FindPackageShare('aerarm_ros')
 WAIT_FOR_A_PERSON = 600.0  # [s]

@@ -34,7 +34,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.excitation.trajectory import MotionSequence, Stage
-from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
+from aerarm_ros.ros.requests.motion_request import trajectory_message
 
 RAMP = 1.0  # [s]
 ZEROING = 3.0  # [s]

@@ -30,7 +30,7 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
+from aerarm_ros.ros.requests.motion_request import trajectory_message
 
 LOAD = [0.2, 0.1, 0.01, -0.02]  # [kg], and its position in the last joint's frame [m]
 BARE = [0.0, *LOAD[1:]]

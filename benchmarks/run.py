@@ -1,4 +1,4 @@
-"""Run all benchmarks in this folder in sequence, and print a description of the machine."""
+"""Run all benchmarks of this folder and its groups, and print a description of the machine."""
 
 import argparse
 import os
@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
+GROUPS = ('.', 'real_time', 'model_fits', 'estimation')
 BESIDE_PEERS = ('excitation', 'identification')
 
 
@@ -34,7 +35,8 @@ def main() -> int:
     options = parser.parse_args()
     print(f'Machine: {machine()}')
     failed = 0
-    for script in sorted(HERE.glob('*.py')):
+    scripts = [script for group in GROUPS for script in sorted((HERE / group).glob('*.py'))]
+    for script in scripts:
         # The corresponding benchmark runs the comparisons with other tools.
         if script.name == Path(__file__).name or script.stem.endswith('_peers'):
             continue

@@ -28,9 +28,9 @@ from aerarm_ros.description.robot import load_robot
 from aerarm_ros.excitation.excitation_setup import ExcitationSetup, RandomTrajectory
 from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.excitation.trajectory import RampedExcitation
-from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
+from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import MOVING, STILL
 

@@ -32,10 +32,10 @@ from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.nodes.view import View
-from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import BackgroundExecutor, spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.ros.requests.motion_request import trajectory_message
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path += [str(ROOT / 'benchmarks'), str(ROOT / 'test' / 'nodes')]

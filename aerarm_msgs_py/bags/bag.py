@@ -2,16 +2,14 @@
 
 import re
 import warnings
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from aerarm_msgs_py.bags import bag_information
-from aerarm_msgs_py.bags.bag_information import BagInformation, read_information
+import yaml
+
 from aerarm_msgs_py.storage.compressed_file import SUFFIX, BagFile, CompressedFile, decompressed
-from aerarm_msgs_py.storage.foreign_file import SUFFIXES as FOREIGN
-from aerarm_msgs_py.storage.foreign_file import ForeignFile
 from aerarm_msgs_py.storage.mcap_file import McapFile
 from aerarm_msgs_py.storage.read_limits import (
     BagError,
@@ -21,6 +19,134 @@ from aerarm_msgs_py.storage.read_limits import (
     ReadBudget,
     ReadLimits,
 )
+
+FILE = 'metadata.yaml'
+"""Name of a bag's metadata file."""
+
+# PyYAML's optional parser in C takes 2 ms instead of 20 ms.
+_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+_LARGEST = 2**20  # bytes; the metadata of a thousand topics has half of it
+_DEEPEST = 16
+_LONGEST_FILE_NAME = 255  # bytes of a file name
+_MOST_MESSAGES = 2**53
+_LONGEST_NUMBER = 64  # characters
+_NUMBER = re.compile(r'[-+]?[0-9][0-9a-fA-FxXob_:.+-]*')
+_OPENING = (yaml.MappingStartEvent, yaml.SequenceStartEvent)
+_CLOSING = (yaml.MappingEndEvent, yaml.SequenceEndEvent)
+# Exceptions of PyYAML for a value that contradicts its form or tag, such as an empty !!int.
+_OF_A_TAG = (TypeError, AttributeError, LookupError, RecursionError, OverflowError)
+
+
+@dataclass(frozen=True)
+class BagInformation:
+    """Content of metadata.yaml that readers need.
+
+    Attributes
+    ----------
+    files
+        Names of the bag's files, without directories.
+    compression_mode
+        'message' if every message is compressed separately; other values have no meaning.
+    counts
+        Number of messages of each topic; None if unknown.
+    """
+
+    files: tuple[str, ...] = ()
+    compression_mode: str = ''
+    counts: Mapping[str, int] | None = field(default=None)
+
+
+def read_information(path: Path) -> BagInformation:
+    """Read the metadata.yaml of a bag.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the file does not exist.
+    ValueError
+        If the file cannot be read, is too large, is not plain YAML or not metadata of a bag.
+    """
+    if path.exists() and not path.is_file():
+        raise ValueError('not a regular file')  # Reading a pipe would never end.
+    try:
+        with path.open('rb') as stream:
+            content = stream.read(_LARGEST + 1)
+        if len(content) > _LARGEST:
+            raise ValueError(f'larger than {_LARGEST} bytes')
+        text = content.decode()
+        _check_plain(text)
+        document = yaml.load(text, _LOADER)
+    except FileNotFoundError:
+        raise
+    except (OSError, yaml.YAMLError, ValueError, *_OF_A_TAG) as error:
+        if 'nesting depth' in str(error):  # The limit of libyaml is smaller than ours.
+            raise ValueError(f'nested more than {_DEEPEST} levels deep') from None
+        raise ValueError(' '.join(str(error).split())[:200]) from None
+    try:
+        return _information(document['rosbag2_bagfile_information'])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f'not the metadata of a bag ({error})') from None
+
+
+def _check_plain(text: str) -> None:
+    """Reject YAML that becomes large or slow: aliases, deep nesting, long numbers."""
+    depth = 0
+    for event in yaml.parse(text, _LOADER):
+        if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
+            raise ValueError('the file has YAML anchors or aliases, which no recorder writes')
+        depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
+        if depth > _DEEPEST:
+            raise ValueError(f'nested more than {_DEEPEST} levels deep')
+        if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
+            raise ValueError(
+                f'the file contains a number that is {len(event.value)} characters long'
+            )
+
+
+def _is_long_number(event: Any) -> bool:
+    """Return whether a text may be a number that takes long to read, by its form or tag.
+
+    Reading a number in base 60 takes a time proportional to the square of its length.
+    """
+    long = len(event.value) > _LONGEST_NUMBER
+    return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
+
+
+def _information(document: Any) -> BagInformation:
+    files = document.get('relative_file_paths') or []
+    if not isinstance(files, list) or not all(isinstance(name, str) for name in files):
+        raise TypeError('relative_file_paths')
+    names = [Path(name).name for name in files]
+    return BagInformation(
+        tuple(dict.fromkeys(name for name in names if _is_file_name(name))),
+        str(document.get('compression_mode') or '').lower(),
+        _counts(document),
+    )
+
+
+def _is_file_name(name: str) -> bool:
+    return name not in ('', '..') and '\0' not in name and len(name.encode()) <= _LONGEST_FILE_NAME
+
+
+def _counts(document: Any) -> dict[str, int] | None:
+    """Return the message counts, None if one is invalid."""
+    counts: dict[str, int] = {}
+    for name, count in _entries(document):
+        if not isinstance(name, str) or isinstance(count, bool) or not isinstance(count, int):
+            return None
+        if not 0 <= count <= _MOST_MESSAGES:
+            return None
+        counts[name] = counts.get(name, 0) + count
+    return counts or None
+
+
+def _entries(document: Any) -> Iterator[tuple[Any, Any]]:
+    topics = document.get('topics_with_message_count')
+    for entry in topics if isinstance(topics, list) else ():
+        try:
+            yield entry['topic_metadata']['name'], entry['message_count']
+        except (KeyError, TypeError, IndexError):
+            yield None, None
 
 
 class RecordedMessage(NamedTuple):
@@ -86,7 +212,6 @@ class RecordedTopic:
         }
 
 
-_METADATA = bag_information.FILE
 _OTHER_STORAGES = ('.db3', f'.mcap{SUFFIX}', f'.db3{SUFFIX}')
 _MOST_NAMED = 20  # topics listed in a message
 _LONGEST_NAME = 100  # characters of a topic's name in a message
@@ -240,11 +365,11 @@ class Bag:
         """Return the content of metadata.yaml, empty if it is missing or damaged."""
         folder = self.path.parent if self.path.is_file() else self.path
         try:
-            information = read_information(folder / _METADATA)
+            information = read_information(folder / FILE)
         except FileNotFoundError:
             return BagInformation()
         except ValueError as error:
-            self._unused = f'{folder / _METADATA} is ignored: {error}'
+            self._unused = f'{folder / FILE} is ignored: {error}'
             return BagInformation()
         mine = folder == self.path or information.files == (self.path.name,)
         return information if mine else BagInformation()
@@ -252,7 +377,7 @@ class Bag:
     def _find_paths(self) -> list[Path]:
         path = self.path
         if path.is_file():
-            if path.name == _METADATA:
+            if path.name == FILE:
                 raise BagError(
                     f"{path} is one file of a bag: pass the bag's directory {path.parent}"
                 )
@@ -262,17 +387,17 @@ class Bag:
         missing = [file.name for file in listed if not file.is_file()]
         if not present and missing:
             raise BagError(
-                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which {_METADATA} lists: copy '
+                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which {FILE} lists: copy '
                 'the whole directory again'
             )
         if not present:
             raise BagError(
-                f'{path} is not a bag (it contains neither a .mcap file nor a {_METADATA}): '
+                f'{path} is not a bag (it contains neither a .mcap file nor a {FILE}): '
                 'check the path'
             )
         if missing:
             warnings.warn(
-                f'{path} lacks {len(missing)} of the {len(listed)} files that {_METADATA} lists, '
+                f'{path} lacks {len(missing)} of the {len(listed)} files that {FILE} lists, '
                 f'first {missing[0][:_LONGEST_NAME]}',
                 BagWarning,
                 stacklevel=3,
@@ -299,7 +424,9 @@ def _files_in(folder: Path) -> list[Path]:
 def _opened(path: Path, budget: ReadBudget) -> BagFile:
     if path.suffix == SUFFIX:
         return CompressedFile(path, budget, _opened)
-    if path.suffix in FOREIGN:
+    if path.suffix in ('.bag', '.db3'):  # of ROS 1 and SQLite
+        from aerarm_msgs_py.storage.foreign_file import ForeignFile
+
         return ForeignFile(path, budget)
     return McapFile(path, budget)
 

@@ -459,3 +459,60 @@ class JointStateDecoder:
             self._codecs.append((JointStateCdr(names, frame_id), columns))
             self._learnt += 1
             del self._codecs[:-_KNOWN_LAYOUTS]
+
+
+def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
+    """Return names and numbers of a serialized JointState of any layout and byte order.
+
+    Raises
+    ------
+    ValueError
+        If the payload is not a JointState, or a field that is not empty does not have one number
+        per name.
+    """
+    return _checked(*decode_as_sent(payload))
+
+
+def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
+    """Return names and numbers of a JointState, including fields of a wrong length.
+
+    For callers that check the lengths themselves. Raises ValueError if the payload is not a
+    JointState.
+    """
+    reader = CdrReader(payload)
+    stamp_ns = reader.int32() * _NANOSECONDS + reader.uint32()
+    reader.string()  # frame_id
+    names = tuple(reader.strings())
+    return names, _sample(stamp_ns, [reader.doubles() for _ in range(3)])
+
+
+def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:
+    """Return the numbers of selected joints in a given order.
+
+    Raises
+    ------
+    ValueError
+        If a joint is missing.
+    """
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        raise ValueError(f'joints {missing} are missing from {list(names)}: check the joint names')
+    order = [list(names).index(name) for name in wanted]
+    return JointSample(
+        sample.stamp_ns, *(None if field is None else field[order] for field in sample[1:])
+    )
+
+
+def _sample(stamp_ns: int, fields: Sequence[NDArray[np.float64]]) -> JointSample:
+    return JointSample(stamp_ns, *(field if len(field) else None for field in fields))
+
+
+def _checked(names: tuple[str, ...], sample: JointSample) -> tuple[tuple[str, ...], JointSample]:
+    lengths = [0 if field is None else len(field) for field in sample[1:]]
+    if any(length not in (0, len(names)) for length in lengths):
+        raise ValueError(
+            f'the message has {len(names)} names, but {lengths[0]} positions, {lengths[1]} '
+            f'velocities and {lengths[2]} efforts: each array must be empty or have one number '
+            'per name'
+        )
+    return names, sample

@@ -23,9 +23,6 @@ from aerarm_msgs_py.codecs.cdr import Payloads
 from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
-SUFFIXES = ('.bag', '.db3')
-"""Suffixes of ROS 1 and SQLite files."""
-
 _BEGINNINGS = {
     '.bag': (b'#ROSBAG V2.0\n', 'a bag of ROS 1, version 2.0'),
     '.db3': (b'SQLite format 3\0', 'an SQLite file'),

@@ -34,7 +34,6 @@ from aerarm_ros.calibration.observations import (
     Mask,
     Observations,
 )
-from aerarm_ros.motion.signals import Array
 
 # joint motion [rad], [m] by which a posture may lie outside the range of the fitted postures
 _BESIDE = 0.05
@@ -204,16 +203,6 @@ def calibrate(
     found = identifiable(start, kinds)
     messages += _hidden(found, geometry)
     return Calibration(chain, start, best, tuple(tried), found, tuple(held_out), messages)
-
-
-def predicted_deviation(fit: Fit, q: Array) -> Array:
-    """Return standard deviations (M, K) of a fit's predictions at postures q [m], [rad]."""
-    count = len(q)
-    index = np.zeros(count, dtype=int)
-    sources = fit.observations.rows(index).sources
-    observations = Observations(q, sources)
-    rows = np.concatenate(fit.jacobian(observations), axis=1)
-    return np.asarray(np.sqrt(np.einsum('mki,ij,mkj->mk', rows, fit.covariance, rows)))
 
 
 def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:

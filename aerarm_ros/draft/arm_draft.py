@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aerarm_ros.description.arm_config import ArmConfig, BoardConfig
+from aerarm_ros.description.arm_config import ArmConfig, BoardConfig, DriveTrain
 from aerarm_ros.description.config_reader import ConfigError, DescriptionError, read_yaml
 from aerarm_ros.description.drive_config import (
     GearConfig,
@@ -26,7 +26,6 @@ from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.dynamics import Dynamics, largest_gravity_load
 from aerarm_ros.motion.signals import Array
 

@@ -12,8 +12,8 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.excitation.clearance import Clearance, ClearanceChecker
 from aerarm_ros.excitation.settings import ExcitationError, InfeasibleError, MotionLimits
 from aerarm_ros.excitation.trajectory import FourierTrajectory, RampedExcitation
-from aerarm_ros.model.drive_train import viscous_coulomb
 from aerarm_ros.model.dynamics import Dynamics
+from aerarm_ros.model.regressor import viscous_coulomb
 from aerarm_ros.motion.path_stop import Row, acceleration_rows
 from aerarm_ros.motion.signals import Array, JointMotion, JointReference
 

@@ -25,7 +25,6 @@ from aerarm_ros.hardware.gate.command_intake import (
     REJECTIONS,
     CommandBuffer,
     CommandIntake,
-    Mask,
     OfferedCommand,
 )
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
@@ -35,7 +34,7 @@ from aerarm_ros.model.dynamics import largest_gravity_load
 from aerarm_ros.motion.signals import Array
 
 if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.hardware.transports.transport import Transport
+    from aerarm_ros.hardware.boards.board_link import Transport
 
 _RECENT = 1.0  # [s] time for which a rejected or limited command stays in the list of faults
 
@@ -404,21 +403,21 @@ class BridgeCycle:
         if references.integrates:
             references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
         # A barrier would drive a joint whose position readings are wrong.
-        times, reliable = (
-            state.age(now, now - elapsed),
-            self._encoders.is_position_reliable & state.has_answered,
-        )
+        times = state.age(now, now - elapsed)
+        rows = zip(self._encoders.is_position_reliable.tolist(), state.has_answered, strict=True)
+        reliable = [is_reliable and has_answered for is_reliable, has_answered in rows]
         q, dq = state.believed(reliable)
         kept = references.kept_torques(q, dq, state.unconfirmed)
         gate.watch(q, dq, references.torques(q, dq), *times, kept, state.unconfirmed)
-        return self._follow(now, min(elapsed, _STEP_MAX), reliable & state.driven)
+        trusted = [known and driven for known, driven in zip(reliable, state.driven, strict=True)]
+        return self._follow(now, min(elapsed, _STEP_MAX), trusted)
 
-    def _follow(self, now: float, dt: float, trusted: Mask) -> bool:
+    def _follow(self, now: float, dt: float, trusted: Sequence[bool]) -> bool:
         """Set the references of the command, or damp; return whether the arm follows a command."""
         references, gate = self._references, self.gate
         command = None if gate.stop else self._current_command(now)
         is_braked = command is not None and gate.follow(
-            command, self.q, dt, now, references.motors, trusted.tolist()
+            command, self.q, dt, now, references.motors, trusted
         )
         is_followed = command is not None and not gate.stop
         if not is_followed:

@@ -77,5 +77,7 @@ STOPS = {'disable', 'e_stop'}
 # If the client's namespace has no arm, this action goes to every arm: damping one arm too many is
 # safe, missing one is not.
 REACHES_ALL = {'e_stop'}
+NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
+"""End of a service's answer while no cycle is running."""
 BRIDGES = ('hardware_bridge', 'fake_hardware')
 """Node names of the bridge."""

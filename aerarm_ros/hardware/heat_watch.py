@@ -9,12 +9,11 @@ from math import exp, inf, sqrt
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.drive_config import COPPER, RATED_AMBIENT, JointConfig, MotorConfig
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements, BoardLink
-from aerarm_ros.hardware.boards.board_monitor import BoardMode
+from aerarm_ros.hardware.boards.board_monitor import BoardMode, SupplyWatch
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.safety_gate import SafetyGate
-from aerarm_ros.hardware.supply_watch import SupplyWatch
 
 _COPPER_REFERENCE = 20.0  # [degC] temperature to which `COPPER` refers
 # A reported resistance is used if it lies within these multiples of the configured one.
@@ -470,9 +469,12 @@ class HeatWatch:
         for limit, current, (link, _) in zip(limits, currents, self._places, strict=True):
             if current != current:
                 continue  # no board has answered yet
-            if link.is_damped_without_answer or link.monitor.mode is BoardMode.ALIGNING:
+            is_silent = link.monitor.is_silent
+            if link.monitor.mode is BoardMode.ALIGNING or (
+                is_silent and link.is_damped_without_answer
+            ):
                 current = limit.continuous_current  # a board that aligns reports no current
-            elif link.monitor.is_silent:
+            elif is_silent:
                 current = 0.0  # the last answer is outdated for a motor that is off
             limit.add(current, driven)
             if elapsed > driven:

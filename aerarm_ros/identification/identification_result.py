@@ -1,16 +1,20 @@
 """Results of an identification, for files and report."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.config_reader import ConfigError, read_plain
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.energy.energy_model import EnergyBalance, EnergyModel
+from aerarm_ros.description.urdf_document import CALIBRATED
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.assessment import BagAssessment, BagDemand, ResidualTrend
 from aerarm_ros.identification.conditioning.conditioning import Conditioner
@@ -28,6 +32,10 @@ from aerarm_ros.identification.residual_split import ResidualSplit
 from aerarm_ros.identification.rollout import RolloutError
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import RECOMMENDED
+from aerarm_ros.motion.signals import Array
+
+if TYPE_CHECKING:  # only for type annotations
+    from aerarm_ros.energy.energy_model import EnergyBalance
 
 # a parameter with a smaller fraction of information from data counts as determined by the prior
 _UNKNOWN = 0.01
@@ -267,6 +275,8 @@ def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, E
         Configuration with motor resistances and power stage. The result is empty if the
         configuration belongs to another arm.
     """
+    from aerarm_ros.energy.energy_model import EnergyModel
+
     robot, solution = result.robot, result.recommended
     if config.joint_names != robot.joint_names:
         return {}
@@ -287,3 +297,64 @@ def bag_energies(config: ArmConfig, result: IdentificationResult) -> dict[str, E
             dt, samples.dq[kept], samples.tau[kept], rigid - weight, weight, friction
         )
     return balances
+
+
+MILLIMETRE = 1e-3  # [m]
+_MOST = 300  # largest number of samples used
+
+
+def is_calibrated(robot: Robot) -> bool:
+    """Return whether the calibrator has written the URDF of a robot."""
+    return CALIBRATED in robot.urdf_text
+
+
+def torque_error_per_length(
+    robot: Robot, q: Array, dq: Array, ddq: Array, length: float = MILLIMETRE
+) -> float:
+    """Return the relative torque error [%] caused by displaced joints.
+
+    Each joint except the first is displaced by `length` along each axis of its parent link. The
+    errors are independent, so their squares add up. The inertial parameters stay unchanged,
+    although an identification would absorb a part of the error.
+
+    Parameters
+    ----------
+    q, dq, ddq : (M, n) ndarray
+        Joint motion [rad], [rad/s], [rad/s^2].
+    length : float
+        Displacement [m].
+    """
+    step = max(1, len(q) // _MOST)
+    motion = list(zip(q[::step], dq[::step], ddq[::step], strict=True))
+    nominal = _torques(robot.model, motion)
+    total = float(np.sum(nominal**2))
+    if total == 0.0:
+        return 0.0
+    squares = 0.0
+    for joint in range(2, robot.model.njoints):
+        for axis in np.eye(3):
+            model = robot.model.copy()
+            shift = pin.SE3(np.eye(3), length * axis)
+            model.jointPlacements[joint] = shift * model.jointPlacements[joint]
+            squares += float(np.sum((_torques(model, motion) - nominal) ** 2))
+    return 100.0 * float(np.sqrt(squares / total))
+
+
+def geometry_text(result: IdentificationResult) -> str:
+    """Return a text on whether the geometry is calibrated, and the possible torque error if not."""
+    robot = result.robot
+    if is_calibrated(robot):
+        return 'The geometry of the URDF is calibrated.'
+    samples = result.identification[0].samples
+    identified = robot.with_inertial_parameters(result.recommended.estimate.inertial)
+    cost = torque_error_per_length(identified, samples.q, samples.dq, samples.ddq)
+    return (
+        'The geometry of the URDF was not calibrated. An error of 1 mm per axis at each joint '
+        f'changes the torque of the links by {cost:.2g} %, of which the identification absorbs a '
+        'part. Run the calibrator to measure the geometry.'
+    )
+
+
+def _torques(model: object, motion: list[tuple[Array, Array, Array]]) -> Array:
+    data = model.createData()  # type: ignore[attr-defined]
+    return np.array([pin.rnea(model, data, *state).copy() for state in motion])

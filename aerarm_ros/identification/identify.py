@@ -1,6 +1,8 @@
 """Offline identification as one function, from recordings to parameter estimates."""
 
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,7 +24,13 @@ from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
-from aerarm_ros.identification.input_errors import find_input_errors
+from aerarm_ros.identification.input_errors import (
+    bound_warnings,
+    coupling_warnings,
+    error_warnings,
+    find_input_errors,
+    joint_warnings,
+)
 from aerarm_ros.identification.joint_model import THESIS_TERMS, JointModel, TermKind
 from aerarm_ros.identification.model_choice.filter_choice import (
     EffortDelay,
@@ -36,12 +44,6 @@ from aerarm_ros.identification.model_choice.filter_choice import (
 )
 from aerarm_ros.identification.model_choice.model_choice import AUTOMATIC, choose_model
 from aerarm_ros.identification.model_choice.simple_fit import SimpleFit
-from aerarm_ros.identification.plausibility import (
-    bound_warnings,
-    coupling_warnings,
-    error_warnings,
-    joint_warnings,
-)
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.regression.base_parameters import (
     BaseParameters,
@@ -58,8 +60,30 @@ from aerarm_ros.identification.rollout import (
 )
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.identification.solvers.solvers import FAST, RECOMMENDED, solve_all
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
+
+
+class Stopwatch:
+    """Wall-clock times summed by stage name.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Total time [s] of each stage, in the order of their first start.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measure the time of the enclosed code."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - begin
+
 
 _MOST = 10.0  # largest ratio between the weights of one bag and those of all bags together
 # number of rounds, because a noisy bag degrades the first fit, which determines the noise of all

@@ -2,5 +2,5 @@
 
 From joint positions, velocities and accelerations the package computes frames, torques, inertia,
 gravity and the thesis's regressor, also for arm and vehicle combined. Pinocchio performs the
-rigid-body computations; this package adds rotors, gears and friction.
+rigid-body computations; this package adds rotors and friction.
 """

@@ -260,3 +260,24 @@ def _cross_tensor() -> Array:
 def _cross_matrices() -> Array:
     """Return S(a), with `S(a) b = a x b`, for the three axes a, (3, 3, 3)."""
     return np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])
+
+
+def viscous_coulomb(dq: Array, fv: Array, fs: Array) -> Array:
+    """Return the friction torque `fv dq + fs sgn(dq)`, thesis (2.6).
+
+    Friction opposes motion when subtracted from the drive's torque, as in (2.7).
+
+    Parameters
+    ----------
+    dq : (..., n) ndarray
+        Joint velocities [rad/s].
+    fv, fs : (n,) ndarray, or (..., n) where they vary
+        Viscous [Nms/rad] and Coulomb [Nm] friction.
+
+    Returns
+    -------
+    (..., n) ndarray
+        Friction torque [Nm].
+    """
+    torque: Array = fv * dq + fs * np.sign(dq)
+    return torque

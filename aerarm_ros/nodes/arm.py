@@ -17,8 +17,7 @@ from typing import NoReturn
 from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, MODES
 from aerarm_ros.hardware.emulation.fault_injection import FAULTS, FORM
 from aerarm_ros.motion.signals import REACTIONS
-from aerarm_ros.ros.process.offline import without_ros_arguments
-from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
+from aerarm_ros.ros.process.process_end import USER_ERROR, print_error, without_ros_arguments
 from aerarm_ros.ros.process.ros_arguments import complete
 
 NAME = 'arm'

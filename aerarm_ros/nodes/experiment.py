@@ -24,11 +24,11 @@ from aerarm_ros.excitation.trajectory import RampedExcitation
 from aerarm_ros.experiment.experiment_bench import (
     ExperimentBench,
     ExperimentCase,
+    ExperimentReport,
     ExperimentRun,
     all_cases,
     run_all,
 )
-from aerarm_ros.experiment.experiment_report import ExperimentReport
 from aerarm_ros.ros.process.process_end import INTERRUPTED, StopSignals, print_error
 from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.simulation.arm_plant import PlantParameters

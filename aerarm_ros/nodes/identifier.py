@@ -11,11 +11,17 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from aerarm_ros.ros.process.offline import run_offline, without_ros_arguments
-from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
+from aerarm_ros.ros.process.process_end import (
+    USER_ERROR,
+    print_error,
+    run_offline,
+    without_ros_arguments,
+)
 from aerarm_ros.ros.programs.identifier_options import identifier_parser
 
 if TYPE_CHECKING:
+    from aerarm_ros.ros.programs.fleet_run import FleetRun
+    from aerarm_ros.ros.programs.identifier_compare import CompareRun
     from aerarm_ros.ros.programs.identifier_run import IdentifierRun
 
 _NAME = 'identifier'
@@ -34,6 +40,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run_offline(_NAME, lambda: _run(options))
 
 
+def _program(options: argparse.Namespace) -> IdentifierRun | CompareRun | FleetRun:
+    # Each program imports only its own parts.
+    if options.compare:
+        from aerarm_ros.ros.programs.identifier_compare import CompareRun
+
+        return CompareRun(options)
+    if options.each:
+        from aerarm_ros.ros.programs.fleet_run import FleetRun
+
+        return FleetRun(options)
+    from aerarm_ros.ros.programs.identifier_run import IdentifierRun, PayloadRun
+
+    return (PayloadRun if options.model else IdentifierRun)(options)
+
+
 def _run(options: argparse.Namespace) -> int:
     # Imported here, so that --help is quick and Ctrl-C works from the start.
     import numpy as np
@@ -41,18 +62,9 @@ def _run(options: argparse.Namespace) -> int:
     from aerarm_msgs_py.storage.read_limits import BagError
     from aerarm_ros.description.config_reader import ConfigError, DescriptionError
     from aerarm_ros.identification.errors import IdentificationError
-    from aerarm_ros.ros.programs.fleet_run import FleetRun
-    from aerarm_ros.ros.programs.identifier_compare import CompareRun
-    from aerarm_ros.ros.programs.identifier_run import IdentifierRun, PayloadRun
 
     try:
-        run: IdentifierRun | CompareRun | FleetRun
-        if options.compare:
-            run = CompareRun(options)
-        elif options.each:
-            run = FleetRun(options)
-        else:
-            run = (PayloadRun if options.model else IdentifierRun)(options)
+        run = _program(options)
         print(run.execute())
     except (BagError, ConfigError, DescriptionError, IdentificationError, OSError) as error:
         return _report(error)

@@ -39,10 +39,8 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     load_share,
     payload_problem,
 )
-from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     SURROUNDINGS,
@@ -51,6 +49,7 @@ from aerarm_ros.ros.parameters.shared_parameters import (
 )
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import StopSignals
+from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.states.state_stream import StateSampler
 
 _SETTINGS = (

@@ -24,7 +24,7 @@ from aerarm_ros.excitation.player import ExcitationPlayer, VelocityLaw
 from aerarm_ros.excitation.settings import ExcitationError
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.motor_bench.motor_bench import KnownMass, MotorBench
+from aerarm_ros.identification.motor_bench.motor_bench import KnownMass, MotorBench, MotorResult
 from aerarm_ros.identification.motor_bench.motor_report import (
     bench_html,
     bench_table,
@@ -32,11 +32,9 @@ from aerarm_ros.identification.motor_bench.motor_report import (
     config_yaml,
     load_earlier,
 )
-from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     REAL_TIME_PARAMETERS,

@@ -19,15 +19,14 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.bags.bag_reader import read_contents
 from aerarm_ros.control.checks import JointLimits
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.energy.balance_meter import BalanceMeter
-from aerarm_ros.energy.energy_model import EnergyModel, HoldingLoss
+from aerarm_ros.energy.energy_model import BalanceMeter, EnergyModel, HoldingLoss
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.controllers.trajectory_input import read_trajectory
-from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
+from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 LEAD = 1.0  # [s] from a message to its motion

@@ -25,10 +25,10 @@ from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.motion.signals import JointMotion
-from aerarm_ros.ros.controllers.trajectory_output import trajectory_message
 from aerarm_ros.ros.executors import spin_until
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient
+from aerarm_ros.ros.requests.motion_request import trajectory_message
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
 
 LEAD = 2.5  # [s]

@@ -15,9 +15,8 @@ from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.ros.library.identification import IdentifiedArm
 from aerarm_ros.simulation.arm_plant import PlantParameters
 

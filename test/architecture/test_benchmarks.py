@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 from source_files import ROOT
 
-BENCHMARKS = sorted((ROOT / 'benchmarks').glob('*.py'))
+GROUPS = ('.', 'real_time', 'model_fits', 'estimation')
+BENCHMARKS = [
+    script for group in GROUPS for script in sorted((ROOT / 'benchmarks' / group).glob('*.py'))
+]
 
 
 @pytest.mark.parametrize('script', BENCHMARKS, ids=lambda script: script.stem)

@@ -11,14 +11,24 @@ from aerarm_ros.calibration.calibrate import (
     CalibrationOptions,
     HeldOut,
     calibrate,
-    predicted_deviation,
 )
 from aerarm_ros.calibration.choice import LEVELS, identifiable
-from aerarm_ros.calibration.fit import fitted, registered
+from aerarm_ros.calibration.fit import Fit, fitted, registered
 from aerarm_ros.calibration.geometry import ECCENTRICITY, ArmGeometry
 from aerarm_ros.calibration.observations import MarkerSource, Observations
+from aerarm_ros.motion.signals import Array
 
 TRIALS = 100
+
+
+def predicted_deviation(fit: Fit, q: Array) -> Array:
+    """Return standard deviations (M, K) of a fit's predictions at postures q [m], [rad]."""
+    count = len(q)
+    index = np.zeros(count, dtype=int)
+    sources = fit.observations.rows(index).sources
+    observations = Observations(q, sources)
+    rows = np.concatenate(fit.jacobian(observations), axis=1)
+    return np.asarray(np.sqrt(np.einsum('mki,ij,mkj->mk', rows, fit.covariance, rows)))
 
 
 @pytest.fixture(scope='module')

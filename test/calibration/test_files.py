@@ -13,7 +13,7 @@ from aerarm_ros.calibration.report import calibration_html, calibration_text
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.geometry_error import is_calibrated
+from aerarm_ros.identification.identification_result import is_calibrated
 from aerarm_ros.model.kinematics import Kinematics
 
 

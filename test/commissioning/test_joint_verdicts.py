@@ -6,7 +6,7 @@ from math import pi
 
 import pytest
 
-from aerarm_ros.commissioning.joint_verdicts import (
+from aerarm_ros.commissioning.commissioning import (
     drive_findings,
     pulse_offset,
     return_findings,

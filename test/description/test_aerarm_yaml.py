@@ -5,9 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.dynamics import Dynamics
 
 # Largest values of the frame's gain fields, at the motor.

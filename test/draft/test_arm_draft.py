@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from emulated_arm import EmulatedArm
 
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain, load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.draft.arm_draft import ArmDraft
@@ -20,7 +20,6 @@ from aerarm_ros.excitation.settings import load_excitation_config
 from aerarm_ros.excitation.trajectory_designer import DesignSpecification, TrajectoryDesigner
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.identify import IdentificationOptions
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.ros.library.identification import from_arrays, identify
 from aerarm_ros.simulation.arm_plant import PlantParameters

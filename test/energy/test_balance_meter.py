@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from metered_arm import Meter, MeteredArm
 
-from aerarm_ros.energy.balance_meter import BalanceMeter
-from aerarm_ros.energy.energy_model import EnergyBalance
+from aerarm_ros.energy.energy_model import BalanceMeter, EnergyBalance
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import ArmState
 

@@ -22,11 +22,10 @@ from attack_rig import AttackRig
 from attack_zeros import ZeroOutcome, attack_restart, attack_unknown
 from attacks import ATTACKS, WITHOUT_EFFORT
 
-from aerarm_ros.description.arm_config import load_arm_config
+from aerarm_ros.description.arm_config import DriveTrain, load_arm_config
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.joint_barrier import JointLoads
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.parallel import run_in_order
 
 BEYOND_MAX = 0.02  # [rad]

@@ -1,4 +1,4 @@
-"""A long run is like a short one; `benchmarks/bridge.py` does 100,000 cycles."""
+"""A long run is like a short one; `benchmarks/real_time/bridge.py` does 100,000 cycles."""
 
 import gc
 import resource

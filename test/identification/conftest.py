@@ -12,13 +12,12 @@ from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.arm_parameters import ArmParameters
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
     recording_from_states,
 )
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 
 @dataclass

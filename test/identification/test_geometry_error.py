@@ -7,12 +7,12 @@ import pinocchio as pin
 import pytest
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.geometry_error import (
+from aerarm_ros.identification.identification_result import (
+    IdentificationResult,
     geometry_text,
     is_calibrated,
     torque_error_per_length,
 )
-from aerarm_ros.identification.identification_result import IdentificationResult
 
 
 def test_the_cost_of_1_mm_is_that_of_random_displacements() -> None:

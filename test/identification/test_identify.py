@@ -12,11 +12,10 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import friction_deviations
 from aerarm_ros.identification.files.summary import summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 
 def run(

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
 from aerarm_ros.identification.residual_split import (
     DELAY,
@@ -22,7 +22,6 @@ from aerarm_ros.identification.residual_split import (
     ResidualSplit,
     white_noise,
 )
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 GEAR = 23.0  # waves per turn of the joint
 FAST = {'f0': 0.3, 'periods': 6}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.identify import Stopwatch
 
 
 def test_stages_add_up_in_order_even_after_errors() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerarm_ros.link.windows import pack_window, unpack_window, window_of
+from aerarm_ros.ros.link.relayed_topics import pack_window, unpack_window, window_of
 
 
 def test_a_peak_of_one_sample_survives() -> None:

@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
-from aerarm_ros.model.drive_train import DriveTrain, torque_constant
+from aerarm_ros.description.arm_config import (
+    ArmConfig,
+    DriveTrain,
+    load_arm_config,
+    torque_constant,
+)
 
 
 def changed(config: ArmConfig, index: int, **fields: object) -> ArmConfig:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerarm_ros.model.drive_train import viscous_coulomb
+from aerarm_ros.model.regressor import viscous_coulomb
 
 FV, FS = np.array([0.1, 0.2]), np.array([0.5, 0.3])
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.drive_train import viscous_coulomb
 from aerarm_ros.model.dynamics import Dynamics
-from aerarm_ros.model.regressor import Regressor
+from aerarm_ros.model.regressor import Regressor, viscous_coulomb
 
 
 def motion(robot: Robot, rng: np.random.Generator, samples: int = 60) -> np.ndarray:

@@ -22,8 +22,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from aerarm_ros.executables import command_modules, program
-from aerarm_ros.ros.process.die_with_parent import die_with_parent
 from aerarm_ros.ros.process.node_process import parameter_arguments, ros_environment
+from aerarm_ros.ros.process.process_end import die_with_parent
 
 _PATIENCE = 600.0  # [s]
 _NODES = 'aerarm_ros.nodes'

@@ -16,7 +16,7 @@ from aerarm_ros.calibration.observations import MarkerSource
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.geometry_error import is_calibrated
+from aerarm_ros.identification.identification_result import is_calibrated
 from aerarm_ros.ros.process.node_process import NodeProcess
 
 

@@ -14,8 +14,8 @@ from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_ros.calibration.calibrate import calibrate
 from aerarm_ros.calibration.observations import CalibrationError, PoseSource
+from aerarm_ros.nodes.calibrator import calibrator_parser
 from aerarm_ros.ros.programs.calibrator_input import CalibratorInput, read_input, to_observations
-from aerarm_ros.ros.programs.calibrator_options import calibrator_parser
 
 TYPES = {
     '/joint_states': JointState,

@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import Cause, ContactDetector
 from aerarm_ros.online.contact_place import ContactLocator
 from aerarm_ros.online.external_torque import ExternalTorque, MeanState, ResidualBound
-from aerarm_ros.online.joint_friction import JointFriction
+from aerarm_ros.online.friction_trend import JointFriction
 
 TOUCH = Touch(1.6, 2.3, (0.0, 0.0, -5.0))
 

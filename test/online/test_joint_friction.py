@@ -7,7 +7,7 @@ import numpy as np
 from aerarm_ros.description.robot import load_robot
 from aerarm_ros.identification.joint_model import ROTOR, JointModel, JointTerm, TermKind
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.online.joint_friction import JointFriction
+from aerarm_ros.online.friction_trend import JointFriction
 from aerarm_ros.online.replay import KnownArm
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.planner.motion_plan import PlanError
-from aerarm_ros.planner.tool_postures import ToolPostures
+from aerarm_ros.planner.motion_planner import ToolPostures
 
 START = np.array([0.5, 1.2, 0.3, -0.4])
 PLACE = np.array([0.3, 0.35, 0.65])

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
-from typing import TYPE_CHECKING
+from math import inf, nan
+from typing import Protocol
 
 import numpy as np
 
-from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain
 from aerarm_ros.hardware.boards.board_monitor import BoardMode, BoardMonitor
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.board_messages import TIMESTAMP_PERIOD, BoardCommand, BoardState
@@ -16,11 +16,7 @@ from aerarm_ros.hardware.frames.frame_codec import FrameCodec, FrameError
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import Mask
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
-
-if TYPE_CHECKING:  # only for type annotations
-    from aerarm_ros.hardware.transports.transport import Transport
 
 # A board that did not restart has a clock that is at most this far ahead of the host clock, or
 # jumps back by at most this between two answers [s], ...
@@ -68,9 +64,8 @@ class RestartWatch:
             # After a silence of 65.5 s or more, the period of the clock, the clock gives no
             # information.
             restarted = restarted or most >= TIMESTAMP_PERIOD
-            restarted = restarted or any(
-                before and not now for before, now in zip(self._detected, detected, strict=True)
-            )
+            first, second = self._detected
+            restarted = restarted or (first and not detected[0]) or (second and not detected[1])
             if self._until_power_cycle and self._error and not state.error:
                 restarted = True
         self._timestamp, self._error, self._detected = state.timestamp, state.error, detected
@@ -79,6 +74,46 @@ class RestartWatch:
 
 _BOARD_INTERVAL_MAX = 1.0  # [s]
 _SATURATION_MIN = 0.5  # [A]
+
+
+class Transport(Protocol):
+    """Full-duplex exchange of frames with a number of boards.
+
+    Once open, `exchange` never raises and takes a bounded time. An unreachable board returns no
+    bytes, and `problem` gives the reason.
+    """
+
+    def open(self) -> None:
+        """Open the bus; raise TransportError with advice if that fails."""
+        ...
+
+    def close(self) -> None:
+        """Close the bus; closing again is allowed."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Advance the boards to the cycle's time [s, monotonic]; only emulated boards use it."""
+        ...
+
+    def exchange(self, board: int, frame: bytes) -> bytes:
+        """Send a frame to a board and return the received one; b'' if none arrived."""
+        ...
+
+    def exchange_time(self, board: int) -> float:
+        """Duration of the last exchange with a board [s]."""
+        ...
+
+    def exchanged_at(self, board: int) -> float:
+        """End time of the last exchange with a board [s], on the clock of `advance`.
+
+        A board prepares its answer at most one period of its control loop before the exchange
+        begins; the exchange begins `exchange_time` before its end.
+        """
+        ...
+
+    def problem(self, board: int) -> str:
+        """Reason why the last exchange with a board failed, '' if it succeeded."""
+        ...
 
 
 class BoardLink:
@@ -334,10 +369,10 @@ class MotorPower:
                 return
             self._is_known = True
         if self.source == 'voltage':
-            self.watts[:] = 1.5 * voltage * current
+            voltage_like = 1.5 * voltage
         else:
             voltage_like = self._resistance * current + self._torque_constant * velocity
-            np.multiply(voltage_like, current, out=self.watts)
+        np.multiply(voltage_like, current, out=self.watts)
         self.energy += self.watts * dt
 
 
@@ -375,17 +410,17 @@ class ArmMeasurements:
     index_toggle
         (n,) bits that flip at an encoder's index pulse.
     fresh
-        (n,) whether the motor's board answered in the last cycle.
+        n flags, whether the motor's board answered in the last cycle.
     has_answered
-        (n,) False once the motor's board has been silent for so long that it counts as not
+        n flags, False once the motor's board has been silent for so long that it counts as not
         answering.
     driven
-        (n,) whether the motor was aligned and driven when its board last answered.
+        n flags, whether the motor was aligned and driven when its board last answered.
     unconfirmed
         n numbers of commands sent after the command that the motor's board had used at its last
         answer; 0 while the board loses no command.
     interval, interval_max
-        (n,) time between the last two measurements of each motor, and its upper bound [s]; see
+        n times between the last two measurements of each motor, and their upper bounds [s]; see
         `BoardLink`.
     """
 
@@ -398,27 +433,27 @@ class ArmMeasurements:
         self.motor_current, self.motor_voltage = unknown(), unknown()
         self.reported_position = unknown()
         self.index_toggle: Mask = np.zeros(config.n, dtype=bool)
-        self.fresh: Mask = np.zeros(config.n, dtype=bool)
-        self.has_answered: Mask = np.zeros(config.n, dtype=bool)
-        self.driven: Mask = np.zeros(config.n, dtype=bool)
+        # Lists where each element is read on its own: faster than arrays for four joints.
+        self.fresh, self.has_answered, self.driven = ([False] * config.n for _ in range(3))
         self.unconfirmed = [0] * config.n
-        self.interval, self.interval_max = unknown(), unknown()
+        self.interval, self.interval_max = [nan] * config.n, [nan] * config.n
         # start of the cycle of the last measurement [s]
-        self._measured_at: Array = np.full(config.n, -np.inf)
+        self._measured_at = [-inf] * config.n
         self._drive = DriveTrain(config)
         self._last_velocity = unknown()
         self._believed = unknown()
 
-    def believed(self, tells: Mask) -> tuple[Array, Array]:
+    def believed(self, tells: Sequence[bool]) -> tuple[Array, Array]:
         """Return the best known positions [rad] and velocities [rad/s] of all joints, (n,) each.
 
-        A joint whose encoder is unreliable ((n,) `tells` is False) keeps its last reliable
-        values, because wrong positions would falsify the computed loads of the other joints.
+        A joint whose encoder is unreliable (one of the n flags `tells` is False) keeps its last
+        reliable values, because wrong positions would falsify the computed loads of the other
+        joints.
         """
-        if tells.all():
+        if False not in tells:
             self._believed[:] = self.q
             return self.q, self.dq
-        self._believed[tells] = self.q[tells]
+        np.copyto(self._believed, self.q, where=tells)
         return self._believed, np.where(tells, self.dq, 0.0)
 
     def read(
@@ -473,21 +508,20 @@ class ArmMeasurements:
         self.dq[:] = self._drive.motor_to_joint_velocity(self.motor_velocity)
         self.tau[:] = self._drive.current_to_effort(self.motor_current + self._droop(gains, lag))
 
-    def age(self, now: float, last: float) -> tuple[Array, Array]:
-        """Return each measurement's age, and the time between its last two measurements, (n,) [s].
+    def age(self, now: float, last: float) -> tuple[list[float], list[float]]:
+        """Return n ages of the measurements, and n times between the last two measurements [s].
 
         Call this method once per cycle. `now` is the start of this cycle [s], and `last` the
         start of the cycle whose frames `read` has processed [s]. The time between measurements is
         0 if none has arrived since the last call, and inf if there was no earlier measurement.
         """
-        if self.fresh.all():  # faster computation of the same result
-            between: Array = last - self._measured_at
-            self._measured_at.fill(last)
-            return np.full(len(between), max(now - last, 0.0)), between
-        between = np.where(self.fresh, last - self._measured_at, 0.0)
-        self._measured_at[self.fresh] = last
+        between = [0.0] * len(self.fresh)
+        for joint, is_fresh in enumerate(self.fresh):
+            if is_fresh:
+                between[joint] = last - self._measured_at[joint]
+                self._measured_at[joint] = last
         # not negative, because the clock may go back
-        return np.maximum(now - self._measured_at, 0.0), between
+        return [max(now - measured_at, 0.0) for measured_at in self._measured_at], between
 
     def _droop(self, gains: Gains, lag: float | None) -> list[float]:
         """Return mean current of the cycle minus sampled current, for each motor [A].
@@ -499,7 +533,7 @@ class ArmMeasurements:
         velocities, before = self.motor_velocity.tolist(), self._last_velocity.tolist()
         droop = []
         for (kp, kd), velocity, last, interval in zip(
-            gains, velocities, before, self.interval.tolist(), strict=True
+            gains, velocities, before, self.interval, strict=True
         ):
             # The current equals its mean in the middle of the cycle. The lag of the current loop
             # covers part of the time from there to the sample.

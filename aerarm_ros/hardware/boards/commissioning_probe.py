@@ -448,7 +448,7 @@ class _TravelCount:
         rows = zip(
             state.reported_position.tolist(),
             state.index_toggle.tolist(),
-            state.interval.tolist(),
+            state.interval,
             strict=True,
         )
         for i, (position, toggle, interval) in enumerate(rows):

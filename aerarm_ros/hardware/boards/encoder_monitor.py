@@ -320,11 +320,11 @@ class EncoderMonitor:
         self,
         position: Array,
         current: Array,
-        fresh: Mask,
+        fresh: Sequence[bool],
         now: float,
         feed_forward: Sequence[float] | None = None,
         braking_noise: Sequence[float] | None = None,
-        interval_max: Array | None = None,
+        interval_max: Sequence[float] | None = None,
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
@@ -335,7 +335,7 @@ class EncoderMonitor:
         position, current
             (n,) motor angles [rad] and currents [A].
         fresh
-            (n,) True for motors whose board answered in this cycle.
+            n flags, True for motors whose board answered in this cycle.
         now
             Time [s].
         feed_forward
@@ -345,7 +345,7 @@ class EncoderMonitor:
             n motor currents caused by encoder quantization in joints that the bridge brakes [A];
             0 for all other joints. By default no joint is braked.
         interval_max
-            (n,) longest time in which the angles can have changed since the last check [s]. By
+            n longest times in which the angles can have changed since the last check [s]. By
             default the time between the values of `now`, which is too short if the host was
             delayed.
         inertias, loads
@@ -358,7 +358,7 @@ class EncoderMonitor:
         if interval_max is None:
             intervals = [now - encoder.seen for encoder in self._encoders]
         else:
-            intervals = interval_max.tolist()
+            intervals = list(interval_max)
         first = ''
         for i, encoder, angle, amps, commanded, noisy, is_fresh, interval, inertia, load in zip(
             range(n),
@@ -367,7 +367,7 @@ class EncoderMonitor:
             current.tolist(),
             given,
             noise,
-            fresh.tolist(),
+            fresh,
             intervals,
             inertias or [nan] * n,
             loads or [0.0] * n,

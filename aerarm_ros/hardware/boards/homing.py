@@ -7,10 +7,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain
 from aerarm_ros.hardware.boards.board_link import ArmMeasurements
 from aerarm_ros.hardware.gate.command_intake import CommandBuffer, Mask
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
 # Largest error of the motor angle at the start of homing, in motor turns, for which the right

@@ -7,11 +7,9 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerarm_ros.description.arm_config import ArmConfig
+from aerarm_ros.description.arm_config import ArmConfig, DriveTrain
 from aerarm_ros.hardware.frames.frame_profile import FrameProfile
-from aerarm_ros.hardware.gate.command_intake import Mask
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
-from aerarm_ros.model.drive_train import DriveTrain
 from aerarm_ros.motion.signals import Array
 
 # number of stored references; without frames a board continues for at most 0.255 s, and a cycle
@@ -460,20 +458,20 @@ class MotorReferences:
             for motor, angle, speed, number in rows
         ]
 
-    def keep_within(self, barriers: Sequence[JointBarrier], trusted: Mask) -> bool:
+    def keep_within(self, barriers: Sequence[JointBarrier], trusted: Sequence[bool]) -> bool:
         """Brake joints whose references request more torque than their barriers allow.
 
         Parameters
         ----------
         trusted
-            (n,) False for joints with an implausible encoder reading, which have no barrier.
+            n flags, False for joints with an implausible encoder reading, which have no barrier.
 
         Returns
         -------
         bool
             Whether a joint is braked.
         """
-        rows = zip(self.motors, barriers, trusted.tolist(), strict=True)
+        rows = zip(self.motors, barriers, trusted, strict=True)
         braked = [motor.keep_within(barrier) for motor, barrier, known in rows if known]
         return True in braked
 

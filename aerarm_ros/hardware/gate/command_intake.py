@@ -312,7 +312,7 @@ class CommandIntake:
         )
         for target, values in pairs:
             if values is None or len(values) == 0:
-                target[:] = np.nan
+                target.fill(np.nan)
             elif len(values) != len(target):
                 return 'length'
             else:

@@ -259,9 +259,10 @@ class SafetyGate:
 
     def state_violation(self, q: Array, dq: Array) -> str:
         """Return which joint is out of range or too fast at q [rad], dq [rad/s], or ''."""
-        rows = zip(self._joints, q.tolist(), dq.tolist(), strict=True)
-        violations = (joint.state_violation(angle, speed) for joint, angle, speed in rows)
-        return next(filter(None, violations), '')
+        for joint, angle, speed in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
+            if violation := joint.state_violation(angle, speed):
+                return violation
+        return ''
 
     def alignment_refusal(self, q: Array, dq: Array) -> str:
         """Return why motors may not align at q [rad] and dq [rad/s], (n,) each, or ''."""
@@ -284,8 +285,8 @@ class SafetyGate:
         q: Array,
         dq: Array,
         effort: Array,
-        age: Array,
-        interval: Array,
+        age: Sequence[float],
+        interval: Sequence[float],
         kept: Sequence[float],
         unconfirmed: Sequence[int],
     ) -> None:
@@ -303,8 +304,8 @@ class SafetyGate:
             effort.tolist(),
             self.loads,
             self.inertias,
-            age.tolist(),
-            interval.tolist(),
+            age,
+            interval,
             kept,
             unconfirmed,
             strict=True,
@@ -312,8 +313,9 @@ class SafetyGate:
             barrier.update(angle, speed, torque, load, inertia, old, time, torque_kept, number > 1)
             overwhelmed += barrier.is_overwhelmed
             slowed = slowed or barrier.is_slowed
-        if overwhelmed or slowed:
-            self._slow(overwhelmed, float(interval.max()))
+        # Without a new measurement, or after a pause with unknown motion, the speeds stay.
+        if (overwhelmed or slowed) and all(time <= _INTERVAL_MAX for time in interval):
+            self._slow(overwhelmed, max(interval))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
         """Slow all joints for a time [s] if a drive cannot brake its joint.
@@ -321,8 +323,6 @@ class SafetyGate:
         An example: in an arm with payload, joint 1 at full speed loads joint 2 outward with more
         torque than the drive of joint 2 has.
         """
-        if not interval <= _INTERVAL_MAX:
-            return  # no new measurement, or an unknown motion during a pause
         for barrier in self.barriers:
             if overwhelmed > barrier.is_overwhelmed:
                 barrier.lower_speed_limit(interval)

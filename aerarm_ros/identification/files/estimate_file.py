@@ -1,9 +1,11 @@
 """Estimates as YAML files that ROS nodes read with `--params-file`."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +16,11 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
 from aerarm_ros.identification.joint_model import COUPLED, JointModel, JointTerm, TermKind
-from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.solvers.estimate import Estimate
 from aerarm_ros.motion.signals import Array
+
+if TYPE_CHECKING:  # only for type annotations
+    from aerarm_ros.identification.payload import Payload
 
 _SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
 NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)

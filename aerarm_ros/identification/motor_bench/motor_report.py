@@ -13,9 +13,8 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.config_reader import read_yaml
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_backlash import is_significant
-from aerarm_ros.identification.motor_bench.motor_bench import Earlier
+from aerarm_ros.identification.motor_bench.motor_bench import Earlier, MotorResult
 from aerarm_ros.identification.motor_bench.motor_friction import BOARD
-from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import Html, bullets, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script

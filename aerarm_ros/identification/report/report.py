@@ -1,19 +1,17 @@
 """Report of an identification as one self-contained HTML file."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerarm_ros.energy.energy_model import EnergyBalance
 from aerarm_ros.identification.arm_parameters import inertia_boxes
-from aerarm_ros.identification.files.estimate_comparison import EstimateChange, EstimateComparison
-from aerarm_ros.identification.files.export_errors import ExportError
-from aerarm_ros.identification.geometry_error import geometry_text
-from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.payload import Payload
+from aerarm_ros.identification.files.summary import ExportError
+from aerarm_ros.identification.identification_result import IdentificationResult, geometry_text
 from aerarm_ros.identification.recording.recording import BagFacts, DesiredVelocity
 from aerarm_ros.identification.report.report_figures import (
     cutoff_figure,
@@ -40,7 +38,6 @@ from aerarm_ros.identification.report.report_tables import (
     rollout_table,
     truth_table,
 )
-from aerarm_ros.identification.truth import InertialTorqueError, Truth
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import (
@@ -55,6 +52,15 @@ from aerarm_ros.pages.html_text import (
     table,
 )
 from aerarm_ros.pages.plots import figure_html, plain_text, plotting_script
+
+if TYPE_CHECKING:  # only for type annotations
+    from aerarm_ros.energy.energy_model import EnergyBalance
+    from aerarm_ros.identification.files.estimate_comparison import (
+        EstimateChange,
+        EstimateComparison,
+    )
+    from aerarm_ros.identification.payload import Payload
+    from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
 _NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 

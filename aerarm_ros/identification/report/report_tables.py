@@ -1,22 +1,21 @@
 """Tables of the identification report."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aerarm_ros.energy.energy_model import EnergyBalance
 from aerarm_ros.identification.assessment import BagAssessment
-from aerarm_ros.identification.files.export_errors import ExportError
-from aerarm_ros.identification.files.summary import term_text
+from aerarm_ros.identification.files.summary import ExportError, term_text
 from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Solution,
 )
 from aerarm_ros.identification.joint_model import JointTerm
-from aerarm_ros.identification.payload import Payload
 from aerarm_ros.identification.recording.recording import BagFacts
 from aerarm_ros.identification.residual_split import REMEDIES, UNEXPLAINED
-from aerarm_ros.identification.truth import InertialTorqueError, Truth
 from aerarm_ros.model.inertia import PARAMETER_NAMES
 from aerarm_ros.pages.html_text import (
     Html,
@@ -26,6 +25,11 @@ from aerarm_ros.pages.html_text import (
     paragraph,
     table,
 )
+
+if TYPE_CHECKING:  # only for type annotations
+    from aerarm_ros.energy.energy_model import EnergyBalance
+    from aerarm_ros.identification.payload import Payload
+    from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
 _WORTH_NAMING = 0.1  # fraction of the mean square of a joint's residual
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
@@ -251,6 +255,8 @@ def payload_table(payload: Payload) -> Html:
 
 def energy_table(balances: Mapping[str, EnergyBalance], joint_names: Sequence[str]) -> Html:
     """Return the table of each bag's energy [J], by joint and cause."""
+    from aerarm_ros.energy.energy_model import EnergyBalance
+
     headings = ['bag', 'joint', *(f'{name} [J]' for name in EnergyBalance.PARTS)]
     headings += ['supplied [J]', 'mean [W]']
     rows: list[list[object]] = []

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerarm_ros.identification.regression.model_fit import ModelFit
 from aerarm_ros.identification.regression.regression import TriangularSystem
 from aerarm_ros.identification.solvers.estimate import PhysicalLimits
 from aerarm_ros.model.inertia import barycentric_inertia, from_pseudo_inertia, pseudo_inertia
@@ -38,6 +39,11 @@ class ThesisProblem:
     start: Array
     scale: Array
     limits: PhysicalLimits
+
+    @classmethod
+    def of(cls, fit: ModelFit, limits: PhysicalLimits) -> 'ThesisProblem':
+        """Return the problem of a regression with its prior."""
+        return cls(fit.regression.system(), fit.prior.mean, fit.prior.std, limits)
 
     @property
     def n(self) -> int:

@@ -6,29 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from aerarm_msgs_py import topics
 from aerarm_ros.control.base.feedback_check import largest_delay
 from aerarm_ros.control.checks import non_negative
 from aerarm_ros.control.compensation import ErrorIntegral
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.computed_torque import BoardComputedTorque, ComputedTorque
 from aerarm_ros.motion.signals import Reaction
-from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
-from aerarm_ros.ros.controllers.controller_parameters import (
-    FOLLOWER_PARAMETERS,
-    FRICTION_PARAMETERS,
-    REACHING_COMPENSATION,
-    REACTION,
-    REACTION_PARAMETERS,
-    observer_parameters,
-    scalar_or_array,
-)
-from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
-from aerarm_ros.ros.controllers.trajectory_input import (
-    follow_trajectory,
-    go_to_set_point,
-    serve_trajectories,
-)
+from aerarm_ros.ros.controllers.controller_node import controller_parameters
+from aerarm_ros.ros.controllers.controller_parameters import REACTION, scalar_or_array
+from aerarm_ros.ros.controllers.trajectory_input import TRAJECTORY_PARAMETERS, TrajectoryController
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
@@ -36,11 +22,7 @@ NAME = 'computed_torque'
 HOST, BOARDS = 'host', 'boards'
 
 PARAMETERS = controller_parameters(
-    *FRICTION_PARAMETERS,
-    *observer_parameters(REACHING_COMPENSATION),
-    *PAYLOAD_COMPENSATION_PARAMETERS,
-    *FOLLOWER_PARAMETERS,
-    *REACTION_PARAMETERS,
+    *TRAJECTORY_PARAMETERS,
     Parameter(
         'feedback',
         HOST,
@@ -77,7 +59,7 @@ PARAMETERS = controller_parameters(
 )
 
 
-class ComputedTorqueNode(ControllerNode):
+class ComputedTorqueNode(TrajectoryController):
     """Trajectory controller with `ComputedTorque` or `BoardComputedTorque`."""
 
     def __init__(self) -> None:
@@ -105,28 +87,9 @@ class ComputedTorqueNode(ControllerNode):
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
     def subscribe(self) -> None:
-        """Subscribe to set points and trajectories, and serve the trajectory action."""
+        """Subscribe as `TrajectoryController`, with a reaction that the law can carry out."""
         self.check_parameter(REACTION, self.values.contact_reaction)
-        self.reaction = self.react_to_contact(self.follower, self.law)
-        self.take_references(
-            topics.JOINT_TRAJECTORY,
-            lambda m, now: follow_trajectory(
-                self.follower, m, now, self.values.allow_partial_joints_goal, self.reaction
-            ),
-        )
-        self.take_references(
-            topics.SET_POINT, lambda m, now: go_to_set_point(self.follower, m, now)
-        )
-        serve_trajectories(self, self.follower)
-        self.publish_plan(self.follower.ahead)
-        self.take_payload()
-
-    def on_parameter(self, name: str, value: Any) -> None:
-        """Change the control gains or the reaction to contact."""
-        if name == REACTION:
-            self.reaction.reaction = Reaction(value)
-            return
-        setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
+        super().subscribe()
 
     def check_parameter(self, name: str, value: Any) -> None:
         """Require one gain or one per joint, and a control law that uses it or can comply."""
@@ -145,15 +108,12 @@ class ComputedTorqueNode(ControllerNode):
 
     def describe(self) -> dict[str, object]:
         """Return the progress of the motion and, under a drone, the tolerated command delay."""
-        values: dict[str, object] = {
-            'motion': self.follower.status,
-            'last motion': self.follower.outcome,
-        }
+        values = super().describe()
         if self.arm.drone is not None and isinstance(self.law, ComputedTorque):
             gains = zip(self.law.kp.tolist(), self.law.kd.tolist(), strict=True)
             delay = min(largest_delay(self._feedback_gain, *pair) for pair in gains)
             values['compensated delay [ms]'] = round(1e3 * delay, 1)
-        return {**super().describe(), **values}
+        return values
 
 
 def main(args: Sequence[str] | None = None) -> int:

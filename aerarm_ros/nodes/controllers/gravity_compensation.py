@@ -5,32 +5,17 @@ hand_guiding selects the zero-gain mode.
 """
 
 import sys
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
-from aerarm_msgs_py import topics
-from aerarm_ros.control.checks import RejectedInputError, non_negative
+from aerarm_ros.control.checks import non_negative
 from aerarm_ros.control.compensation import FrictionCompensation
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.gravity_compensation import GravityCompensation
-from aerarm_ros.motion.signals import ArmState, Reaction
-from aerarm_ros.ros.controllers.controller_node import ControllerNode, controller_parameters
-from aerarm_ros.ros.controllers.controller_parameters import (
-    FOLLOWER_PARAMETERS,
-    FRICTION_PARAMETERS,
-    REACHING_COMPENSATION,
-    REACTION,
-    REACTION_PARAMETERS,
-    observer_parameters,
-    scalar_or_array,
-)
-from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
-from aerarm_ros.ros.controllers.trajectory_input import (
-    follow_trajectory,
-    go_to_set_point,
-    serve_trajectories,
-)
+from aerarm_ros.motion.signals import ArmState, Array, JointReference
+from aerarm_ros.ros.controllers.controller_node import controller_parameters
+from aerarm_ros.ros.controllers.controller_parameters import scalar_or_array
+from aerarm_ros.ros.controllers.trajectory_input import TRAJECTORY_PARAMETERS, TrajectoryController
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.process.node_main import run_node
 
@@ -38,11 +23,7 @@ NAME = 'gravity_compensation'
 KP, KD = [60.0, 60.0, 40.0, 40.0], [5.0, 5.0, 1.0, 1.0]
 
 PARAMETERS = controller_parameters(
-    *FRICTION_PARAMETERS,
-    *observer_parameters(REACHING_COMPENSATION),
-    *PAYLOAD_COMPENSATION_PARAMETERS,
-    *FOLLOWER_PARAMETERS,
-    *REACTION_PARAMETERS,
+    *TRAJECTORY_PARAMETERS,
     Parameter(
         'kp', KP, 'proportional gains, one value or one per joint', 'Nm/rad', 0.0, 1e4, live=True
     ),
@@ -61,7 +42,7 @@ PARAMETERS = controller_parameters(
 )
 
 
-class GravityCompensationNode(ControllerNode):
+class GravityCompensationNode(TrajectoryController):
     """Controller of set points and trajectories with `GravityCompensation`."""
 
     def __init__(self) -> None:
@@ -83,16 +64,13 @@ class GravityCompensationNode(ControllerNode):
         limit = arm.compensation_max(values)
         return ControlLoop(arm.limits, self.follower, self.law, observer, self.base, limit)
 
-    def subscribe(self) -> None:
-        """Subscribe to set points and trajectories, and serve the trajectory action."""
-        self.reaction = self.react_to_contact(self.follower, self.law)
-        self.take_references(topics.SET_POINT, self._unless_guided(go_to_set_point))
-        is_partial = self.values.allow_partial_joints_goal
-        follow = partial(follow_trajectory, partial=is_partial, reaction=self.reaction)
-        self.take_references(topics.JOINT_TRAJECTORY, self._unless_guided(follow))
-        serve_trajectories(self, self.follower, self._guidance_problem)
-        self.publish_plan(lambda times: None if self._was_guided else self.follower.ahead(times))
-        self.take_payload()
+    def refusal(self) -> str:
+        """Return why the controller accepts no reference while a person moves the arm."""
+        return 'hand_guiding is active: set it to false first' if self.law.hand_guiding else ''
+
+    def ahead(self, times: Array) -> JointReference | None:
+        """Return the planned motion at times (M,) [s], None while a person moves the arm."""
+        return None if self._was_guided else super().ahead(times)
 
     def before_update(self, state: ArmState, now: float) -> None:
         """Let the reference follow the arm while a person moves it."""
@@ -110,10 +88,8 @@ class GravityCompensationNode(ControllerNode):
         """Change gains, the mode or the reaction to contact."""
         if name == 'hand_guiding':
             self.law.hand_guiding = value
-        elif name == REACTION:
-            self.reaction.reaction = Reaction(value)
         else:
-            setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
+            super().on_parameter(name, value)
 
     def check_parameter(self, name: str, value: Any) -> None:
         """Require one gain, or one per joint."""
@@ -122,23 +98,8 @@ class GravityCompensationNode(ControllerNode):
 
     def describe(self) -> dict[str, object]:
         """Return the progress of the motion for diagnostics."""
-        mode = 'hand guiding' if self.law.hand_guiding else self.follower.status
-        motion = {'motion': mode, 'last motion': self.follower.outcome}
-        return {**super().describe(), **motion}
-
-    def _guidance_problem(self) -> str:
-        return 'hand_guiding is active: set it to false first' if self.law.hand_guiding else ''
-
-    def _unless_guided(self, act: Callable[..., None]) -> Callable[[Any, float], None]:
-        """Return a callback that passes a message to `act`, except while a person moves the arm."""
-
-        def take(message: Any, now: float) -> None:
-            problem = self._guidance_problem()
-            if problem:
-                raise RejectedInputError(problem)
-            act(self.follower, message, now)
-
-        return take
+        values = super().describe()
+        return {**values, 'motion': 'hand guiding'} if self.law.hand_guiding else values
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -11,22 +11,16 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from aerarm_ros.hardware.bridge_modes import STOPS, Action, Answer
+from aerarm_ros.hardware.bridge_modes import NOT_ACTIVE, STOPS, Action, Answer
 
 if TYPE_CHECKING:  # Clients of the services load no bridge.
     from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 
 _ANSWER_TIMEOUT = 1.0  # [s]
-_NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
 
 
 class NotActiveError(RuntimeError):
     """No cycle is running: the bridge has not been activated, or it is ending."""
-
-
-def reports_not_active(text: str) -> bool:
-    """Return whether the answer of a bridge's service reports that no cycle is running."""
-    return text.endswith(_NOT_ACTIVE)
 
 
 class CycleRequests:
@@ -51,7 +45,7 @@ class CycleRequests:
             If the action does not run within one second.
         """
         if self._closed.is_set():
-            raise NotActiveError(_NOT_ACTIVE)
+            raise NotActiveError(NOT_ACTIVE)
         answer = self._put(action)
         try:
             return answer.result(_ANSWER_TIMEOUT)

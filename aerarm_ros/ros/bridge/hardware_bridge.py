@@ -16,8 +16,7 @@ from std_msgs.msg import String
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
-from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr
-from aerarm_msgs_py.codecs.joint_state_conversion import decode_as_sent
+from aerarm_msgs_py.codecs.joint_state_cdr import JointSample, JointStateCdr, decode_as_sent
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
@@ -49,13 +48,13 @@ from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
+from aerarm_ros.ros.parameters.parameter import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
 from aerarm_ros.ros.process.process_end import StopSignals, print_account
 from aerarm_ros.ros.process.shared_ports import PortWatch
 
 if TYPE_CHECKING:  # for type checkers only
-    from aerarm_ros.hardware.transports.transport import Transport
+    from aerarm_ros.hardware.boards.board_link import Transport
 
 
 class RobotDescription:

@@ -24,8 +24,7 @@ from aerarm_ros.control.base.rotor_wrench import RotorWrench
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.compensation import Fade
 from aerarm_ros.description.drone_urdf import BODY_LINK
-from aerarm_ros.energy.balance_meter import BalanceMeter
-from aerarm_ros.energy.energy_model import EnergyBalance, EnergyModel
+from aerarm_ros.energy.energy_model import BalanceMeter, EnergyBalance, EnergyModel
 from aerarm_ros.flight.arm_load import ArmForecast, ArmLoad, ArmLoadModel, at_drone_centre
 from aerarm_ros.flight.contact_estimator import (
     DURATION,

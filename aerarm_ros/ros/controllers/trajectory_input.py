@@ -18,7 +18,8 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from aerarm_ros.control.checks import JointLimits, RejectedInputError
+from aerarm_msgs_py import topics
+from aerarm_ros.control.checks import JointLimits, RejectedInputError, non_negative
 from aerarm_ros.control.contact_reaction import ContactReaction
 from aerarm_ros.control.references.joint_trajectory import JointTrajectory
 from aerarm_ros.control.references.trajectory_follower import FollowerTolerances, TrajectoryFollower
@@ -31,8 +32,28 @@ from aerarm_ros.control.references.trajectory_goals import (
     TrajectoryGoals,
     resolve_tolerances,
 )
+from aerarm_ros.motion.signals import JointReference, Reaction
 from aerarm_ros.ros.controllers.controller_node import ControllerNode
+from aerarm_ros.ros.controllers.controller_parameters import (
+    FOLLOWER_PARAMETERS,
+    FRICTION_PARAMETERS,
+    REACHING_COMPENSATION,
+    REACTION,
+    REACTION_PARAMETERS,
+    observer_parameters,
+    scalar_or_array,
+)
+from aerarm_ros.ros.controllers.payload_intake import PAYLOAD_COMPENSATION_PARAMETERS
 from aerarm_ros.ros.executors import create_steady_timer
+
+TRAJECTORY_PARAMETERS = (
+    *FRICTION_PARAMETERS,
+    *observer_parameters(REACHING_COMPENSATION),
+    *PAYLOAD_COMPENSATION_PARAMETERS,
+    *FOLLOWER_PARAMETERS,
+    *REACTION_PARAMETERS,
+)
+"""Parameters of each `TrajectoryController`."""
 
 # [s] Bounds of a trajectory's start before and after the present time.
 _LATEST, _EARLIEST = 1.0, 60.0
@@ -173,6 +194,65 @@ def serve_trajectories(
         return
     action_type = import_module('control_msgs.action').FollowJointTrajectory
     controller.attend(TrajectoryAction(controller, follower, action_type, problem))
+
+
+class TrajectoryController(ControllerNode):
+    """Controller that runs a trajectory follower on joint trajectories and set points.
+
+    Attributes
+    ----------
+    follower, law
+        Follower and control law, which `make_loop` creates.
+    reaction
+        Reaction to contact, after `subscribe`.
+    """
+
+    follower: TrajectoryFollower
+    law: Any
+    reaction: ContactReaction
+
+    def refusal(self) -> str:
+        """Return why the controller accepts no reference now, or an empty text."""
+        return ''
+
+    def ahead(self, times: npt.NDArray[np.float64]) -> JointReference | None:
+        """Return the planned motion at times (M,) [s]."""
+        return self.follower.ahead(times)
+
+    def subscribe(self) -> None:
+        """Subscribe to trajectories, set points and payload, and serve the trajectory action."""
+        self.reaction = self.react_to_contact(self.follower, self.law)
+        partial = self.values.allow_partial_joints_goal
+
+        def trajectory(message: TrajectoryMessage, now: float) -> None:
+            self._check()
+            follow_trajectory(self.follower, message, now, partial, self.reaction)
+
+        def set_point(message: JointState, now: float) -> None:
+            self._check()
+            go_to_set_point(self.follower, message, now)
+
+        self.take_references(topics.JOINT_TRAJECTORY, trajectory)
+        self.take_references(topics.SET_POINT, set_point)
+        serve_trajectories(self, self.follower, self.refusal)
+        self.publish_plan(self.ahead)
+        self.take_payload()
+
+    def on_parameter(self, name: str, value: Any) -> None:
+        """Change the control gains or the reaction to contact."""
+        if name == REACTION:
+            self.reaction.reaction = Reaction(value)
+        else:
+            setattr(self.law, name, non_negative(name, scalar_or_array(value), self.arm.config.n))
+
+    def describe(self) -> dict[str, object]:
+        """Return the progress of the motion for diagnostics."""
+        motion = {'motion': self.follower.status, 'last motion': self.follower.outcome}
+        return {**super().describe(), **motion}
+
+    def _check(self) -> None:
+        if problem := self.refusal():
+            raise RejectedInputError(problem)
 
 
 class TrajectoryAction:

@@ -17,11 +17,10 @@ from aerarm_ros.description.robot import STANDARD_GRAVITY, Robot, load_robot
 from aerarm_ros.identification.assessment import BagAssessment
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import estimated_arm, read_estimate
-from aerarm_ros.identification.files.export_errors import export_errors
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.files.summary import export_errors, summarise
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch
 from aerarm_ros.identification.identify import identify as run
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
@@ -37,7 +36,6 @@ from aerarm_ros.identification.recording.table_file import (
 from aerarm_ros.identification.report.report import ReportExtras
 from aerarm_ros.identification.report.report_tables import error_table, parameter_table
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.regressor import Regressor
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.pages.html_text import bullets, paragraph

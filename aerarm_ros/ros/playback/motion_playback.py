@@ -22,7 +22,7 @@ from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.diagnostics import WaitingNotice
 from aerarm_ros.ros.graph import DuplicatePublisherCheck, SilencePatience
-from aerarm_ros.ros.progress_line import ProgressLine
+from aerarm_ros.ros.process.process_end import ProgressLine
 from aerarm_ros.ros.states.arm_clock import monotonic_ns
 from aerarm_ros.ros.states.state_stream import StateStream
 

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import IO
 
 from aerarm_ros.description.resources import resource
-from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
+from aerarm_ros.ros.process.process_end import LAUNCH_PID
 
 # [s] Much longer than any node's own shut-down (a bag's last chunk, the boards' last frames). A
 # shut-down takes 0.3 s on an idle host and more than 10 s next to 20 busy programs. Only a hanging

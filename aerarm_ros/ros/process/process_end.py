@@ -21,11 +21,11 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from types import FrameType
-from typing import ClassVar, TextIO
+from typing import Any, ClassVar, TextIO
 
 USER_ERROR = 2  # the user's request is invalid
 INTERRUPTED = 130  # ended by Ctrl-C, as in shells
@@ -273,3 +273,156 @@ class StopSignals:
     def _call_on_stop(self) -> None:
         self._has_called = True
         self._on_stop()
+
+
+# A parent that is killed (SIGKILL, out of memory) cannot stop its children, but Linux can. Code
+# between fork and exec (`preexec_fn`) is not suitable to request it, because it may hang if the
+# parent has threads, as with ROS.
+_PR_SET_PDEATHSIG = 1  # <sys/prctl.h>
+# Process id of the launch, or other process, that starts a process: set by
+# `aerarm_ros/launch_parts.py` and by `NodeProcess`.
+LAUNCH_PID = 'AERARM_ROS_LAUNCH_PID'
+
+
+def die_with_parent(parent: int) -> None:
+    """Request SIGTERM when the thread that started this process ends.
+
+    Parameters
+    ----------
+    parent
+        Expected parent process.
+
+    Raises
+    ------
+    OSError
+        If the system refuses.
+    ProcessLookupError
+        If `parent` has already ended.
+    """
+    if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0):
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+    if os.getppid() != parent:
+        raise ProcessLookupError(f'process {parent} has ended')
+
+
+def die_with_launch() -> None:
+    """Request SIGTERM when the launch that started this process ends.
+
+    Launch can end before its processes: by an exception during start, by SIGTERM or SIGQUIT, or if
+    it is killed. Without launch in the environment this function does nothing. A grandchild of
+    launch is not affected either, because it belongs to its own parent.
+
+    Raises
+    ------
+    OSError
+        If the system refuses.
+    SystemExit
+        If launch has already ended.
+    """
+    launch = os.environ.get(LAUNCH_PID, '')
+    if not launch.isdigit():
+        return
+    if os.getppid() == int(launch) or not os.path.exists(f'/proc/{launch}'):
+        try:
+            die_with_parent(int(launch))
+        except ProcessLookupError:
+            sys.exit(128 + signal.SIGTERM)
+
+
+_AGAIN = 1.0  # [s] longer than the removal of unfinished files takes
+
+
+def run_offline(name: str, run: Callable[[], int]) -> int:
+    """Run a program until it ends or is interrupted; return its exit status.
+
+    Parameters
+    ----------
+    name : str
+        Program name, for messages.
+    run : callable
+        Function to run. An interrupt raises KeyboardInterrupt in it, even if the shell had made
+        interrupts ignored.
+    """
+    interrupt = _Interrupt()
+    # A shell that starts this program in the background makes SIGINT ignored, so set it too.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, interrupt)
+    try:
+        return run()
+    except KeyboardInterrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        print(f'{name}: interrupted, no files were written', file=sys.stderr)
+        return INTERRUPTED
+
+
+def without_ros_arguments(arguments: Sequence[str] | None) -> list[str]:
+    """Return the arguments without those that a launch file appends for ROS."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    while '--ros-args' in given:
+        start = given.index('--ros-args')
+        end = given.index('--', start) + 1 if '--' in given[start:] else len(given)
+        del given[start:end]
+    return given
+
+
+class _Interrupt:
+    """Signal handler that raises KeyboardInterrupt once, even for several signals."""
+
+    def __init__(self) -> None:
+        self._is_asked = False
+
+    def __call__(self, number: int, frame: Any) -> None:
+        if self._is_asked and number != signal.SIGALRM:
+            return  # the program is removing unfinished files
+        self._is_asked = True
+        # An exception inside a callback of an extension module or a destructor is lost. So a timer
+        # raises it again, unless the program has ended by then.
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        raise KeyboardInterrupt
+
+
+_INTERVAL_NS = 100_000_000  # [ns] between two updates on a terminal
+
+
+class ProgressLine:
+    """Update one line on a terminal; in other streams, write one line per phase.
+
+    Parameters
+    ----------
+    name : name of the program, at the front of each line.
+    stream : output stream; standard output by default.
+    """
+
+    def __init__(self, name: str, stream: TextIO | None = None) -> None:
+        self._name = name
+        self._stream = sys.stdout if stream is None else stream
+        self._terminal = self._stream.isatty()
+        self._phase: str | None = None
+        self._due_ns = 0
+        self._width = 0
+
+    def due(self, now_ns: int, phase: str = '') -> bool:
+        """Return whether a line in this phase is due at `now_ns` [ns, any clock]."""
+        if phase == self._phase and not (self._terminal and now_ns >= self._due_ns):
+            return False
+        self._phase = phase
+        self._due_ns = now_ns + _INTERVAL_NS
+        return True
+
+    def show(self, text: str) -> None:
+        """Replace the last line by `text`."""
+        line = f'{self._name}: {text}'
+        if self._terminal:
+            self._stream.write('\r' + line.ljust(self._width))
+            self._width = len(line)
+        else:
+            self._stream.write(line + '\n')
+        self._stream.flush()
+
+    def close(self) -> None:
+        """End the line on the terminal."""
+        if self._terminal and self._width:
+            self._stream.write('\n')
+            self._stream.flush()
+            self._width = 0

@@ -39,11 +39,11 @@ from aerarm_ros.ros.controllers.contact_parameters import (
     contact_settings,
     read_residuals,
 )
-from aerarm_ros.ros.process.process_end import INTERRUPTED, USER_ERROR, StopSignals, print_error
-from aerarm_ros.ros.process.ros_arguments import OneLineParser, RosArguments, UsageError
+from aerarm_ros.ros.process.process_end import USER_ERROR, print_error
+from aerarm_ros.ros.process.ros_arguments import OneLineParser
 from aerarm_ros.ros.programs.identifier_options import add_arm_options
 from aerarm_ros.ros.programs.identifier_run import RecordedArm
-from aerarm_ros.ros.programs.payload_replay import known_arm
+from aerarm_ros.ros.programs.payload_replay import known_arm, run_replay
 
 REPORT = 'contacts.html'
 
@@ -73,27 +73,15 @@ def contact_replay(name: str, arguments: Sequence[str]) -> int:
     A bag that cannot be searched does not affect the others: its reason is printed, and the status
     is 2.
     """
-    stops: list[bool] = []
-    try:
-        given = RosArguments(arguments)
-        if given.parameters:
-            raise UsageError(
-                f'{given.parameters[0].name} is a parameter of the node: use options with --bag, '
-                f'see {name} --bag DIR --help'
-            )
-        options = replay_parser(name).parse_args(given.plain)
-        with StopSignals(lambda: stops.append(True)):
-            replay = ContactReplay(name, options, lambda: bool(stops))
-            print(replay.execute())
-            for failure in replay.failures.values():
-                print_error(name, failure)
-            return USER_ERROR if replay.failures else 0
-    except KeyboardInterrupt:
-        print_error(name, 'interrupted, nothing was written')
-        return INTERRUPTED
-    except (ValueError, OSError) as error:
-        print_error(name, error)
-        return USER_ERROR
+
+    def run(options: argparse.Namespace, is_stopped: Callable[[], bool]) -> int:
+        replay = ContactReplay(name, options, is_stopped)
+        print(replay.execute())
+        for failure in replay.failures.values():
+            print_error(name, failure)
+        return USER_ERROR if replay.failures else 0
+
+    return run_replay(replay_parser(name), name, arguments, run, 'nothing was written')
 
 
 def replay_parser(name: str) -> OneLineParser:

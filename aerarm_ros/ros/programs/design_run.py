@@ -34,7 +34,7 @@ from aerarm_ros.excitation.trajectory_designer import (
     TrajectoryDesigner,
 )
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.progress_line import ProgressLine
+from aerarm_ros.ros.process.process_end import ProgressLine
 
 
 def whole_periods(duration: float, fundamental: float) -> int:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from aerarm_ros.identification.files.estimate_file import (
     read_estimate,
     read_gravity,
 )
-from aerarm_ros.identification.files.export_errors import ExportError, export_errors
 from aerarm_ros.identification.files.identified_robot import (
     LoadFriction,
     equivalent_friction,
@@ -34,7 +34,7 @@ from aerarm_ros.identification.files.identified_robot import (
     unwritten,
 )
 from aerarm_ros.identification.files.result_directory import MARKER, ResultDirectory
-from aerarm_ros.identification.files.summary import summarise
+from aerarm_ros.identification.files.summary import ExportError, export_errors, summarise
 from aerarm_ros.identification.identification_result import (
     IdentificationResult,
     Verdict,
@@ -42,21 +42,21 @@ from aerarm_ros.identification.identification_result import (
     judge,
     read_limits,
 )
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.joint_model import TermKind
-from aerarm_ros.identification.payload import Payload, identify_payload, weigh_payload
 from aerarm_ros.identification.recording.recording import BagFacts, JointMapping, Recording
 from aerarm_ros.identification.recording.table_file import TABLES, TableOptions
 from aerarm_ros.identification.report.report import ReportExtras, report_html
 from aerarm_ros.identification.solvers.solvers import FAST
-from aerarm_ros.identification.stopwatch import Stopwatch
-from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
 from aerarm_ros.ros.programs.identifier_bags import (
     IdentifierBags,
     RecordedBag,
     bag_names,
     repeated_bags,
 )
+
+if TYPE_CHECKING:  # only for type annotations
+    from aerarm_ros.identification.payload import Payload
 
 RESULT_FILES = (
     *('estimate.yaml', 'identified.urdf', 'identified.xml', 'identified.sdf', 'payload.yaml'),
@@ -403,6 +403,8 @@ class IdentifierRun:
     def _payload(self, result: IdentificationResult) -> Payload | None:
         if not self._options.payload:
             return None
+        from aerarm_ros.identification.payload import identify_payload
+
         _progress('identifying the payload')
         known = len(self._arm.messages)
         with self._stopwatch.stage('reading'):
@@ -446,6 +448,8 @@ class IdentifierRun:
         )
         if self._options.truth is None:
             return extras
+        from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
+
         truth = load_truth(self._options.truth, result.fit.model)
         errors = inertial_torque_errors(
             truth,
@@ -486,6 +490,8 @@ class PayloadRun(IdentifierRun):
         IdentificationError, BagError, ConfigError
             If a bag or the model cannot be used, or the result cannot be written.
         """
+        from aerarm_ros.identification.payload import weigh_payload
+
         options = self._options
         if options.bag or options.validation or not options.payload:
             raise IdentificationError(

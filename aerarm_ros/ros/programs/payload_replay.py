@@ -98,6 +98,30 @@ _FILES = ('payload.yaml', _GAINS, MARKER)
 
 def replay(name: str, arguments: Sequence[str]) -> int:
     """Run the estimator on bags; return 0, 2 for an invalid input, or 130 after a stop."""
+
+    def run(options: argparse.Namespace, is_stopped: Callable[[], bool]) -> int:
+        print(PayloadReplay(options, is_stopped).execute())
+        return 0
+
+    return run_replay(replay_parser(name), name, arguments, run, 'no files were written')
+
+
+def run_replay(
+    parser: OneLineParser,
+    name: str,
+    arguments: Sequence[str],
+    run: Callable[[argparse.Namespace, Callable[[], bool]], int],
+    after_stop: str,
+) -> int:
+    """Read bags with the program of a node; return its status, 2 for an invalid input, or 130.
+
+    Parameters
+    ----------
+    run
+        Called with the options, and a function that returns whether a stop is requested.
+    after_stop
+        Consequence of a stop, for the message.
+    """
     stops: list[bool] = []
     try:
         given = RosArguments(arguments)
@@ -106,16 +130,15 @@ def replay(name: str, arguments: Sequence[str]) -> int:
                 f'{given.parameters[0].name} is a parameter of the node: use options with --bag, '
                 f'see {name} --bag DIR --help'
             )
-        options = replay_parser(name).parse_args(given.plain)
+        options = parser.parse_args(given.plain)
         with StopSignals(lambda: stops.append(True)):
-            print(PayloadReplay(options, lambda: bool(stops)).execute())
+            return run(options, lambda: bool(stops))
     except KeyboardInterrupt:
-        print_error(name, 'interrupted, no files were written')
+        print_error(name, f'interrupted, {after_stop}')
         return INTERRUPTED
     except (ValueError, OSError) as error:
         print_error(name, error)
         return USER_ERROR
-    return 0
 
 
 def replay_parser(name: str) -> OneLineParser:

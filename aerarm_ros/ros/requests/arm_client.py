@@ -13,8 +13,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from aerarm_msgs_py import topics
-from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, STOPS
-from aerarm_ros.ros.bridge.bridge_services import reports_not_active
+from aerarm_ros.hardware.bridge_modes import ACTIONS, BRIDGES, NOT_ACTIVE, STOPS
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
 from aerarm_ros.ros.requests.bridge_service import (
@@ -265,5 +264,5 @@ class ArmAtEnd:
         if done:
             log.info(f'at the end {text}')
         # A bridge that ends at the same time cannot hold the arm.
-        elif self._hold.found and not reports_not_active(text):
+        elif self._hold.found and not text.endswith(NOT_ACTIVE):
             log.warning(f'the arm is not held at the end: {text}')

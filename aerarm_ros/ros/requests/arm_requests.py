@@ -152,7 +152,7 @@ class _HereError(Exception):
 
 def _commission(node: Node, options: argparse.Namespace) -> Callable[[], None]:
     # Late import, because this command's model of the arm takes a second to load.
-    from aerarm_ros.ros.programs.commissioning_run import CommissioningRun
+    from aerarm_ros.ros.requests.commissioning_client import CommissioningRun
 
     return CommissioningRun(node, options).run
 

@@ -6,20 +6,64 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 import numpy as np
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.hardware.bridge_modes import HELD, to_switch_on
+from aerarm_ros.motion.signals import JointMotion
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
 from aerarm_ros.ros.requests.parameter_request import ParameterRequest
+
+POINT_PERIOD = 0.02
+"""[s] between two points, short enough for interpolation by quintics."""
+
+_SECOND = 1_000_000_000
+
+
+def trajectory_message(
+    motion: JointMotion, names: Sequence[str], start_ns: int = 0
+) -> JointTrajectory:
+    """Return points of a motion with velocity and acceleration as a message.
+
+    Parameters
+    ----------
+    motion
+        Motion of n joints.
+    names
+        Names of the joints.
+    start_ns
+        Start in the time of the states [ns]; 0 to start at once.
+    """
+    times = np.append(np.arange(0.0, motion.duration - 1e-6, POINT_PERIOD), motion.duration)
+    q, dq, ddq = motion.evaluate(times)
+    message = JointTrajectory(joint_names=list(names))
+    message.header.stamp = Time(**_split(start_ns))
+    message.points = [
+        JointTrajectoryPoint(
+            positions=q[k].tolist(),
+            velocities=dq[k].tolist(),
+            accelerations=ddq[k].tolist(),
+            time_from_start=Duration(**_split(round(when * _SECOND))),
+        )
+        for k, when in enumerate(times)
+    ]
+    return message
+
+
+def _split(nanoseconds: int) -> dict[str, int]:
+    seconds, rest = divmod(nanoseconds, _SECOND)
+    return {'sec': seconds, 'nanosec': rest}
+
 
 _REPORT = 3.0  # [s] within which every controller has reported on /diagnostics
 _COUNT, _REASON = 'rejected inputs', 'last rejection'  # keys in a controller's status
@@ -89,7 +133,45 @@ _LISTENER = 'recorder'  # subscribes to everything but moves nothing
 _SEARCH = 10.0  # [s] for discovery on a busy machine
 
 
-class SetPointRequest:
+class _MotionRequest:
+    """Publisher of one target, with the arm's mode and the reasons why a motion ends.
+
+    Parameters
+    ----------
+    node
+        Owner of publisher and subscriptions; no executor may contain it.
+    """
+
+    _TOPIC: Topic
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._mode = ''
+        self._rejections = RejectionWatch(node)
+        topic = self._TOPIC
+        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
+        self._listen(topics.ARM_MODE, self._on_mode)
+
+    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
+        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
+
+    def _on_mode(self, message: String) -> None:
+        self._mode = message.data
+
+    def _require_held(self) -> None:
+        """Raise ArmClientError if the arm cannot move."""
+        if self._mode not in HELD:
+            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+
+    def _wait(self, ended: Callable[[], bool], timeout: float) -> bool:
+        """Return whether a motion ended in time; raises ArmClientError if it was rejected."""
+        in_time = spin_until(self._node, lambda: ended() or self._rejections.reason(), timeout)
+        if self._rejections.reason():
+            raise ArmClientError(f'rejected: {self._rejections.reason()}')
+        return bool(in_time)
+
+
+class SetPointRequest(_MotionRequest):
     """Publish a set point and wait for the result.
 
     Parameters
@@ -98,15 +180,12 @@ class SetPointRequest:
         Owner of publisher and subscriptions; no executor may contain it.
     """
 
+    _TOPIC = topics.SET_POINT
+
     def __init__(self, node: Node) -> None:
-        self._node = node
+        super().__init__(node)
         self._state: JointState | None = None
-        self._mode = ''
-        self._rejections = RejectionWatch(node)
-        topic = topics.SET_POINT
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
         self._listen(topics.JOINT_STATES, self._on_state)
-        self._listen(topics.ARM_MODE, self._on_mode)
 
     def go(
         self,
@@ -161,12 +240,9 @@ class SetPointRequest:
             return error
 
         def ended() -> bool:
-            ends = self._rejections.reason() or self._rejections.touch()
-            return bool(np.all(distance() <= tolerance) or ends)
+            return bool(np.all(distance() <= tolerance) or self._rejections.touch())
 
-        in_time = spin_until(self._node, ended, timeout)
-        if self._rejections.reason():
-            raise ArmClientError(f'rejected: {self._rejections.reason()}')
+        in_time = self._wait(ended, timeout)
         if self._rejections.touch():
             raise ArmClientError(
                 f'{self._rejections.touch()}: remove the object that touches the arm, then send '
@@ -197,8 +273,7 @@ class SetPointRequest:
                 f'{what}: check that a bridge and computed_torque or gravity_compensation run in '
                 f'{this_domain()}'
             )
-        if self._mode not in HELD:
-            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+        self._require_held()
         assert self._state is not None
         return list(self._state.name)
 
@@ -216,21 +291,15 @@ class SetPointRequest:
             return False
         return bool(self._publisher.get_subscription_count() >= len(listeners))
 
-    def _listen(self, topic: Topic, callback: Callable[..., None]) -> None:
-        self._node.create_subscription(topic.type, topic.name, callback, topic.qos)
-
     def _on_state(self, message: JointState) -> None:
         self._state = message
-
-    def _on_mode(self, message: String) -> None:
-        self._mode = message.data
 
 
 BASE, WORLD = 'base', 'world'
 _BASE_LINK = 'base_link'
 
 
-class ToolRequest:
+class ToolRequest(_MotionRequest):
     """Publish a tool target and wait for the result.
 
     Parameters
@@ -239,18 +308,12 @@ class ToolRequest:
         Owner of publisher and subscriptions; no executor may contain it.
     """
 
+    _TOPIC = topics.TOOL_TRAJECTORY
+
     def __init__(self, node: Node) -> None:
-        self._node = node
+        super().__init__(node)
         self._pose: PoseStamped | None = None
-        self._mode = ''
-        self._rejections = RejectionWatch(node)
-        topic = topics.TOOL_TRAJECTORY
-        self._publisher = node.create_publisher(topic.type, topic.name, topic.offered)
-        for source, callback in (
-            (topics.TOOL_POSE, self._on_pose),
-            (topics.ARM_MODE, self._on_mode),
-        ):
-            node.create_subscription(source.type, source.name, callback, source.qos)
+        self._listen(topics.TOOL_POSE, self._on_pose)
 
     def go(
         self,
@@ -299,13 +362,7 @@ class ToolRequest:
             p = self._pose.pose.position
             return float(np.linalg.norm(np.array([p.x, p.y, p.z]) - np.asarray(place)))
 
-        def ended() -> bool:
-            return distance() <= tolerance or bool(self._rejections.reason())
-
-        in_time = spin_until(self._node, ended, timeout)
-        if self._rejections.reason():
-            raise ArmClientError(f'rejected: {self._rejections.reason()}')
-        if not in_time:
+        if not self._wait(lambda: distance() <= tolerance, timeout):
             raise ArmClientError(
                 f'the tool is still {distance():.3f} m away after {timeout:g} s, and arm_mode is '
                 f'{self._mode}: check the log of the controller'
@@ -337,11 +394,7 @@ class ToolRequest:
                 raise ArmClientError(
                     f'no controller publishes the tool pose: run a bridge, and {what}'
                 )
-        if self._mode not in HELD:
-            raise ArmClientError(f'arm_mode is {self._mode}: run {to_switch_on(self._mode)} first')
+        self._require_held()
 
     def _on_pose(self, message: PoseStamped) -> None:
         self._pose = message
-
-    def _on_mode(self, message: String) -> None:
-        self._mode = message.data

@@ -8,7 +8,7 @@ from math import inf
 from rclpy.node import Node
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state
+from aerarm_msgs_py.codecs.joint_state_cdr import decode_joint_state
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.realtime.periodic_loop import SteadyClock
 

@@ -11,15 +11,13 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 
 from aerarm_msgs_py import topics
-from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
-from aerarm_msgs_py.codecs.joint_state_conversion import decode_joint_state
+from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr, decode_joint_state
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.control.base.base_motion import ImuSample
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_state import OdometrySample
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.states.answers import Answers
-from aerarm_ros.ros.states.state_stream import decoded_odometry, to_imu_sample
+from aerarm_ros.ros.states.state_stream import Answers, decoded_odometry, to_imu_sample
 
 
 class RotorCommands:
@@ -98,11 +96,6 @@ class FlightStream:
         """Answers to the odometry, republished if it is re-sent."""
         self.frame = ''
         """Frame of the odometry's poses, '' before the first."""
-
-    @property
-    def odometry_count(self) -> int:
-        """Number of odometry messages received."""
-        return self._reader.count(_ODOMETRY)
 
     def wait(self, timeout: float) -> bool:
         """Wait up to `timeout` [s] for a message; a stop signal returns False early."""

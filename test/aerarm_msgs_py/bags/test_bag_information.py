@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_msgs_py.bags.bag_information import BagInformation, read_information
+from aerarm_msgs_py.bags.bag import BagInformation, read_information
 from aerarm_msgs_py.bags.bag_reader import read_joint_states
 from aerarm_msgs_py.storage.read_limits import BagWarning
 

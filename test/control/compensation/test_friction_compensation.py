@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.control.compensation import FrictionCompensation
-from aerarm_ros.model.drive_train import viscous_coulomb
+from aerarm_ros.model.regressor import viscous_coulomb
 
 VISCOUS, COULOMB = np.array([0.006, 0.003]), np.array([0.25, 0.1])
 

@@ -1,6 +1,6 @@
 """Another engine confirms that no accepted motion collides or exceeds a limit.
 
-`benchmarks/excitation.py` repeats this with a thousand trajectories.
+`benchmarks/model_fits/excitation.py` repeats this with a thousand trajectories.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@ import pytest
 
 from aerarm_ros.hardware.boards.encoder_monitor import EncoderMonitor
 
-FRESH = np.ones(4, dtype=bool)
+FRESH = [True] * 4
 NONE = np.zeros(4)
 
 
@@ -43,7 +43,7 @@ def test_a_jump_is_seen_and_its_joint_named(monitor, angle):
 def test_after_bad_frames_the_change_may_be_larger(monitor):
     moved = np.array([100.0, 0, 0, 0]) * 0.01
     for cycle in range(1, 10):
-        assert monitor.check(NONE, NONE, np.array([False, False, True, True]), cycle * 1e-3) == ''
+        assert monitor.check(NONE, NONE, [False, False, True, True], cycle * 1e-3) == ''
     assert monitor.check(moved, NONE, FRESH, 0.010) == ''
 
 
@@ -135,7 +135,7 @@ def look(monitor, position, now, interval=None):
     """Check motor 2 alone at an angle [rad]; return the complaint and its damping limit."""
     angles = NONE.copy()
     angles[1] = position
-    longest = None if interval is None else np.full(4, interval)
+    longest = None if interval is None else [interval] * 4
     text = monitor.check(angles, NONE, FRESH, now, interval_max=longest)
     return text, monitor.damping_speed[1]
 
@@ -200,7 +200,7 @@ def test_after_a_host_delay_the_longest_interval_is_assumed(monitor):
 
 def test_a_board_without_an_answer_hides_no_other(monitor):
     jumped = np.array([0.0, 0.0, 3.0, 0.0])
-    fresh = np.array([False, False, True, True])
+    fresh = [False, False, True, True]
     assert 'joint3 jumped' in monitor.check(jumped, NONE, fresh, 1e-3)
 
 
@@ -222,7 +222,7 @@ def test_standing_on_is_confirmed_after_as_long_again(monitor):
 
 
 def test_standing_counts_the_time_of_the_looks_not_the_longest_that_it_can_have_been(monitor):
-    current, longest = np.array([0.0, 20.0, 0.0, 0.0]), np.full(4, 2.9e-3)
+    current, longest = np.array([0.0, 20.0, 0.0, 0.0]), [2.9e-3] * 4
     faults = [
         monitor.check(NONE, current, FRESH, cycle * 1e-3, interval_max=longest) != ''
         for cycle in range(1, 80)

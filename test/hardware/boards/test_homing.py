@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerarm_ros.description.arm_config import DriveTrain
 from aerarm_ros.hardware.boards.homing import Homing, homing_range_problem
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedEncoder
-from aerarm_ros.model.drive_train import DriveTrain
 
 TURN = 2 * np.pi
 

@@ -4,15 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerarm_ros.description.arm_config import DriveTrain
 from aerarm_ros.hardware.boards.motor_references import MotorReferences
 from aerarm_ros.hardware.frames.frame_profile import load_profile
 from aerarm_ros.hardware.gate.bridge_settings import BridgeSettings
 from aerarm_ros.hardware.gate.command_intake import CommandBuffer
 from aerarm_ros.hardware.gate.joint_barrier import JointBarrier
-from aerarm_ros.model.drive_train import DriveTrain
 
 Q = np.array([0.1, 1.5, -0.2, 0.3])
-TRUSTED = np.ones(4, dtype=bool)
+TRUSTED = [True] * 4
 DT = 1e-3
 
 
@@ -221,7 +221,7 @@ def test_a_torque_unsafe_during_a_host_delay_is_damped_on_the_board(references, 
 def test_a_joint_without_a_trusted_encoder_has_no_barrier(references, config):
     track(references, command(tau=1.0), Q, DT)
     barriers = make_barriers(config, q=Q, highest=[0.0] * 4)
-    assert references.keep_within(barriers, np.array([False, True, True, True]))
+    assert references.keep_within(barriers, [False, True, True, True])
     assert references.torques(Q, np.zeros(4)) == pytest.approx([1.0, 0.0, 0.0, 0.0])
 
 

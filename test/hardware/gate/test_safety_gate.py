@@ -11,7 +11,7 @@ from aerarm_ros.hardware.gate.safety_gate import SafetyGate
 
 Q = np.array([0.0, 1.5, 0.0, 0.0])
 DQ = np.zeros(4)
-CYCLE = np.full(4, 1e-3)  # [s]
+CYCLE = [1e-3] * 4  # [s]
 LOSSLESS = [np.nan] * 4, [0] * 4  # no board goes on with an older command
 
 
@@ -127,7 +127,7 @@ def test_others_are_slowed_while_a_joint_cannot_be_braked(gate):
     assert slowed[1] == free[1]
     assert (np.array(slowed)[[0, 2, 3]] < 0.96 * np.array(free)[[0, 2, 3]]).all()
     assert limit(gate, command(dq=5.0), Q, 1e-3, now=0.0).dq[0] < 4.9
-    gate.watch(q, fast, DQ, CYCLE, np.full(4, 6e-3), *LOSSLESS)  # after a pause nobody knows
+    gate.watch(q, fast, DQ, CYCLE, [6e-3] * 4, *LOSSLESS)  # after a pause nobody knows
     assert [barrier.speed(2.0) for barrier in gate.barriers] == slowed
     for _ in range(100):
         gate.watch(Q, DQ, DQ, CYCLE, CYCLE, *LOSSLESS)

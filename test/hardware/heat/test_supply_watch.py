@@ -1,7 +1,7 @@
 import pytest
 
 from aerarm_ros.description.arm_config import PowerStageConfig
-from aerarm_ros.hardware.supply_watch import SupplyWatch
+from aerarm_ros.hardware.boards.board_monitor import SupplyWatch
 
 STAGE = PowerStageConfig(voltage_min=18.0, voltage_max=30.0)
 

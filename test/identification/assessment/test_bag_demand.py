@@ -9,8 +9,7 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 
 
 def test_a_similar_motion_is_no_extrapolation(result: IdentificationResult) -> None:

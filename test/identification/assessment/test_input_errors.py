@@ -11,9 +11,8 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 Change = Callable[[Recording], Recording]
 

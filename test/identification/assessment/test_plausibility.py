@@ -9,10 +9,9 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
+from aerarm_ros.identification.input_errors import bound_warnings, joint_warnings
 from aerarm_ros.identification.joint_model import JointTerm, TermKind
-from aerarm_ros.identification.plausibility import bound_warnings, joint_warnings
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 
 @pytest.fixture(scope='module')

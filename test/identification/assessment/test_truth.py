@@ -9,10 +9,9 @@ import yaml
 
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.identification.truth import Truth, inertial_torque_errors, load_truth
 from aerarm_ros.simulation.arm_plant import PlantParameters
 

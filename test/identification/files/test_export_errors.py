@@ -12,10 +12,9 @@ import yaml
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.assessment import torque_errors
-from aerarm_ros.identification.files.export_errors import ExportError, export_errors
+from aerarm_ros.identification.files.summary import ExportError, export_errors
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.ros.library.identification import IdentifiedArm, load_identified
 
 _STEPS = 0.3  # [%] by which errors differ, since steps of friction are filtered at another rate

@@ -6,8 +6,7 @@ import pytest
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification import identify as identification
-from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 
 
 def test_rows_count_by_one_over_their_noise(

@@ -10,9 +10,8 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.files.summary import summarise
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 EFFORT = np.array([5e-3, 5e-3, -5e-3, 0.0])
 VELOCITY = np.array([0.0, 8e-3, 0.0, 0.0])

@@ -8,8 +8,7 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 
 TILT = np.radians([0.8, -1.1])  # about the base's x and y axes
 

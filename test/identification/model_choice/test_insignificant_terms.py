@@ -8,10 +8,10 @@ import numpy as np
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.identify import (
     IdentificationOptions,
+    Stopwatch,
     identify,
     without_insignificant_terms,
 )
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 
 def test_rotors_that_a_sensor_behind_the_gear_does_not_feel(

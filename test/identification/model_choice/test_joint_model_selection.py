@@ -8,7 +8,7 @@ import numpy as np
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.joint_model import ROTOR, THESIS_TERMS, JointTerm, TermKind
 from aerarm_ros.identification.model_choice.model_choice import (
     CREEP_WIDTHS,
@@ -17,7 +17,6 @@ from aerarm_ros.identification.model_choice.model_choice import (
     WIDTHS,
     candidate_terms,
 )
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.ros.library.identification import IdentifiedModel
 
 

@@ -9,9 +9,8 @@ import pytest
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.dynamics import Dynamics
 
 POSTURE = np.array([0.0, -0.3, 0.0, -1.8, 0.0, 1.6, 0.8])

@@ -18,14 +18,18 @@ from aerarm_ros.excitation.bench_motion import BenchPlan
 from aerarm_ros.hardware.emulation.emulated_motor import EmulatedHeat
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.motor_bench.motor_backlash import fit_backlash, is_significant
-from aerarm_ros.identification.motor_bench.motor_bench import Earlier, KnownMass, MotorBench
+from aerarm_ros.identification.motor_bench.motor_bench import (
+    Earlier,
+    KnownMass,
+    MotorBench,
+    MotorResult,
+)
 from aerarm_ros.identification.motor_bench.motor_friction import (
     VOLTAGE,
     MotorFriction,
     MotorRun,
     MotorSupply,
 )
-from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 from aerarm_ros.simulation.arm_plant import PlantParameters
 
 # As short as each answer allows: an emulated second takes half of one.

@@ -11,6 +11,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.config_reader import ConfigError
 from aerarm_ros.description.resources import resource
 from aerarm_ros.identification.errors import IdentificationError
+from aerarm_ros.identification.motor_bench.motor_bench import MotorResult
 from aerarm_ros.identification.motor_bench.motor_friction import (
     BOARD,
     VOLTAGE,
@@ -24,7 +25,6 @@ from aerarm_ros.identification.motor_bench.motor_report import (
     config_yaml,
     load_earlier,
 )
-from aerarm_ros.identification.motor_bench.motor_result import MotorResult
 
 
 def result(joint: str = 'joint2', motor: str = 'MN4006', **measured: object) -> MotorResult:

@@ -12,14 +12,13 @@ from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.files.estimate_file import estimate_yaml, read_estimate
 from aerarm_ros.identification.files.identified_robot import unwritten
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import (
     JointMapping,
     Recording,
     recording_from_states,
 )
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 VISCOUS, INERTIA = -0.3, 0.08  # torque of joint 3 by the motion of joint 4
 COUPLED = (('joint3', 'joint4'),)

@@ -12,7 +12,7 @@ from aerarm_ros.identification.joint_model import (
     TermKind,
     friction_state,
 )
-from aerarm_ros.model.drive_train import viscous_coulomb
+from aerarm_ros.model.regressor import viscous_coulomb
 
 DQ = np.linspace(-1.0, 1.0, 41)
 DDQ = np.cos(DQ)

@@ -10,11 +10,10 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.conditioning.motion_check import ConditioningOptions
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.payload import calibrate_gains, identify_payload, weigh_payload
 from aerarm_ros.identification.recording.recording import Recording
 from aerarm_ros.identification.solvers.estimate import Estimate
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.inertia import from_pseudo_inertia, is_physically_consistent
 
 MASS, CENTRE = 0.2, np.array([0.1, 0.01, -0.02])

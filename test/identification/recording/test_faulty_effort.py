@@ -7,10 +7,9 @@ import pytest
 
 from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping, recording_from_states
 from aerarm_ros.identification.recording.signal_checks import saturated_effort, without_spikes
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 T = np.arange(0.0, 10.0, 1e-3)[:, None]
 Q = np.sin(T)

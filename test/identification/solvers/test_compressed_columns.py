@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from aerarm_ros.identification.solvers.cone_program import CompressedColumns
+from aerarm_ros.identification.solvers.semidefinite_solver import CompressedColumns
 
 
 def test_same_arrays_as_scipy() -> None:

@@ -8,8 +8,7 @@ import pytest
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.regression.base_parameters import Prior
 from aerarm_ros.identification.regression.regression import TriangularSystem
-from aerarm_ros.identification.solvers.entropic_solver import solve_entropic
-from aerarm_ros.identification.solvers.semidefinite_solver import solve_semidefinite
+from aerarm_ros.identification.solvers.semidefinite_solver import solve_entropic, solve_semidefinite
 from aerarm_ros.model.inertia import pseudo_inertia
 
 SPREAD = 0.3

@@ -8,8 +8,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.arm_parameters import LinkBounds
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
-from aerarm_ros.identification.stopwatch import Stopwatch
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 
 
 def test_collisions_do_not_spoil_it(

@@ -7,7 +7,7 @@ from aerarm_ros.description.arm_config import ArmConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.identification.errors import IdentificationError
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.joint_model import (
     ROTOR,
     THESIS_TERMS,
@@ -19,7 +19,6 @@ from aerarm_ros.identification.regression.model_fit import RegressionBank, fit_m
 from aerarm_ros.identification.rollout import RolloutWindows, rollout_samples
 from aerarm_ros.identification.solvers.output_error_solver import solve_output_error
 from aerarm_ros.identification.solvers.solvers import solve_all
-from aerarm_ros.identification.stopwatch import Stopwatch
 
 
 def test_friction_that_torque_shows_badly_gets_better(arm, robot: Robot, config: ArmConfig) -> None:

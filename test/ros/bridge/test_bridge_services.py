@@ -7,8 +7,8 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from aerarm_ros.hardware.bridge_cycle import BridgeCycle
-from aerarm_ros.hardware.bridge_modes import Action, Answer
-from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests, reports_not_active
+from aerarm_ros.hardware.bridge_modes import NOT_ACTIVE, Action, Answer
+from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
 
 
 def late(action: Action, is_stop: bool) -> Answer:
@@ -67,5 +67,5 @@ def test_an_ending_bridge_answers_without_a_warning(
     answer = client.call_async(Trigger.Request())
     assert spin_until(ros_node, answer.done, 60.0)
     assert not answer.result().success
-    assert reports_not_active(answer.result().message)
+    assert answer.result().message.endswith(NOT_ACTIVE)
     assert logged == [('info', f'hold: {answer.result().message}')]

@@ -99,11 +99,16 @@ def test_hand_guiding_comes_and_goes_without_a_step(make) -> None:
     np.testing.assert_allclose(node.follower.reference.q, pushed.q)
 
 
-def test_references_are_rejected_during_hand_guiding(make) -> None:
+def test_references_are_rejected_during_hand_guiding(make, monkeypatch) -> None:
+    acts = {}
+    monkeypatch.setattr(
+        ControllerNode, 'take_references', lambda self, topic, act: acts.update({topic.name: act})
+    )
     node = make(GravityCompensationNode, 'hand_guiding:=true')
-    for take, message in (
-        (node._unless_guided(lambda *_: pytest.fail('taken')), JointState(name=NAMES)),
-        (node._unless_guided(lambda *_: pytest.fail('taken')), trajectory(list(UPRIGHT), 1.0)),
+    for name, message in (
+        ('set_point', JointState(name=NAMES)),
+        ('joint_trajectory', trajectory(list(UPRIGHT), 1.0)),
     ):
         with pytest.raises(RejectedInputError, match='hand_guiding'):
-            take(message, 0.0)
+            acts[name](message, 0.0)
+    assert node.ahead(np.zeros(1)) is None

@@ -2,7 +2,7 @@
 
 import io
 
-from aerarm_ros.ros.progress_line import ProgressLine
+from aerarm_ros.ros.process.process_end import ProgressLine
 
 SECOND = 1_000_000_000
 

@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from aerarm_msgs_py import topics
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.ros.executors import spin_until
-from aerarm_ros.ros.link.ground_watchdog import CONTINUE, HOME, STOP, GroundWatchdog
+from aerarm_ros.ros.link.link_ends import CONTINUE, HOME, STOP, GroundWatchdog
 
 
 def watchdog(node: Node, action: str, timeout: float = 1.0) -> GroundWatchdog:

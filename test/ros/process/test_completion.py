@@ -18,8 +18,8 @@ raise SystemExit('it ran')
 """
 NODE = """
 from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter_table import ParameterTable
-from aerarm_ros.ros.process.command_line import CommandLine
+from aerarm_ros.ros.parameters.parameter import ParameterTable
+from aerarm_ros.ros.process.node_main import CommandLine
 table = ParameterTable(Parameter('port', 8080, ''), Parameter('host', '', ''))
 CommandLine('tool', table, None).complete()
 raise SystemExit('it ran')

@@ -14,7 +14,7 @@ import pytest
 # of another process, and with `late` that one first waits until launch is gone.
 LAUNCH = """
 import os, subprocess, sys, time
-from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
+from aerarm_ros.ros.process.process_end import LAUNCH_PID
 environment = {**os.environ, LAUNCH_PID: str(os.getpid())}
 say = 'import os; print(os.getpid(), flush=True); '
 command = [sys.executable, '-c', say + sys.argv[2]]
@@ -29,7 +29,7 @@ BRIDGE = (
     'sys.argv[1:] = ["--ros-args", "-p", "truth_file:={}"]; sys.exit(fake_hardware())'
 )
 LATE = (
-    'import time; from aerarm_ros.ros.process.die_with_parent import die_with_launch; '
+    'import time; from aerarm_ros.ros.process.process_end import die_with_launch; '
     'time.sleep(1.0); die_with_launch(); print("begun", flush=True)'
 )
 

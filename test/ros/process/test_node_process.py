@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from aerarm_ros.ros.process.die_with_parent import LAUNCH_PID
 from aerarm_ros.ros.process.node_process import NodeProcess
+from aerarm_ros.ros.process.process_end import LAUNCH_PID
 
 PARENT = """
 import sys, time

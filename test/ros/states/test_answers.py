@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerarm_ros.ros.states.answers import Answers
+from aerarm_ros.ros.states.state_stream import Answers
 
 
 class Wire:

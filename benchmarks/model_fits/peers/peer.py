@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-ENVIRONMENTS = Path(os.environ.get('AERARM_PEERS', HERE.parents[1] / 'build' / 'peers'))
+ENVIRONMENTS = Path(os.environ.get('AERARM_PEERS', HERE.parents[2] / 'build' / 'peers'))
 INSTALL_TIMEOUT, RUN_TIMEOUT = 900.0, 600.0  # [s]
 
 

@@ -37,10 +37,9 @@ from aerarm_msgs_py.codecs.cdr import Float64ArrayCdr
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.payload import identify_payload
 from aerarm_ros.identification.recording.recording import JointMapping, Recording
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.identification.truth import inertial_torque_errors, load_truth
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags

@@ -20,7 +20,7 @@ from aerarm_ros.hardware.bridge_modes import OFF
 from aerarm_ros.ros.process.node_process import NodeProcess
 from aerarm_ros.ros.requests.arm_client import ArmClient, ArmClientError
 
-sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'hardware'))
+sys.path.insert(0, str(Path(__file__).parents[3] / 'test' / 'hardware'))
 import spi_boards
 
 EMULATED, REAL = 'fake_hardware', 'hardware_bridge'

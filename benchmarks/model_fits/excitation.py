@@ -41,12 +41,11 @@ from aerarm_ros.hardware.bridge_cycle import BridgeCycle
 from aerarm_ros.hardware.emulation.emulated_motor import AlignmentTiming
 from aerarm_ros.hardware.emulation.emulation import make_emulated_transport
 from aerarm_ros.hardware.gate.command_intake import OfferedCommand
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import Recording
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.parallel import run_in_order
 
-sys.path.append(str(Path(__file__).parents[1] / 'test' / 'excitation'))
+sys.path.append(str(Path(__file__).parents[2] / 'test' / 'excitation'))
 
 from mujoco_arm import MujocoArm
 

@@ -1,7 +1,7 @@
 """Separate parts of the nodes' work per cycle, for counting their instructions.
 
-In the folder `benchmarks`, `python -m counting.work PIECE CYCLES` runs one part for a number of
-cycles.
+In the folder `benchmarks/real_time`, `python -m counting.work PIECE CYCLES` runs one part for a
+number of cycles.
 """
 
 import argparse
@@ -56,7 +56,7 @@ def drive(bridge: BridgeCycle, cycles: int) -> None:
             bridge.enable()
         if index >= ALIGNED_AT:
             velocity = SWING * np.sin(3.0 * now)
-            bridge.command(OfferedCommand(NAMES, None, velocity, None, PERIOD, 1), now)
+            bridge.command(OfferedCommand(NAMES, None, velocity, None, PERIOD, 'counted'), now)
         bridge.update(now)
     if bridge.mode != 'running':
         raise SystemExit(f'the arm is {bridge.mode}: {bridge.faults}')

@@ -22,11 +22,10 @@ from peers.peer import Peer
 from aerarm_ros.description.arm_config import ArmConfig, load_arm_config
 from aerarm_ros.description.robot import Robot, load_robot
 from aerarm_ros.identification.identification_result import IdentificationResult
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping
 from aerarm_ros.identification.regression.regression import SampleColumns
 from aerarm_ros.identification.solvers.solvers import SOLVERS
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.ros.programs.identifier_bags import IdentifierBags
 from aerarm_ros.simulation.arm_plant import PlantParameters
 

@@ -1,6 +1,6 @@
 """Identification of a fleet: 200 bags of ten arms, with one worker killed during the run.
 
-Usage: python benchmarks/fleet.py [--folder output/fleet] [--bags 200] [--workers 2]
+Usage: python benchmarks/model_fits/fleet.py [--folder output/fleet] [--bags 200] [--workers 2]
 
 The benchmark writes bags of simulated arms with realistic deviations (rigid links, rotors,
 friction, noise). The friction of joint 2 of arm3 grows from month to month, and the last link of

@@ -26,7 +26,7 @@ from aerarm_ros.online.payload_estimator import PayloadEstimator
 from aerarm_ros.simulation.arm_plant import PlantParameters, Spread
 
 for folder in ('identification', 'online'):
-    sys.path.append(str(Path(__file__).parents[1] / 'test' / folder))
+    sys.path.append(str(Path(__file__).parents[2] / 'test' / folder))
 
 from carrying_run import CarryingRun
 

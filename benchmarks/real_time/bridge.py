@@ -66,7 +66,7 @@ def cycle_costs(cycles: int) -> None:
             cycle.enable()
         if index >= 0:
             velocity = SWING * np.sin(3.0 * now)
-            offered = OfferedCommand(config.joint_names, None, velocity, None, PERIOD, 1)
+            offered = OfferedCommand(config.joint_names, None, velocity, None, PERIOD, 'bench')
             cycle.command(offered, now)
         start = time.perf_counter_ns()
         boards.advance(now)

@@ -18,9 +18,8 @@ from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 from aerarm_msgs_py.bags.bag_writer import BagWriter
 from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_ros.description.arm_config import load_arm_config
-from aerarm_ros.identification.identify import IdentificationOptions, identify
+from aerarm_ros.identification.identify import IdentificationOptions, Stopwatch, identify
 from aerarm_ros.identification.recording.recording import JointMapping, Recording
-from aerarm_ros.identification.stopwatch import Stopwatch
 from aerarm_ros.model.dynamics import Dynamics
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.online.contact_detector import ContactSettings, with_rest_share

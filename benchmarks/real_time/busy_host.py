@@ -1,6 +1,6 @@
 """Duration and success of a command on hosts with difficult conditions.
 
-    python benchmarks/busy_host.py --host paused --runs 3 --command 'make test'
+    python benchmarks/real_time/busy_host.py --host paused --runs 3 --command 'make test'
 
 By default the command is `make demo`, run once per host:
 
