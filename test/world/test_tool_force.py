@@ -96,10 +96,14 @@ def test_wrong_forces_are_rejected() -> None:
     for force, reason in (
         ([np.nan, 0.0, 0.0], 'finite'),
         ([30.0, 0.0, 0.0], 'force_max'),
-        ([0.0, 0.0, -5.0], 'out of reach'),
     ):
         with pytest.raises(RejectedInputError, match=reason):
             flight.source.push(force, flight.now)
+    far = flight.source._reach
+    flight.source._reach = lambda places, q: 0.01
+    with pytest.raises(RejectedInputError, match='out of reach'):
+        flight.source.push(5.0 * ALONG, flight.now)
+    flight.source._reach = far
     assert not flight.force.is_active
     flight.source.push(5.0 * ALONG, flight.now)
     with pytest.raises(RejectedInputError, match='direction'):
