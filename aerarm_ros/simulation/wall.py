@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aerarm_ros.control.checks import finite, non_negative_number
 from aerarm_ros.motion.signals import Array
 
 
@@ -44,13 +43,12 @@ class WallParameters:
 
     def __post_init__(self) -> None:
         """Check that every value is in its range."""
-        finite('wall point', self.point, 3)
-        if not np.any(finite('wall normal', self.normal, 3)):
-            raise ValueError('the normal of the wall must not be zero')
-        for name in ('stiffness', 'damping', 'friction'):
-            non_negative_number(f'wall {name}', getattr(self, name))
-        if not (self.yields_after >= 0.0 and self.yield_speed >= 0.0):
-            raise ValueError('yields_after and yield_speed of the wall must not be negative')
+        place = np.array([*self.point, *self.normal], dtype=float)
+        if place.shape != (6,) or not np.all(np.isfinite(place)) or not np.any(place[3:]):
+            raise ValueError('the wall needs a finite point and a finite normal that is not zero')
+        numbers = self.stiffness, self.damping, self.friction, self.yields_after, self.yield_speed
+        if not min(numbers) >= 0.0:
+            raise ValueError('no number of the wall may be negative')
 
 
 class Wall:
