@@ -106,6 +106,10 @@ SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
 # A timed path of the tool in the odometry's frame, with one transform per point.
 TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
+# Force of the tool on a wall in the odometry's frame [N], zero to end; and the resulting wrench on
+# drone and arm at the base's origin, in base axes, which the drone compensates.
+TOOL_FORCE = Topic('tool_force', WrenchStamped, RELIABLE)
+PLANNED_CONTACT = Topic('planned_contact', WrenchStamped, NEWEST)
 # Distances that the base can move along x, y, z of the world, and against them, before the tool is
 # out of reach [m]. The last entry is the time [s] until the tool is out of reach at the base's
 # present velocity.
@@ -118,6 +122,8 @@ ODOMETRY = Topic('odometry', Odometry, SENSOR)
 # motion capture.
 TRUE_ODOMETRY = Topic('true_odometry', Odometry, SENSOR)
 EXTERNAL_ODOMETRY = Topic('external_odometry', Odometry, SENSOR)
+# Force of an emulated wall on the tool, in the world [N].
+TRUE_WALL_FORCE = Topic('true_wall_force', WrenchStamped, SENSOR)
 # Thrust of each rotor [N] as effort, by rotor name, with the stamp of the answered odometry.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
 # Position at which the drone hovers, and timed path of the drone.
@@ -179,11 +185,14 @@ TOPICS = MappingProxyType(
             TOOL_TRAJECTORY,
             TOOL_POSE,
             TOOL_MOTION,
+            TOOL_FORCE,
+            PLANNED_CONTACT,
             ARM_REACH,
             IMU,
             ODOMETRY,
             TRUE_ODOMETRY,
             EXTERNAL_ODOMETRY,
+            TRUE_WALL_FORCE,
             ROTOR_COMMAND,
             FLIGHT_SET_POINT,
             FLIGHT_TRAJECTORY,

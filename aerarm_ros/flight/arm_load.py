@@ -332,6 +332,9 @@ class ArmFeedForward:
         self._mount = np.array(drone.mount.position)
         self._arm = StampedValues(HOLD)
         self._motion = StampedValues(HOLD)
+        self._contact = StampedValues(HOLD)
+        self._pressed = np.zeros(6)
+        self._contact_fade = Fade(_FEED_FADE, share=0.0)
         self._fade = Fade(_FEED_FADE, share=0.0)
         self._last = FeedForward.at_rest(body)
         self._time = -np.inf
@@ -369,8 +372,28 @@ class ArmFeedForward:
             raise RejectedInputError(
                 'base_wrench_motion: a force or moment is NaN, or too large for this arm'
             )
+        self._motion.add(stamp, self._in_body(wrench))
+
+    def offer_contact(self, stamp: float, wrench: Array) -> None:
+        """Add the wrench (6,) of a planned contact on drone and arm, in the arm's base frame.
+
+        The wrench acts from now on, without preview: the end of a contact is not known before.
+
+        Raises
+        ------
+        RejectedInputError
+            If the wrench is not finite, or larger than the weight of five drones.
+        """
+        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 50.0 * self._drone.mass:
+            raise RejectedInputError(
+                'planned_contact: a force or moment is NaN, or too large for this drone'
+            )
+        self._contact.add(stamp, self._in_body(wrench))
+
+    def _in_body(self, wrench: Array) -> Array:
+        """Convert a wrench (6,) from the arm's base frame to the drone's body frame."""
         force, moment = self._rotation @ wrench[:3], self._rotation @ wrench[3:]
-        self._motion.add(stamp, np.concatenate([force, moment + cross(self._mount, force)]))
+        return np.concatenate([force, moment + cross(self._mount, force)])
 
     @property
     def newest(self) -> float | None:
@@ -400,9 +423,22 @@ class ArmFeedForward:
         share = self._fade.update(step, known is not None)
         wrench, *forces = last[1:] if known is None else known
         self._last = FeedForward(body, wrench, *forces)
-        if share == 1.0:
-            return self._last
-        return FeedForward(body, share * wrench, *(share * force for force in forces))
+        fed = self._last
+        if share != 1.0:
+            fed = FeedForward(body, share * wrench, *(share * force for force in forces))
+        return self._with_contact(fed, now, step)
+
+    def _with_contact(self, fed: FeedForward, now: float, step: float) -> FeedForward:
+        """Add the wrench of the planned contact, which fades without new messages."""
+        pressed = self._contact.at(now) if self.use_motion else None
+        share = self._contact_fade.update(step, pressed is not None)
+        if pressed is not None:
+            self._pressed = pressed
+            share = self._contact_fade.share = 1.0
+        if share == 0.0:
+            return fed
+        wrench = share * self._pressed
+        return fed._replace(wrench=fed.wrench + wrench, wrench_now=fed.wrench_now + wrench)
 
     def _motion_at(self, now: float) -> tuple[Array, Array, Array, Array] | None:
         """Return both wrenches and the force's derivatives, None if unknown."""

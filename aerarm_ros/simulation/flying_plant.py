@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike
 
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.description.robot import Robot
-from aerarm_ros.model.inertia import joined
+from aerarm_ros.model.inertia import cross, joined
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.simulation.arm_plant import SUBSTEP, ArmPlant, PlantParameters
 from aerarm_ros.simulation.base_profile import BaseProfile, BaseState
 from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
+from aerarm_ros.simulation.wall import Wall
 
 
 class Rotors:
@@ -298,6 +299,11 @@ class FlyingPlant(FreeBasePlant):
     gust
         Force of the wind on the drone's centre of mass in the world [N], updated once per
         millisecond; none by default.
+
+    Attributes
+    ----------
+    wall
+        Wall that the arm can touch, None without one.
     """
 
     def __init__(
@@ -319,6 +325,8 @@ class FlyingPlant(FreeBasePlant):
         self._turn = np.array([1.0, 0.0, 0.0, 0.0])
         self._robot = robot
         self._touched: tuple[int, Array, Array] | None = None
+        self.wall: Wall | None = None
+        self._leaning = 0, np.zeros(3)
         super().__init__(robot, parameters, position, _body(robot, drone))
         data = self._data
         self._pose, self._twist, self._push = data.qpos[:7], data.qvel[:6], data.qfrc_applied[:6]
@@ -373,6 +381,16 @@ class FlyingPlant(FreeBasePlant):
             self._data.xfrc_applied[self._touched[0]] = 0.0
         self._touched = (body, place, force) if force.any() else None
 
+    def build(self, wall: Wall, link: str) -> None:
+        """Put a wall into the world, which the origin of a link's frame can touch.
+
+        Raises
+        ------
+        ValueError
+            If the arm has no such link.
+        """
+        self.wall, self._leaning = wall, self.place_on(link)
+
     def place_on(self, link: str) -> tuple[int, Array]:
         """Return the engine's body of a link, and the link frame's position in that body [m].
 
@@ -401,7 +419,10 @@ class FlyingPlant(FreeBasePlant):
         if not self.is_held:
             self._drive(wrench)
         if self._touched is not None:
+            self._data.xfrc_applied[self._touched[0]] = 0.0
             self._pull(*self._touched)
+        if self.wall is not None:
+            self._lean(self.wall, *self._leaning)
         super().step()
 
     def true_parameters(self) -> dict[str, Any]:
@@ -422,8 +443,15 @@ class FlyingPlant(FreeBasePlant):
     def _pull(self, body: int, place: Array, force: Array) -> None:
         data = self._data
         lever = data.xpos[body] - data.xipos[body] + data.xmat[body].reshape(3, 3) @ place
-        data.xfrc_applied[body, :3] = force
-        data.xfrc_applied[body, 3:] = np.cross(lever, force)
+        data.xfrc_applied[body, :3] += force
+        data.xfrc_applied[body, 3:] += cross(lever, force)
+
+    def _lean(self, wall: Wall, body: int, place: Array) -> None:
+        data = self._data
+        if self._touched is None or self._touched[0] != body:
+            data.xfrc_applied[body] = 0.0
+        at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ place
+        self._pull(body, place, wall.update(at, SUBSTEP))
 
     def _drive(self, wrench: Array) -> None:
         """Apply the rotors' wrench, given in body axes at the origin, and the wind."""

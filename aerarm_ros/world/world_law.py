@@ -27,6 +27,7 @@ _BRAKE_SHARE = 0.7
 _VELOCITY_RATE, _LIMIT_RATE = 40.0, 8.0
 _LIMIT_MARGIN = 0.03  # [rad] margin to position limits
 _ANGLE_MAX = 0.3  # [rad] largest orientation error in the feedback
+_NO_FORCE = np.zeros(3)
 
 
 class WorldReference(NamedTuple):
@@ -41,6 +42,8 @@ class WorldReference(NamedTuple):
     base : BasePose or None
         Pose of the base. None if the tool cannot be held in the world; then the arm stops in the
         base frame.
+    contact : (3,) ndarray
+        Known force of a contact on the tool, in the world [N].
     """
 
     p: Array
@@ -48,6 +51,7 @@ class WorldReference(NamedTuple):
     ddp: Array
     rotation: Array | None
     base: BasePose | None
+    contact: Array = _NO_FORCE
 
 
 class WorldGains(NamedTuple):
@@ -93,10 +97,12 @@ class WorldLaw:
         ddx  = J_b (s_0 + M_bb^-1 (w - c_b)) + g + J_g ddq + b(q, dq, omega)
         ddq  = J_g^# (ddx_d + Kd (dx_d - dx) + Kp (x_d - x) + Ki int(x_d - x) - a_0)
                + (1 - J_g^# J_g) z
-        tau  = M_jb s + M_jj ddq + c_j
+        tau  = M_jb s + M_jj ddq + c_j - J_q^T f
 
-    a_0 is the tool's acceleration at ddq = 0, and `b` contains the velocity terms. `s_0` and the
-    weight of the base's response come from `FreeBaseMotion`. On a base with known motion, J_g is
+    f is the known force of a contact on the tool. The rotors' wrench w of the base's motion must
+    already contain the wrench of f on drone and arm (`FreeBaseEstimator.contact`). a_0 is the
+    tool's acceleration at ddq = 0, and `b` contains the velocity terms. `s_0` and the weight of the
+    base's response come from `FreeBaseMotion`. On a base with known motion, J_g is
     the ordinary Jacobian and s is measured. `J_g^#` is the `DampedInverse`. The null-space
     acceleration z leads to the posture and, by weighted least squares, to the desired orientation.
     Joints respect their limits of position, velocity and acceleration; other joints replace the
@@ -130,6 +136,12 @@ class WorldLaw:
         Last commanded joint acceleration [rad/s^2].
     is_stopped : bool
         Whether the arm stays in the base frame.
+    jacobian, task : (3, n) ndarray
+        Last Jacobian J_q of the tool and its generalized Jacobian J_g, in base axes [m/rad].
+    contact : (3,) ndarray
+        Last known force of a contact on the tool, in base axes [N].
+    velocity : (3,) ndarray
+        Last velocity of the tool relative to the world, in base axes [m/s].
     """
 
     def __init__(
@@ -170,6 +182,9 @@ class WorldLaw:
         self.error = np.zeros(3)
         self.ddq = np.zeros(self._limits.n)
         self.is_stopped = False
+        self.jacobian = self.task = np.zeros((3, self._limits.n))
+        self.contact = _NO_FORCE
+        self.velocity = np.zeros(3)
 
     def update(
         self,
@@ -184,6 +199,7 @@ class WorldLaw:
         if reference.base is None:
             return self._stay(state, motion)
         self._brake, self.is_stopped = None, False
+        self.contact = reference.base.rotation.T @ reference.contact
         self.ddq = self._wanted(state, reference, reference.base, motion, dt)
         return self._command(state, self.ddq, motion)
 
@@ -194,7 +210,7 @@ class WorldLaw:
             path = brake(start, _BRAKE_SHARE * self._limits.acceleration_max)
             self._brake = path, self._time
             self._integral = np.zeros(3)
-            self.is_stopped = True
+            self.is_stopped, self.contact = True, _NO_FORCE
         path, begin = self._brake
         q, dq, ddq = path.evaluate(self._time - begin)
         gains = self.gains
@@ -206,6 +222,8 @@ class WorldLaw:
         if self._friction is not None:
             load = u - self._dynamics.fixed.rotor_inertia * ddq
             u = u + self._friction.torque(state.dq, load)
+        if self.contact.any():
+            u = u - self.jacobian.T @ self.contact
         return JointCommand(tau=u)
 
     def _wanted(
@@ -224,7 +242,7 @@ class WorldLaw:
         linear, angular = jacobian[:3], jacobian[3:]
         rate, to_base = pose.rate, pose.rotation.T
         slide = linear @ dq
-        velocity = to_base @ pose.velocity + cross(rate, place) + slide
+        self.velocity = velocity = to_base @ pose.velocity + cross(rate, place) + slide
         gains = self.gains
         self.error = error = to_base @ (reference.p - pose.position) - place
         wanted = to_base @ reference.ddp + gains.kp * error
@@ -240,6 +258,7 @@ class WorldLaw:
         own = self._kinematics.acceleration_bias(q, dq)
         drift = pushed[:3] + cross(spin, place) + base.gravity + curve + own[:3]
         task = linear - (answer[:3] + np.array([cross(c, place) for c in answer[3:].T]).T)
+        self.jacobian, self.task = linear, task
         preferred = self._preferred(q, dq)
         if reference.rotation is not None and gains.orientation:
             turning = angular - answer[3:]

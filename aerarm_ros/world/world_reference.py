@@ -13,6 +13,7 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference, TaskReference
 from aerarm_ros.world.base_pose import BasePose, BasePoseEstimator
+from aerarm_ros.world.tool_force import ToolForce
 from aerarm_ros.world.world_law import WorldReference
 
 _ORIGIN = np.zeros(3)
@@ -20,6 +21,7 @@ _PLACE_MAX = 1e4  # [m]; a target beyond this is in another unit
 _LATEST, _EARLIEST = 1.0, 60.0  # [s] from now, bounds of a path's start
 _OFF_TIME = 0.3  # [s] for which the tool may be off its target before the arm stops
 _LOOK = 0.1  # [s] between two checks whether the target is reachable
+_FIRST_STEP = 0.02  # [m] in which the tool must be able to move along a force
 _RESUME = 0.5  # [s] without a problem before the motion continues
 
 
@@ -133,6 +135,8 @@ class WorldToolReference:
 
     Attributes
     ----------
+    force : ToolForce or None
+        Set force along one direction; None if the arm cannot measure it.
     reason : str
         Reason why the tool is not held in the world; empty if it is held.
     stops : int
@@ -156,6 +160,7 @@ class WorldToolReference:
         self._quick, self._slow = followers
         self._reach = reach
         self._error_max = positive('error_max', error_max)
+        self.force: ToolForce | None = None
         self.stops = 0
         self._q = np.zeros(kinematics.robot.n)
         self.take_over(self._q)
@@ -170,6 +175,8 @@ class WorldToolReference:
         self.reason = 'control has just started'
         self.error = 0.0
         self._q = q
+        if self.force is not None:
+            self.force.reset()
 
     # Targets.
 
@@ -211,6 +218,39 @@ class WorldToolReference:
             )
         self._require_reach('tool path', path.places, now)
         self._begin(_Goal(path.places[0], path, begin, rotation), now)
+
+    def push(self, force: npt.ArrayLike, now: float) -> None:
+        """Press the tool with a force (3,) [N] in the world, against a wall in its direction.
+
+        The tool follows its target only across the force. A force of zero ends the contact, and
+        the tool returns to its target.
+
+        Raises
+        ------
+        RejectedInputError
+            If the force is not finite, too large or in another direction than the present one, or
+            if the tool is not held in the world.
+        """
+        pusher = self.force
+        if pusher is None:
+            raise RejectedInputError('tool force: set observer_gain, which measures the force')
+        if self.reason or self.base.problem(now):
+            raise RejectedInputError(
+                f'tool force: the tool is not held in the world: {self.reason}'
+            )
+        if not pusher.is_active and np.all(np.isfinite(force)):
+            vector = np.array(force, dtype=float)
+            nearest = self._place + _FIRST_STEP * vector / (np.linalg.norm(vector) + 1e-9)
+            self._require_reach('the wall of the tool force', nearest[np.newaxis], now)
+        if not pusher.push(force, self._place, now) and pusher.is_active:
+            pusher.reset()
+            self._return(now)
+
+    def _return(self, now: float) -> None:
+        """Move the tool from where it is to its target, at the speed of recovery."""
+        assert self._goal is not None
+        self._quick.start(_ORIGIN)
+        self._slow.start(self._place - self._goal.at(now).p, _ORIGIN, _ORIGIN)
 
     def _require_reach(self, what: str, places: Array, now: float) -> None:
         if np.abs(places).max() > _PLACE_MAX:
@@ -276,8 +316,15 @@ class WorldToolReference:
             self._quick.update(_ORIGIN, now, dt),
             self._slow.update(_ORIGIN, now, dt),
         )
-        p, dp, ddp = (parts[0][k] + parts[1][k] + parts[2][k] for k in range(3))
-        self.reference = WorldReference(p, dp, ddp, goal.rotation, pose)
+        motion = TaskReference(*(parts[0][k] + parts[1][k] + parts[2][k] for k in range(3)))
+        contact, pusher = _ORIGIN, self.force
+        if pusher is not None and pusher.is_active:
+            pressed = pusher.update(motion, pose, self._place, now, dt)
+            if pressed is None:
+                self._goal = _Goal(self._place, None, now, goal.rotation)
+                return self._stop(pusher.reason, now)
+            motion, contact = pressed, pusher.on_tool
+        self.reference = WorldReference(*motion, goal.rotation, pose, contact)
         return self.reference
 
     def _off_target(self, now: float) -> str:
@@ -313,6 +360,8 @@ class WorldToolReference:
                 # The part of the path that the tool would have missed is unknown.
                 self._goal = None
         self.reason, self._wrong_at, self._off_since = problem, now, None
+        if self.force is not None and self.force.is_active:
+            self.force.stop('the tool is not held in the world', now)
         self.reference = None
         return _STOPPED
 

@@ -81,6 +81,8 @@ class HoldingBench:
         If a process fails or does not respond.
     """
 
+    recorded = topics.JOINT_STATES, topics.TRUE_ODOMETRY
+
     def __init__(
         self, stack: ExitStack, node: Node, folder: Path, case: HoldingCase, arm: ArmModel
     ) -> None:
@@ -89,7 +91,7 @@ class HoldingBench:
         file = write_drone(drone, folder / 'drone.yaml')
         self._mount = drone.mount
         self._kinematics = Kinematics(load_robot(gravity_in_base=drone.gravity_in_base))
-        self._reader = RawReader(node, topics.JOINT_STATES, topics.TRUE_ODOMETRY)
+        self._reader = RawReader(node, *self.recorded)
         stack.callback(self._reader.destroy)
         self._codec = JointStateCdr(load_arm_config().joint_names)
         self._said: dict[str, tuple[bytes, str]] = {}
@@ -113,6 +115,7 @@ class HoldingBench:
         self._start(stack, 'fake_hardware', world)
         self._targets = self._publisher(topics.TOOL_TRAJECTORY)
         self._motions = self._publisher(topics.TOOL_MOTION)
+        self._pushes = self._publisher(topics.TOOL_FORCE)
         topic = topics.DIAGNOSTICS
         node.create_subscription(topic.type, topic.name, self._on_diagnostics, topic.qos)
         client = ArmClient(node, ['fake_hardware'], ['enable'])
@@ -134,16 +137,21 @@ class HoldingBench:
             self._targets.publish(self._target(start))
             if self.case.path:
                 self._motions.publish(self._path(start, begin, seconds))
-        rows = self._seen(seconds)
+        record = self._record(self._seen(seconds), begin, start)
+        if self.case.path:
+            record.targets[:] += swing(record.times, path_length(seconds))
+        return record
+
+    def _record(
+        self, rows: list[tuple[float, ...]], begin: float, target: np.ndarray
+    ) -> HoldingRecord:
+        """Return the record of rows with one target, after the last diagnostics."""
         columns = [np.array(column) for column in zip(*rows, strict=True)]
         times, places, attitudes, postures, tools = columns
-        times = times - begin
-        targets = np.tile(start, (len(times), 1))
-        if self.case.path:
-            targets = targets + _swing(times, _length(seconds))
+        targets = np.tile(target, (len(times), 1))
         spin_until(self.node, lambda: False, _REPORT)
         said = self.said('world_control')
-        return HoldingRecord(times, places, attitudes, postures, tools, targets, said)
+        return HoldingRecord(times - begin, places, attitudes, postures, tools, targets, said)
 
     def _seen(self, seconds: float) -> list[tuple[float, ...]]:
         """Return rows of time, drone position and attitude, posture and tool position."""
@@ -180,12 +188,12 @@ class HoldingBench:
         return message
 
     def _path(self, centre: np.ndarray, begin: float, seconds: float) -> MultiDOFJointTrajectory:
-        times = np.arange(0.0, _length(seconds) + _POINT, _POINT)
+        times = np.arange(0.0, path_length(seconds) + _POINT, _POINT)
         message = MultiDOFJointTrajectory(joint_names=['tool0'])
         message.header.frame_id = 'odom'
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(round(1e9 * begin), 10**9)
         for when, place in zip(
-            times.tolist(), centre + _swing(times, _length(seconds)), strict=True
+            times.tolist(), centre + swing(times, path_length(seconds)), strict=True
         ):
             transform = Transform()
             t = transform.translation
@@ -216,12 +224,12 @@ class HoldingBench:
             self._said[name] = (status.level, status.message)
 
 
-def _length(seconds: float) -> float:
+def path_length(seconds: float) -> float:
     """Return the duration of a path for an evaluation time [s]."""
     return seconds + 2.0 * GROWTH
 
 
-def _swing(times: np.ndarray, length: float) -> np.ndarray:
+def swing(times: np.ndarray, length: float) -> np.ndarray:
     """Return the path about its centre (K, 3) [m], with ramps of 2 s."""
     grown = np.clip(np.minimum(times, length - times) / GROWTH, 0.0, 1.0)
     share = grown**3 * (10.0 - 15.0 * grown + 6.0 * grown**2)

@@ -168,7 +168,7 @@ class HoldingFlight:
         else:
             self.base = BaseMotionEstimator(drone.gravity_in_base, 'attitude', mount)
         kinematics, limits = Kinematics(robot), JointLimits.from_config(CONFIG)
-        friction = FrictionCompensation(
+        self.friction = friction = FrictionCompensation(
             robot.viscous, robot.coulomb, fraction=0.9, load_share=parameters.load_friction
         )
         self.inverse = DampedInverse(0.06, 0.03)

@@ -329,6 +329,9 @@ class FreeBaseEstimator:
 
     Attributes
     ----------
+    contact : (6,) ndarray
+        Known wrench of a contact on drone and arm, about the base's origin, in base axes [N], [Nm].
+        It acts like a wrench of the rotors, without delay; set it whenever it changes.
     rejections : int
         Number of rejected samples and commands.
     last_rejection : str
@@ -373,6 +376,7 @@ class FreeBaseEstimator:
         self._compared: tuple[float, Array, Array] | None = None
         self._updated: float | None = None
         self._imu_share = self._rotor_share = 0.0
+        self.contact = np.zeros(6)
         self.rejections = 0
         self.last_rejection = ''
 
@@ -445,7 +449,7 @@ class FreeBaseEstimator:
         predicted = None
         if not self._rotor_problem(now):
             # The middle of the step, at the time of the measurement.
-            wrench = self.rotors.wrench(now - 0.5 * step - self._latency)
+            wrench = self.rotors.wrench(now - 0.5 * step - self._latency) + self.contact
             forces = self.whole.forces(q, dq, ddq, self._rate)
             predicted = self.whole.response(q)[0] @ (wrench - forces[:6]) - self._hover
         self.correction.update(predicted, measured - self._hover, step)
@@ -461,7 +465,7 @@ class FreeBaseEstimator:
         # Centrifugal forces without their cause would be worse than neither.
         rate = self._rotor_share * self._rate
         motion = BaseMotion(self._gravity, offset[:3], rate, offset[3:])
-        return FreeBaseMotion(motion, self.rotors.wrench(now + ahead), share)
+        return FreeBaseMotion(motion, self.rotors.wrench(now + ahead) + self.contact, share)
 
     def _fade(self, now: float) -> None:
         """Fade the effect of inputs that are lost or return."""

@@ -1,12 +1,14 @@
 """Hold the tool in the world frame, or move it along a path, while the drone sways.
 
-Targets arrive on tool_trajectory, timed paths on tool_motion, both in the odometry's frame.
+Targets arrive on tool_trajectory, timed paths on tool_motion, both in the odometry's frame. A force
+on tool_force presses the tool on a wall, and holds this force while the tool follows its target.
 Without a target the tool stays where it is when control starts. The node subscribes to odometry,
 imu, rotor_command and joint_states.
 """
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from aerarm_ros.control.base.base_motion import ImuSample, Mount
 from aerarm_ros.control.base.free_base_estimator import FREE, AnswerCorrection, FreeBaseEstimator
+from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.control_loop import ControlLoop
 from aerarm_ros.control.laws.kinematic_control import DampedInverse
 from aerarm_ros.control.references.target_follower import TargetFollower
@@ -36,14 +39,17 @@ from aerarm_ros.ros.states.flight_stream import to_odometry_sample
 from aerarm_ros.world.base_pose import BasePoseEstimator, OdometryFrames
 from aerarm_ros.world.reach import ArmReach
 from aerarm_ros.world.rotor_governor import ReactionLimit
+from aerarm_ros.world.tool_force import ForceSettings, ToolForce, ToolForceObserver
 from aerarm_ros.world.world_law import WorldGains, WorldLaw
 from aerarm_ros.world.world_reference import WorldToolReference, planned_joints
 
 NAME = 'world_control'
 
 _GAINS = WorldGains()
+_FORCE = ForceSettings()
 _SOON = 3.0  # [s] before the tool leaves the arm's reach, for a warning
 _NEAR = 0.02  # [m]
+_FRICTION_ERROR = 0.5  # expected error of a joint's dry friction, relative to the friction
 _RECOVERY = 5.0, 0.5  # [rad/s], [m/s^2] of the slow approach after a stop
 
 PARAMETERS = controller_parameters(
@@ -93,6 +99,23 @@ PARAMETERS = controller_parameters(
         Parameter('recovery_speed', 0.1,
             'tool velocity towards its target after a stop or an odometry jump',
                   'm/s', 1e-3, 1.0),
+    ),
+    *grouped(
+        'Force of the tool',
+        Parameter('force_max', _FORCE.force_max, 'largest accepted tool_force', 'N', 0.5, 100.0),
+        Parameter('approach_speed', _FORCE.approach_speed,
+            'speed at which the tool approaches the wall', 'm/s', 1e-3, 0.2),
+        Parameter('approach_max', _FORCE.approach_max,
+            'distance of the approach after which the tool stops without a wall', 'm', 1e-3, 1.0),
+        Parameter('contact_force', _FORCE.contact_force,
+            'estimated force from which the approach counts as contact', 'N', 0.2, 50.0),
+        Parameter('force_ramp', _FORCE.ramp, 'rate of change of the force', 'N/s', 0.1, 100.0),
+        Parameter('force_gain', _FORCE.gain,
+            'gain of the integral feedback of the force', '1/s', 0.1, 20.0),
+        Parameter('travel_max', _FORCE.travel_max, (
+            'distance that the tool may move along the force in contact before the controller '
+            'stops the tool'
+        ), 'm', 1e-3, 0.5),
     ),
     *grouped(
         'Set point for the drone',
@@ -157,6 +180,23 @@ class WorldControlNode(ControllerNode):
         if (governor := arm.governor(values)) is not None:
             self.law.limited = ReactionLimit(governor)
         observer = arm.observer(values, dynamics, friction)
+        self._measured = None
+        if observer is not None:
+            self._measured = arm.measured_base(values)
+            observer = ToolForceObserver(
+                self.law, dynamics, values.observer_gain, self.base, self._measured, friction,
+                _FRICTION_ERROR * arm.robot.coulomb,
+            )  # fmt: skip
+            settings = ForceSettings(
+                values.force_max,
+                values.approach_speed,
+                values.approach_max,
+                values.contact_force,
+                values.force_ramp,
+                values.force_gain,
+                values.travel_max,
+            )
+            self.reference.force = ToolForce(observer, settings)
         limit = arm.compensation_max(values)
         return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
 
@@ -168,9 +208,13 @@ class WorldControlNode(ControllerNode):
         self.take_payload()
 
     def take_imu(self, sample: ImuSample, now: float) -> None:
-        """Pass an IMU sample to both estimators of the base."""
+        """Pass an IMU sample to all estimators of the base."""
         super().take_imu(sample, now)
         self.pose.offer_imu(sample, now)
+        if self._measured is not None:
+            # The estimator of the law has already reported what is wrong with a sample.
+            with suppress(RejectedInputError):
+                self._measured.offer(sample, now)
 
     def take_odometry(self, message: Odometry, now: float) -> None:
         """Pass an odometry message to the estimator of the base's pose."""
@@ -198,6 +242,9 @@ class WorldControlNode(ControllerNode):
             return (
                 f'the controller holds the tool in the base frame, because {self.reference.reason}'
             )
+        pusher = self.reference.force
+        if pusher is not None and pusher.reason:
+            return f'the tool no longer presses: {pusher.reason}'
         margin = self.topics.margin
         if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
             return (
@@ -222,6 +269,9 @@ class WorldControlNode(ControllerNode):
             'odometry rejected': pose.rejections,
             'smallest singular value [m/rad]': round(self.law.least_singular_value, 4),
         }
+        if (pusher := self.reference.force) is not None:
+            values['tool force'] = pusher.phase.value
+            values['tool force [N]'] = round(pusher.force, 2)
         if margin is not None:
             values['drone may move [mm]'] = round(1e3 * margin.least)
             values['time to end of reach [s]'] = round(margin.time, 1)

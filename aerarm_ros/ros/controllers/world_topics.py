@@ -6,13 +6,14 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from aerarm_msgs_py import topics
 from aerarm_ros.control.base.base_motion import quaternion, rotation_matrix
 from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.model.inertia import cross
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.executors import create_steady_timer
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 _POSE_PERIOD_NS = 20_000_000
 _REACH_PERIOD = 0.2  # [s]
+_CONTACT_PERIOD_NS = 2_000_000
+_CONTACT_ENDS = 0.1  # [s] for which the end of a contact is published
 _POINTS_MAX = 2000
 _ANY = 0.1  # A shorter quaternion means that no orientation is requested.
 
@@ -85,6 +88,9 @@ class WorldTopics:
             self._requests = controller.advertise(topics.FLIGHT_SET_POINT)
         controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
         controller.take_references(topics.TOOL_MOTION, self._on_motion)
+        self._pressed_ns, self._pressed_until = 0, -np.inf
+        self._contacts = controller.advertise(topics.PLANNED_CONTACT)
+        controller.take_references(topics.TOOL_FORCE, self._on_force)
         create_steady_timer(controller.node, _REACH_PERIOD, self._publish_reach)
 
     # Targets, in the loop's thread.
@@ -122,6 +128,18 @@ class WorldTopics:
         rotation = _rotation('tool motion', np.array([turn.x, turn.y, turn.z, turn.w]))
         self._reference.follow(path, stamp or now, now, rotation)
 
+    def _on_force(self, message: WrenchStamped, now: float) -> None:
+        force, moment = _vector(message.wrench.force), _vector(message.wrench.torque)
+        if np.any(moment != 0.0):
+            raise RejectedInputError(
+                'tool force rejected: the tool can press with a force but not with a moment: set '
+                'the torque to zero'
+            )
+        frame = message.header.frame_id
+        if frame not in ('', self.frame):
+            raise RejectedInputError(self._wrong_frame('tool force', frame))
+        self._reference.push(force, now)
+
     def _in_world(
         self, what: str, frame: str, place: Array, rotation: Array | None, now: float
     ) -> tuple[Array, Array | None]:
@@ -151,6 +169,7 @@ class WorldTopics:
     def update(self) -> None:
         """Publish the tool's pose if it is due, and store the state for the reach."""
         stamp_ns, state = self._controller.stamp_ns, self._controller.state
+        self._publish_contact(stamp_ns)
         if state is None or 0 <= stamp_ns - self._posed_ns < _POSE_PERIOD_NS:
             return
         self._posed_ns = stamp_ns
@@ -166,9 +185,29 @@ class WorldTopics:
         header = base_header(stamp_ns, self.frame)
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
 
+    def _publish_contact(self, stamp_ns: int) -> None:
+        """Publish the wrench of the planned contact, and for a short time that it has ended."""
+        pusher, now, state = self._reference.force, 1e-9 * stamp_ns, self._controller.state
+        if pusher is None or state is None or self._reference.base.problem(now):
+            return
+        if pusher.is_active:
+            self._pressed_until = now + _CONTACT_ENDS
+        if now > self._pressed_until or 0 <= stamp_ns - self._pressed_ns < _CONTACT_PERIOD_NS:
+            return
+        self._pressed_ns = stamp_ns
+        force = self._reference.base.pose(now).rotation.T @ pusher.planned_on_tool(now)
+        moment = cross(self._kinematics.position(state.q), force)
+        message = WrenchStamped(header=base_header(stamp_ns, self._base))
+        f, m = message.wrench.force, message.wrench.torque
+        f.x, f.y, f.z = force.tolist()
+        m.x, m.y, m.z = moment.tolist()
+        self._contacts.publish(message)
+
     def give_up(self, reason: str) -> None:
-        """Drop the stored reach while the arm is not controlled."""
+        """Drop the stored reach and the contact while the arm is not controlled."""
         self._seen = self.margin = None
+        if self._reference.force is not None:
+            self._reference.force.reset()
         if self._request is not None:
             self._request.reset()
 

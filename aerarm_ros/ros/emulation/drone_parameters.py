@@ -21,6 +21,7 @@ from aerarm_ros.simulation.sensors import (
     OdometryReading,
     RandomDrift,
 )
+from aerarm_ros.simulation.wall import Wall, WallParameters
 
 _GUST_PERIOD = 1e-3  # [s]
 _TRUE_RATE = 250.0  # [Hz]
@@ -138,6 +139,35 @@ DRONE_PARAMETERS = grouped(
         "link of the URDF that contact_force acts on, for example tool0; the drone's body if empty",
         live=True,
     ),
+    Parameter(
+        'wall',
+        [],
+        'compliant wall that tool0 can touch: x, y, z of a point and x, y, z of the direction into '
+        'the wall, in the world; none if empty',
+        'm',
+        -1000.0,
+        1000.0,
+        element=float,
+    ),
+    Parameter('wall_stiffness', 1e4, 'stiffness of the wall', 'N/m', 1.0, 1e5),
+    Parameter('wall_damping', 10.0, 'damping of the wall', 'Ns/m', 0.0, 1000.0),
+    Parameter('wall_friction', 0.3, 'coefficient of friction between tool and wall', '', 0.0, 2.0),
+    Parameter(
+        'wall_yields_after',
+        0.0,
+        'time from the first touch until the wall moves away; 0 for never',
+        's',
+        0.0,
+        1e4,
+    ),
+    Parameter(
+        'wall_yield_speed',
+        0.0,
+        'speed at which the wall moves away; 0 for a wall that disappears',
+        'm/s',
+        0.0,
+        100.0,
+    ),
 )
 
 
@@ -197,6 +227,24 @@ def contact(values: SimpleNamespace, plant: FlyingPlant) -> tuple[list[float], s
     force = _numbers(values, 'contact_force', 3) if values.contact_force else [0.0, 0.0, 0.0]
     plant.place_on(values.contact_link)
     return force, values.contact_link
+
+
+def wall(values: SimpleNamespace) -> Wall | None:
+    """Return the wall, None without one; raises ValueError for an invalid wall."""
+    if not values.wall:
+        return None
+    place = _numbers(values, 'wall', 6)
+    return Wall(
+        WallParameters(
+            tuple(place[:3]),
+            tuple(place[3:]),
+            values.wall_stiffness,
+            values.wall_damping,
+            values.wall_friction,
+            values.wall_yields_after or np.inf,
+            values.wall_yield_speed or np.inf,
+        )
+    )
 
 
 def _numbers(values: SimpleNamespace, name: str, count: int) -> list[float]:

@@ -62,7 +62,8 @@ _CYCLES_OF_A_WAIT = 10
 _STILL = 0.05  # [rad/s] largest speed of a joint at rest
 _FAULT_TIME = 1.0  # [s] simulation time until a fault has an effect
 _FALL_TIME = 2.0  # [s] after which an arm without motor current has begun to fall
-_NO_DRONE = 'contact_force needs a flying drone: set drone_file'
+_NO_DRONE = 'contact_force and wall need a flying drone: set drone_file'
+_WALL_LINK = 'tool0'
 
 
 class EmulatedArm(World):
@@ -165,7 +166,7 @@ class EmulatedArm(World):
         if drone is not None and self._geometry is not None:
             drone = self._geometry.drone(drone)
         if drone is None:
-            if values.contact_force:
+            if values.contact_force or values.wall:
                 raise ValueError(_NO_DRONE)
             if profile == STILL:
                 return None
@@ -181,6 +182,8 @@ class EmulatedArm(World):
         wind = drone_parameters.gust(values)
         plant = mount_on_drone(transport, robot, drone, values.rotor_timeout, wind)
         plant.touch(*drone_parameters.contact(values, plant))
+        if (wall := drone_parameters.wall(values)) is not None:
+            plant.build(wall, _WALL_LINK)
         sensors = (drone_parameters.imu(values, plant), drone_parameters.odometry(values, plant))
         others = drone_parameters.other_odometry(values, plant)
         return FlyingDrone(self.bridge, plant, *sensors, LAG[values.pace], robot.prefix, others)

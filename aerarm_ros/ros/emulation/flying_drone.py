@@ -9,6 +9,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -21,6 +22,7 @@ from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
 from aerarm_ros.ros.states.flight_stream import RotorCommands
+from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.simulation.flying_plant import FlyingPlant, FreeBasePlant, MovingBasePlant
 from aerarm_ros.simulation.sensors import DelayedSensor, ImuReading, OdometryReading
 
@@ -141,6 +143,10 @@ class FlyingDrone(EmulatedDrone):
             (node.create_publisher(topic.type, topic.name, topic.offered), sensor)
             for topic, sensor in others
         ]
+        topic = topics.TRUE_WALL_FORCE
+        self._wall_forces = None
+        if plant.wall is not None:
+            self._wall_forces = node.create_publisher(topic.type, topic.name, topic.offered)
         self._commands = RotorCommands(node, plant.drone.rotor_names, self._reject)
         self._watch = AnswerWatch(odometry.period_ns, lag)
         self._logger = node.get_logger()
@@ -189,6 +195,13 @@ class FlyingDrone(EmulatedDrone):
             reading = sensor.update(stamp_ns)
             if reading is not None and publisher.get_subscription_count():
                 publisher.publish(self._filled(Odometry(), *reading))
+        if odometry is not None and self._wall_forces and self._flight.wall:
+            message = WrenchStamped(
+                header=base_header(stamp_ns, self._odometry_message.header.frame_id)
+            )
+            force = message.wrench.force
+            force.x, force.y, force.z = self._flight.wall.force.tolist()
+            self._wall_forces.publish(message)
         self.look()
         if odometry is not None:
             self._publish_odometry(*odometry)

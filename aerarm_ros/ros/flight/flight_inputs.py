@@ -67,6 +67,7 @@ class ArmTopics:
         for topic, take in (
             (topics.ARM_INERTIA, self._on_inertia),
             (topics.MOTION_WRENCH, self._on_motion),
+            (topics.PLANNED_CONTACT, self._on_contact),
         ):
             node.create_subscription(topic.type, topic.name, take, topic.qos)
 
@@ -80,6 +81,11 @@ class ArmTopics:
         wrench = np.concatenate([_vector(message.wrench.force), _vector(message.wrench.torque)])
         stamp = _stamp(message)
         self._act(lambda: self._arm.offer_motion(stamp, wrench))
+
+    def _on_contact(self, message: WrenchStamped) -> None:
+        wrench = np.concatenate([_vector(message.wrench.force), _vector(message.wrench.torque)])
+        stamp = _stamp(message)
+        self._act(lambda: self._arm.offer_contact(stamp, wrench))
 
 
 def to_target(message: PoseStamped, frame: str) -> FlightTarget:

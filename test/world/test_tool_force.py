@@ -1,0 +1,112 @@
+"""Set force of the tool on a wall under a flying drone, in the physics engine."""
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from holding_flight import HeldFlight, HoldingFlight
+
+from aerarm_ros.control.base.base_motion import ImuSample, Mount
+from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.simulation.wall import Wall, WallParameters
+from aerarm_ros.world.tool_force import Phase, ToolForce, ToolForceObserver
+
+Array = npt.NDArray[np.float64]
+ALONG = np.array([1.0, 0.0, 0.0])
+
+
+class PressingFlight(HoldingFlight):
+    """A fully actuated drone in the wind whose tool presses on a wall."""
+
+    def __init__(self, stiffness: float, yields_after: float = np.inf, gap: float = 0.02) -> None:
+        super().__init__(HeldFlight(drone='drones/tilted_hexarotor.yaml'))
+        point = tuple((self.tool() + gap * ALONG).tolist())
+        self.wall = Wall(WallParameters(point, tuple(ALONG), stiffness, yields_after=yields_after))
+        self.plant.build(self.wall, 'tool0')
+        self.measured = BaseMotionEstimator(
+            self.drone.gravity_in_base, 'full', Mount.from_drone(self.drone), latency=4e-3
+        )
+        observer = ToolForceObserver(
+            self.law, self.dynamics, 30.0, self.base, self.measured, self.friction,
+            0.5 * self.robot.coulomb,
+        )  # fmt: skip
+        self.loop.observer = observer
+        self.source.force = self.force = ToolForce(observer)
+        self.pressed: list[tuple[float, float, float]] = []  # time, force, place along
+
+    def _sense(self, now: float, stamp_ns: int) -> None:
+        super()._sense(now, stamp_ns)
+        attitude, rate, specific = self.plant.imu
+        if self._cycle % 4 == 0:
+            self.measured.offer(ImuSample(now - 4e-3, attitude, rate, specific), now)
+
+    def _fly(self, now: float) -> None:
+        if not self.source.base.problem(now):
+            pose = self.source.base.pose(now)
+            force = pose.rotation.T @ self.force.planned_on_tool(now)
+            moment = np.cross(self.kinematics.position(self.plant.position), force)
+            self._feed.offer_contact(now, np.concatenate([force, moment]))
+        super()._fly(now)
+
+    def _note(self) -> None:
+        super()._note()
+        self.pressed.append((self.now, -float(self.wall.force @ ALONG), float(self.tool()[0])))
+
+    def press(self, seconds: float) -> Array:
+        """Press with 5 N; return time, force and place along the force (M, 3)."""
+        self.run(2.0)
+        self.source.push(5.0 * ALONG, self.now)
+        self.run(seconds)
+        return np.array(self.pressed)
+
+
+@pytest.mark.parametrize('stiffness', [1e3, 1e4])
+def test_a_force_of_5_n_is_held_within_half_a_newton(stiffness: float) -> None:
+    flight = PressingFlight(stiffness)
+    rows = flight.press(4.5)
+    held = rows[rows[:, 0] > 5.0]
+    assert flight.force.phase is Phase.CONTACT
+    assert np.sqrt(((held[:, 1] - 5.0) ** 2).mean()) < 0.5
+    assert rows[:, 1].max() < 8.0, 'the impact must not exceed the set force by much'
+
+
+def test_the_tool_stops_within_20_mm_after_the_wall_disappears() -> None:
+    flight = PressingFlight(1e4, yields_after=2.0)
+    rows = flight.press(4.0)
+    touched = rows[rows[:, 1] > 0.0][0, 0]
+    after = rows[rows[:, 0] >= touched + 2.0]
+    assert flight.force.phase is Phase.NONE
+    assert 'wall' in flight.force.reason
+    assert (after[:, 2] - after[0, 2]).max() < 0.02
+
+
+def test_without_a_wall_the_approach_ends() -> None:
+    flight = PressingFlight(1e4, gap=10.0)
+    flight.force.settings = flight.force.settings._replace(approach_max=0.03)
+    flight.press(2.0)
+    assert 'no wall' in flight.force.reason
+    assert flight.force.phase is Phase.NONE
+
+
+def test_wrong_forces_are_rejected() -> None:
+    flight = PressingFlight(1e4)
+    with pytest.raises(RejectedInputError, match='not held in the world'):
+        flight.source.push(5.0 * ALONG, 0.0)
+    flight.run(1.5)
+    for force, reason in (
+        ([np.nan, 0.0, 0.0], 'finite'),
+        ([30.0, 0.0, 0.0], 'force_max'),
+    ):
+        with pytest.raises(RejectedInputError, match=reason):
+            flight.source.push(force, flight.now)
+    far = flight.source._reach
+    flight.source._reach = lambda places, q: 0.01
+    with pytest.raises(RejectedInputError, match='out of reach'):
+        flight.source.push(5.0 * ALONG, flight.now)
+    flight.source._reach = far
+    assert not flight.force.is_active
+    flight.source.push(5.0 * ALONG, flight.now)
+    with pytest.raises(RejectedInputError, match='direction'):
+        flight.source.push([0.0, 5.0, 0.0], flight.now)
+    flight.source.push([0.0, 0.0, 0.0], flight.now)
+    assert not flight.force.is_active
