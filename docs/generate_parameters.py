@@ -12,7 +12,8 @@ from pathlib import Path
 from unittest.mock import patch
 
 from aerarm_ros.executables import command_modules
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / 'docs' / 'reference' / 'parameters.md'

@@ -21,7 +21,8 @@ from aerarm_ros.motion.signals import Array, JointMotion, JointReference
 from aerarm_ros.ros.controllers.controller_parameters import ROTOR_PARAMETERS, ControlledArm
 from aerarm_ros.ros.controllers.state_node import PlanTopic
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     DRONE_FILE,

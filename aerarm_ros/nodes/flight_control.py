@@ -31,7 +31,7 @@ from aerarm_ros.ros.flight.flight_parameters import (
     arm_feed_forward,
     flight_control,
 )
-from aerarm_ros.ros.parameters.parameter import ParameterTable
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     DRONE_FILE,

@@ -16,7 +16,8 @@ import rclpy
 from aerarm_ros.link.sealed import make_key, read_key
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.link.link_ends import CONTINUE, DRONE, GROUND, HOME, STOP, DroneEnd, GroundEnd
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     REAL_TIME_PARAMETERS,

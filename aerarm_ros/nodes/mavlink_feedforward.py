@@ -49,7 +49,8 @@ from aerarm_ros.ros.flight.set_point_node import (
     set_point_acceleration,
     time_problem,
 )
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import StopSignals

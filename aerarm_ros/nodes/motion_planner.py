@@ -40,7 +40,8 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     payload_problem,
 )
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     SURROUNDINGS,

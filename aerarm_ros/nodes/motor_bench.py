@@ -34,7 +34,8 @@ from aerarm_ros.identification.motor_bench.motor_report import (
 )
 from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import (
     ARM_FILES,
     REAL_TIME_PARAMETERS,

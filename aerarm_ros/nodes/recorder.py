@@ -25,7 +25,8 @@ from aerarm_msgs_py.topics import (
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import DuplicatePublisherCheck, PublisherCheck
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.node_process import is_on_this_host
 from aerarm_ros.ros.process.process_end import StopSignals

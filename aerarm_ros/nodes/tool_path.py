@@ -19,7 +19,8 @@ from aerarm_msgs_py import topics
 from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.realtime.periodic_loop import PeriodicLoop
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, load_arm
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import StopSignals

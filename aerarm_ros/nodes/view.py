@@ -31,7 +31,8 @@ from aerarm_ros.ros.page.view_commissioning import PageCommissioning
 from aerarm_ros.ros.page.view_controls import PageMotion, PageRequests
 from aerarm_ros.ros.page.view_diagnostics import ViewDiagnostics, ViewStatus
 from aerarm_ros.ros.page.view_plots import ViewFeed
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE, load_arm, load_drone
 from aerarm_ros.ros.process.node_main import run_node
 from aerarm_ros.ros.process.process_end import StopSignals

@@ -32,7 +32,7 @@ from aerarm_msgs_py.topics import (
     Topic,
 )
 from aerarm_ros.ros.graph import endpoint_name
-from aerarm_ros.ros.parameters.parameter import ParameterError
+from aerarm_ros.ros.parameters.parameter_table import ParameterError
 from aerarm_ros.ros.states.state_stream import Answers
 
 LINK, DISK, PROCESSOR = 'link', 'disk', 'processor'

@@ -48,7 +48,7 @@ from aerarm_ros.ros.bridge.bridge_services import BridgeServices, CycleRequests
 from aerarm_ros.ros.bridge.commissioning_topics import CommissioningTopics, RecordWatch
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.graph import DuplicatePublisherWatch, PublisherWatch
-from aerarm_ros.ros.parameters.parameter import ParameterTable
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone, prepare_thread
 from aerarm_ros.ros.process.process_end import StopSignals, print_account
 from aerarm_ros.ros.process.shared_ports import PortWatch

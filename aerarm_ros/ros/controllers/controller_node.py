@@ -20,7 +20,8 @@ from aerarm_ros.hardware.bridge_modes import COMMANDABLE, to_switch_on
 from aerarm_ros.motion.signals import ArmState, JointReference, Reaction
 from aerarm_ros.ros.controllers.payload_intake import PayloadIntake
 from aerarm_ros.ros.controllers.state_node import PlanTopic, StateNode, state_node_parameters
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.requests.arm_client import AT_END_PARAMETERS, ArmAtEnd
 
 _DISTURBANCE_PERIOD = 10  # answered states

@@ -31,7 +31,8 @@ from aerarm_ros.ros.controllers.controller_parameters import (
 )
 from aerarm_ros.ros.diagnostics import WaitingNotice
 from aerarm_ros.ros.executors import BackgroundExecutor
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import prepare_thread
 from aerarm_ros.ros.process.process_end import StopSignals, print_account
 from aerarm_ros.ros.states.state_diagnostics import StateDiagnostics

@@ -41,7 +41,7 @@ from aerarm_ros.ros.emulation.emulated_world import (
 )
 from aerarm_ros.ros.emulation.emulation_parameters import EMULATION_PARAMETERS, plant_parameters
 from aerarm_ros.ros.emulation.flying_drone import EmulatedDrone, FlyingDrone
-from aerarm_ros.ros.parameters.parameter import ParameterTable
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
 from aerarm_ros.simulation.arm_plant import PlantParameters
 from aerarm_ros.simulation.base_profile import BASE_PROFILES, STILL

@@ -26,7 +26,8 @@ from aerarm_ros.motion.signals import Array
 from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.parameters.shared_parameters import ARM_FILES, DRONE_FILE
 from aerarm_ros.ros.process.process_end import StopSignals
 from aerarm_ros.ros.states.arm_clock import ArmClock

@@ -18,7 +18,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
-from aerarm_ros.ros.parameters.parameter import ParameterTable
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_process import (
     find_log_directory,
     stay_on_this_host,

@@ -85,7 +85,7 @@ def test_arm_go_sets_the_reaction_and_reports_the_contact(
         (answer,) = answers
         assert answer.returncode == 1, answer.stderr
         assert 'stopped: contact (retreat)' in answer.stderr
-        assert 'remove what touches the arm' in answer.stderr
+        assert 'remove the object that touches the arm' in answer.stderr
         assert bench.parameter('gravity_compensation', 'contact_reaction') == 'report'
         assert process.stop() == 0, process.tail()
 

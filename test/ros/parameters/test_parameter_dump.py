@@ -13,7 +13,7 @@ from rclpy.parameter import parameter_value_to_python
 from test_parameter_bounds import nodes
 
 from aerarm_ros.executables import command_modules
-from aerarm_ros.ros.parameters.parameter import ParameterError, ParameterTable
+from aerarm_ros.ros.parameters.parameter_table import ParameterError, ParameterTable
 from aerarm_ros.ros.process.node_main import CommandLine
 from aerarm_ros.ros.process.node_process import ros_environment
 from aerarm_ros.ros.process.ros_arguments import RosArguments

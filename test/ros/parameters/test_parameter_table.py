@@ -9,7 +9,8 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterError, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterError, ParameterTable
 
 TABLE = ParameterTable(
     Parameter('rate', 100.0, 'cycles', 'Hz', 1, 2000, live=True),

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from forked_executable import run
 
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable, grouped
+from aerarm_ros.ros.parameters.parameter import Parameter, grouped
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import CommandLine
 from aerarm_ros.ros.process.ros_arguments import RosArguments, UsageError
 

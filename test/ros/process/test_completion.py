@@ -18,7 +18,7 @@ raise SystemExit('it ran')
 """
 NODE = """
 from aerarm_ros.ros.parameters.parameter import Parameter
-from aerarm_ros.ros.parameters.parameter import ParameterTable
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import CommandLine
 table = ParameterTable(Parameter('port', 8080, ''), Parameter('host', '', ''))
 CommandLine('tool', table, None).complete()

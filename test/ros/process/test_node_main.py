@@ -5,7 +5,8 @@ import pytest
 import rclpy
 from rclpy.executors import ExternalShutdownException
 
-from aerarm_ros.ros.parameters.parameter import Parameter, ParameterTable
+from aerarm_ros.ros.parameters.parameter import Parameter
+from aerarm_ros.ros.parameters.parameter_table import ParameterTable
 from aerarm_ros.ros.process.node_main import run_node
 
 

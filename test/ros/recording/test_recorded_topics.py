@@ -3,7 +3,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from sensor_msgs.msg import LaserScan
 
 from aerarm_msgs_py import topics
-from aerarm_ros.ros.parameters.parameter import ParameterError
+from aerarm_ros.ros.parameters.parameter_table import ParameterError
 from aerarm_ros.ros.recording import (
     SUITE_TOPICS,
     as_recorded,
