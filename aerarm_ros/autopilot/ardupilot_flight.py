@@ -99,7 +99,7 @@ class ArduPilotFirmware:
 
     @property
     def wants_set_points(self) -> bool:
-        """Whether the held drone's firmware needs set points; ArduCopter takes off on command."""
+        """False: while the simulation holds the drone, ArduCopter needs no set points."""
         return False
 
     @property

@@ -107,7 +107,7 @@ class Px4Firmware:
 
     @property
     def wants_set_points(self) -> bool:
-        """Whether the held drone's firmware needs set points: PX4 arms only with set points."""
+        """Whether PX4 needs set points to arm, while the simulation holds the drone."""
         return self.stage in (FlightStage.ARM, FlightStage.SPOOL)
 
     @property
@@ -256,7 +256,7 @@ class LockstepFirmware(Protocol):
 
     @property
     def wants_set_points(self) -> bool:
-        """Whether the held drone's firmware needs set points."""
+        """Whether the firmware needs set points while the simulation holds the drone."""
 
     @property
     def time_ms(self) -> int:

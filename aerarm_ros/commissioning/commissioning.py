@@ -149,8 +149,8 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
         moved = (
             f'{", ".join(others)} moved instead, check the channels'
             if others
-            else f'the joint was blocked at {effort * report.current_max:.2f} Nm, so its '
-            'friction is too high, a motor phase is open, or something holds the joint'
+            else f'the joint did not move at {effort * report.current_max:.2f} Nm. Possible '
+            'causes: too much friction, an open motor phase, or an object that holds the joint'
         )
         return [f'{this.name}: its motor did not move it; {moved}'], {}
     findings = []

@@ -91,7 +91,7 @@ class RandomTrajectory:
         attempts: int = 500,
         stop: Callable[[], bool] = lambda: False,
     ) -> tuple[FourierTrajectory, FeasibilityReport]:
-        """Return the first feasible trajectory of a sequence of random ones, given by its seed.
+        """Draw random trajectories from a seed, and return the first feasible one.
 
         Parameters
         ----------

@@ -312,11 +312,13 @@ class Preview:
         other = self._reference.quality
         gain = np.exp(other.log_deviation - quality.log_deviation)
         lead = (
-            f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number (5.2) '
-            f'{quality.condition_number:.1f} (random start {other.condition_number:.1f}); with '
-            f'scaled columns {quality.scaled_condition_number:.1f} '
-            f'({other.scaled_condition_number:.1f}). Expected standard deviations are {gain:.2f} '
-            'times smaller (geometric mean).'
+            f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number of the '
+            f'regressor (thesis, equation 5.2): {quality.condition_number:.1f}, of the random '
+            f'motion from which the design started: {other.condition_number:.1f}. With columns '
+            f'scaled to equal length: {quality.scaled_condition_number:.1f} and '
+            f'{other.scaled_condition_number:.1f}. The expected standard deviations of the '
+            f'parameters are {gain:.2f} times smaller than with the random motion (geometric '
+            'mean).'
         )
         rows = [
             (m.limit, m.subject, float(m.reached), float(m.allowed), float(m.margin), m.unit)

@@ -294,8 +294,8 @@ def _covariance(arm: _Arm, residual: _Residual, prior: Prior) -> Array:
 def _nothing(mass: float, std: float | None) -> str:
     spread = '' if std is None else f' with a standard deviation of {std:.2g} kg'
     return (
-        f'no payload found, its mass would be {mass:.3g} kg{spread}: check that --payload is the '
-        'recording with the payload and --bag the one without'
+        f'no payload found, because the estimated mass is {mass:.3g} kg{spread}: check that '
+        '--payload is the recording with the payload and --bag the one without'
     )
 
 

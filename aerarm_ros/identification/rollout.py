@@ -86,7 +86,7 @@ def _at(index: Array, values: Array) -> Array:
 
 
 def rollout_samples(conditioner: Conditioner, recording: Recording) -> Samples:
-    """Return the samples of a recording for rollouts, with torque up to 20 Hz.
+    """Return the samples of a recording for simulation, with low-pass filtered torque.
 
     Raises
     ------

@@ -74,10 +74,19 @@ class FileServer:
         self._open: tuple[int, BinaryIO] | None = None
 
     def answer(self, place: bytes) -> bytes:
-        """Return the block with a number; raises struct.error, OSError, IndexError.
+        """Return the block at `place`, the packed numbers of its file and of the block.
 
-        BlockingIOError means that the disk reads it: try again later. An e-stop must not wait
-        behind a busy disk.
+        Raises
+        ------
+        struct.error
+            If `place` has another length.
+        IndexError
+            If there is no such file.
+        BlockingIOError
+            If the block is still on the disk, which now loads it: try again later. An e-stop must
+            not wait behind a busy disk.
+        OSError
+            If the file cannot be read.
         """
         file, block = _PLACE.unpack(place)
         if self._open is None or self._open[0] != file:

@@ -50,7 +50,8 @@ PARAMETERS = ParameterTable(
     Parameter('amplitude', 0.35,
         'largest Fourier coefficient of the random trajectory', 'rad', 0.001, 3.0),
     Parameter('periods', 0,
-        'number of whole periods at full speed; 0 for the number in the file, or 2', '', 0, 10000),
+        'number of whole periods at full speed; 0 takes the number of the file, or 2 periods if '
+        'the file has none', '', 0, 10000),
     Parameter('save', '',
         'YAML file for the trajectory, written before it is played; none if empty'),
     Parameter('mode', VELOCITY, 'commanded quantity', choices=(VELOCITY, FULL)),

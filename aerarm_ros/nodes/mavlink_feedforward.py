@@ -80,8 +80,9 @@ PARAMETERS = ParameterTable(
             'requested rate of the motor outputs (ACTUATOR_OUTPUT_STATUS, of ArduPilot '
             'SERVO_OUTPUT_RAW), for rotor_command; 0 for none', 'Hz', 0.0, 500.0),
         Parameter('output_range', [1000.0, 2000.0],
-            'output values at which a rotor stops and at which it gives thrust_max; thrust is '
-            'proportional between them (THR_MDL_FAC 0, MOT_THST_EXPO 0)', '', 0.0, 20000.0),
+            'output values at which a rotor stops and at which it gives thrust_max; the thrust '
+            'must rise linearly between them: set THR_MDL_FAC (PX4) or MOT_THST_EXPO (ArduPilot) '
+            'to 0', '', 0.0, 20000.0),
         Parameter('output_channels', [],
             'output number of each rotor, from 1, in the order of the drone file. If empty: the '
             "first outputs of PX4, or those of ArduPilot's motors for this frame", '', 1, 32,

@@ -114,7 +114,7 @@ class EstimatorSettings:
             positive(field.name, getattr(self, field.name))
 
     def body_scale(self, mass: float) -> np.ndarray:
-        """Return standard deviations (10,) of a body with a mass [kg] and `payload_size`."""
+        """Return prior standard deviations (10,) of the parameters of a payload of `mass` [kg]."""
         size = self.payload_size
         return mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
 

@@ -31,7 +31,7 @@ _ROUNDING = 1e-9
 
 
 class PacedMotion(Protocol):
-    """Interface of a motion in time."""
+    """Interface of a joint motion that is a function of time."""
 
     @property
     def duration(self) -> float:

@@ -109,7 +109,7 @@ def test_friction_and_current_of_a_manufactured_arm_pass(friction):
         (driven(delivered=0.5), 'the driver delivers 50 % of the requested current'),
         (driven(delivered=1.5), 'the driver delivers 150 %'),
         (driven(friction=0.5), 'friction is 0.500 Nm, but the configuration says 0.122 Nm'),
-        (driven(span=0.1), 'blocked at 0.85 Nm, so its friction is too high'),
+        (driven(span=0.1), 'did not move at 0.85 Nm. Possible causes: too much friction'),
         (driven(span=27.0 * 0.24, joint=3), ('did not move it; joint4 moved instead')),
         (driven(speed=-0.15), 'ran at -0.15 and +0.15 rad/s instead of +0.15 and -0.15'),
         (

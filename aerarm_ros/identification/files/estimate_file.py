@@ -398,8 +398,9 @@ def read_gravity(path: Path, robot: Robot) -> Array:
 def _check_joints(path: Path, names: tuple[str, ...], wanted: tuple[str, ...]) -> None:
     if names != wanted:
         raise IdentificationError(
-            f'{path} has {len(names)} joints {", ".join(map(str, names))}, but the URDF has '
-            f'{len(wanted)}, {", ".join(wanted)}: pass the URDF of that arm (--urdf)'
+            f'{path} has {len(names)} joints ({", ".join(map(str, names))}), but the URDF has '
+            f'{len(wanted)} ({", ".join(wanted)}): pass the URDF of that arm, with its joints in '
+            'the same order (--urdf)'
         )
 
 

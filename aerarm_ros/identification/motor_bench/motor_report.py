@@ -213,8 +213,8 @@ def bench_html(results: Sequence[MotorResult], mounted: bool, warnings: Sequence
             'b_eq and J_m are motor-side values, f is a joint-side value. J_m in brackets '
             'cannot be separated from the inertia of the load. K_i and R in brackets are '
             'configured values. R is the resistance of one phase, from the voltages that the '
-            'board reports. The backlash at the joint follows from oscillations; a backlash in '
-            'brackets is not significant.',
+            'board reports. The backlash at the joint is estimated from the sinusoidal swings; a '
+            'backlash in brackets is not significant.',
             'note',
         ),
         section('Motor torque over motor speed', paragraph(how, 'note'), _figure(results)),

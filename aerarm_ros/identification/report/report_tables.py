@@ -218,10 +218,13 @@ def _gravity(result: IdentificationResult) -> str:
     found = result.gravity
     if found is None:
         return 'as stated'
-    share = f'squared error on held-out parts, relative to no tilt: {100.0 * found.error:.0f} %'
+    share = (
+        'squared error on held-out parts, relative to the stated gravity: '
+        f'{100.0 * found.error:.0f} %'
+    )
     if found.tilt == 0.0:
         return f'as stated ({share})'
-    return f'{np.degrees(found.tilt):.2f}° off the stated direction ({share})'
+    return f'{np.degrees(found.tilt):.2f}° off the stated gravity ({share})'
 
 
 def _delays(result: IdentificationResult) -> str:

@@ -122,10 +122,10 @@ PARAMETERS = controller_parameters(
         Parameter('request_drone', False,
             'publish on flight_set_point the drone position at which the arm is in the middle of '
             'its reach'),
-        Parameter('request_speed', 0.05, 'velocity of the set point', 'm/s', 1e-3, 1.0),
+        Parameter('request_speed', 0.05, 'velocity at which the set point moves', 'm/s', 1e-3, 1.0),
         Parameter('request_deadband', 0.03,
-            'distance of the request from the wanted drone position beyond which the request '
-            'begins to move', 'm', 1e-3,
+            'distance between the set point and the drone position at which the arm is in the '
+            'middle of its reach; below this distance the set point stays constant', 'm', 1e-3,
                   1.0),
     ),
 )  # fmt: skip

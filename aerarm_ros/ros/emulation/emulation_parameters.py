@@ -80,7 +80,8 @@ EMULATION_PARAMETERS = (
     Parameter(
         'base_motion_profile',
         STILL,
-        "motion of the arm's base once the motors are ready; a moving base publishes imu",
+        "motion of the arm's base after the motors are ready; if the base moves, the node "
+        'publishes imu',
         choices=tuple(BASE_PROFILES),
     ),
     Parameter(

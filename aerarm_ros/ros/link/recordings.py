@@ -306,7 +306,7 @@ class DroneRecordings:
 
 @dataclass
 class _Served:
-    """Offered bag and its newest request."""
+    """Bag that this end offers for download, and the newest request for it."""
 
     name: str
     key: str

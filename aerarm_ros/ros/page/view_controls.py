@@ -143,7 +143,7 @@ class PageRequests:
         return self._services[PUT_BACK].found
 
     def look_for_bridges(self) -> None:
-        """Prepare stop requests to all running bridges of any name."""
+        """Find all running bridges, whatever their names, so that a later stop is quick."""
         for stop in self._stops.values():
             stop.look()
 

@@ -278,7 +278,7 @@ class ContactReplay:
 
 
 def _body(given: Sequence[float] | None) -> Array | None:
-    """Return the inertial parameters (10,) of mass [kg] and centre [m]; None without payload."""
+    """Return the parameters (10,) of a payload given by mass [kg] and centre [m], or None."""
     if given is None:
         return None
     mass, *centre = given

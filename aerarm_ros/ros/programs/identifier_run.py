@@ -141,7 +141,7 @@ def terminal_table(result: IdentificationResult, facts: Mapping[str, BagFacts]) 
     if result.gravity is not None and result.gravity.tilt > 0.0:
         degrees = math.degrees(result.gravity.tilt)
         lines.append(
-            f'gravity is {degrees:.2f} degrees off the stated direction; the estimate is used'
+            f'gravity is {degrees:.2f} degrees off the direction of --gravity; the estimate is used'
         )
     lines += [f'{bag}: {known.text}' for bag, known in facts.items()]
     return '\n'.join(lines)

@@ -40,5 +40,7 @@ def test_part_and_bag_stand_above_each_column() -> None:
     ]
     assert ends[0] == ends[1]
     used = 'monday: used 1.0 .. 9.0 s of 10.0 s (motion), 0 states lost, 12 cycles missed'
-    assert lines[5] == 'gravity is 1.15 degrees off the stated direction; the estimate is used'
+    assert (
+        lines[5] == 'gravity is 1.15 degrees off the direction of --gravity; the estimate is used'
+    )
     assert lines[6] == used
