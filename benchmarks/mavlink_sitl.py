@@ -5,7 +5,8 @@ PX4 or ArduCopter runs as a program on this host and flies a rigid drone whose a
 the firmware's simulator, publishes the set point, and publishes the arm's forecast as
 `base_reaction` does. `PX4=<folder of a build>` or `ARDUPILOT=<folder of ArduPilot>` selects the
 firmware. With `--silence`, set points stop for some seconds; then the autopilot's failsafe or its
-last set point decides.
+last set point decides. `behind ms` is the sum of the simulation's delays behind real time: above
+some hundred milliseconds the computer is too slow, and the errors are too large.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from flying.ardupilot_program import ArduPilotProgram, find_ardupilot
 from flying.arm_swing import ArmSwing
 from flying.firmware_program import FirmwareProgram
 from flying.flight_way import load_drone
-from flying.px4_program import Px4Program, find_px4
+from flying.px4_program import HOW, Px4Program, find_px4
 from flying.rigid_flight import RigidFlight
 from geometry_msgs.msg import InertiaStamped, PoseStamped, WrenchStamped
 from px4 import GAINS
@@ -203,7 +204,7 @@ def firmware_of(
         stack.callback(line.close)
         firmware = ArduPilotFirmware(line, companion, motors_of(drone))
     else:
-        raise ValueError('set PX4=<folder of a build> or ARDUPILOT=<folder of ArduPilot>')
+        raise ValueError(f'{HOW}. The same holds for ArduPilot and the variable ARDUPILOT')
     stack.callback(companion.close)
     stack.enter_context(program)
     return firmware, program, parameters
@@ -234,8 +235,8 @@ def fly(node: Node, options: argparse.Namespace, is_told: bool) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--motion', choices=('slow', 'fast'), default='slow')
-    parser.add_argument('--seconds', type=float, default=20.0)
+    parser.add_argument('--motion', choices=('slow', 'fast'), default='slow', help='of the arm')
+    parser.add_argument('--seconds', type=float, default=20.0, help='duration of the motion [s]')
     parser.add_argument('--silence', type=float, default=0.0, help='[s] without set points')
     options = parser.parse_args()
     node = open_ros(os.getpid())
@@ -243,6 +244,9 @@ def main() -> int:
     try:
         for is_told in (False, True):
             print(fly(node, options, is_told), flush=True)
+    except ValueError as error:
+        print(error)
+        return 1
     finally:
         rclpy.try_shutdown()
     return 0

@@ -132,7 +132,7 @@ class MavlinkFeedforward:
         self._target: FlightTarget | None = None
         self._path: tuple[float, FlightPath] | None = None
         self._target_time = self._rejected_at = -np.inf
-        self._rejection = ''
+        self._rejection = self._logged = ''
         self._ahead: float | None = None
         self._sent = self._rejections = 0
         self._is_stopping = False
@@ -298,8 +298,8 @@ class MavlinkFeedforward:
     def _on_request(
         self, ask: Callable[[], None], _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        if not self._autopilot.is_linked(time.monotonic()):
-            response.message = 'no heartbeat from the autopilot: check connection'
+        if problem := self._link_problem(time.monotonic()):
+            response.message = problem
             return response
         ask()
         deadline = time.monotonic() + _REPLY
@@ -346,6 +346,14 @@ class MavlinkFeedforward:
 
     def _report(self) -> None:
         now, autopilot = time.monotonic(), self._autopilot
+        problem = self._link_problem(now)
+        if problem != self._logged:
+            self._logged = problem
+            log = self.node.get_logger()
+            if problem:
+                log.warning(problem)
+            else:
+                log.info(f'connected to {autopilot.firmware}, mode {autopilot.mode}')
         values: dict[str, object] = {
             'armed': autopilot.is_armed,
             'mode': autopilot.mode,

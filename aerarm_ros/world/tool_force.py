@@ -267,7 +267,8 @@ class ToolForce:
         direction = vector / size
         if self.is_active and direction @ self.direction < 0.999:
             raise RejectedInputError(
-                'tool force: the direction cannot change in contact: send a force of zero first'
+                'tool force: the direction cannot change during approach and contact: send a '
+                'force of zero first'
             )
         self.set_force = size
         self._observer.expect(max(_ACROSS, _ACROSS_SHARE * size))

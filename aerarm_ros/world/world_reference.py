@@ -263,7 +263,8 @@ class WorldToolReference:
         if beyond > 0.0:
             raise RejectedInputError(
                 f'{what} {np.round(places[-1], 3).tolist()} is {beyond:.3f} m out of reach of '
-                'the arm at the present base pose: move the drone nearer, or check frame and unit'
+                'the arm at the present base pose (too near or too far): move the drone, or check '
+                'frame and unit'
             )
 
     def _begin(self, goal: _Goal, now: float) -> None:
@@ -295,6 +296,8 @@ class WorldToolReference:
             self._slow.start(self._slow.place + place - self._place, self._slow.velocity, _ORIGIN)
         self._jumps, self._place = self.base.jumps, place
         reference = self._next(pose, now, dt)
+        if self.reason:  # a contact has just ended
+            return reference
         self.error = float(np.linalg.norm(reference.p - place))
         return reference
 
@@ -349,7 +352,10 @@ class WorldToolReference:
             self._looked = now
             beyond = self._reach(pose.to_base(goal.place)[np.newaxis], q)
             if beyond > 0.0:
-                self.reason = f'the target is {beyond:.3f} m out of reach: move the drone nearer'
+                self.reason = (
+                    f'the target is {beyond:.3f} m out of reach (too near or too far): move the '
+                    'drone'
+                )
                 self._wrong_at = now
         return now - self._wrong_at > _RESUME
 

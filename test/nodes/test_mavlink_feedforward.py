@@ -192,7 +192,7 @@ def test_a_lost_link_and_damaged_frames_are_on_diagnostics(bench: Bench) -> None
     assert int(bench.status['damaged frames']) > 0
     response = bench.call('arm')
     assert not response.success
-    assert 'check connection' in response.message
+    assert 'check the connection' in response.message
     assert bench.autopilot.commands() == []
     bench.autopilot.is_damaged = False
     assert bench.until(lambda: bench.text.startswith('no set points'))
@@ -208,6 +208,9 @@ def test_ardupilot_gets_moving_set_points_and_reports_its_motors(bench: Bench) -
     bench.lead(0.5)
     bench.until(lambda: False, 0.5)
     assert autopilot.of('SET_POSITION_TARGET_LOCAL_NED') == []
+    response = bench.call('arm')
+    assert (response.success, autopilot.commands()) == (False, [])
+    assert response.message.startswith('the autopilot reports px4')
     autopilot.firmware, autopilot.custom_mode = ARDUPILOT, 5
     assert bench.until(lambda: bench.status.get('mode') == 'loiter')
     assert bench.until(lambda: 'rotor_command' in bench.received)

@@ -20,6 +20,7 @@ from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.world.base_pose import BasePose
 from aerarm_ros.world.reach import DIRECTIONS, ArmReach, DroneRequest, ReachMargin
+from aerarm_ros.world.tool_force import Phase
 from aerarm_ros.world.world_reference import WorldPath, WorldToolReference
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ class WorldTopics:
         controller.take_references(topics.TOOL_TRAJECTORY, self._on_target)
         controller.take_references(topics.TOOL_MOTION, self._on_motion)
         self._pressed_ns, self._pressed_until = 0, -np.inf
+        self._logged = Phase.NONE, ''
         self._contacts = controller.advertise(topics.PLANNED_CONTACT)
         controller.take_references(topics.TOOL_FORCE, self._on_force)
         create_steady_timer(controller.node, _REACH_PERIOD, self._publish_reach)
@@ -137,7 +139,10 @@ class WorldTopics:
             )
         frame = message.header.frame_id
         if frame not in ('', self.frame):
-            raise RejectedInputError(self._wrong_frame('tool force', frame))
+            raise RejectedInputError(
+                f'tool force rejected, because its frame is {frame!r}: send it in the frame of the '
+                f'odometry, {self.frame!r}'
+            )
         self._reference.push(force, now)
 
     def _in_world(
@@ -170,6 +175,7 @@ class WorldTopics:
         """Publish the tool's pose if it is due, and store the state for the reach."""
         stamp_ns, state = self._controller.stamp_ns, self._controller.state
         self._publish_contact(stamp_ns)
+        self._log_contact()
         if state is None or 0 <= stamp_ns - self._posed_ns < _POSE_PERIOD_NS:
             return
         self._posed_ns = stamp_ns
@@ -184,6 +190,18 @@ class WorldTopics:
         self._seen = np.array(state.q), pose, place if goal is None else goal, now
         header = base_header(stamp_ns, self.frame)
         self._poses.publish(pose_message(header, place, pose.rotation @ transform[:3, :3]))
+
+    def _log_contact(self) -> None:
+        """Log the begin of a contact, and why it ended."""
+        pusher = self._reference.force
+        if pusher is None or (pusher.phase, pusher.reason) == self._logged:
+            return
+        self._logged = pusher.phase, pusher.reason
+        log = self._controller.node.get_logger()
+        if pusher.reason:
+            log.warning(f'the tool no longer presses: {pusher.reason}')
+        else:
+            log.info(f'tool force: {pusher.phase.value}')
 
     def _publish_contact(self, stamp_ns: int) -> None:
         """Publish the wrench of the planned contact, and for a short time that it has ended."""
