@@ -102,12 +102,14 @@ class SetPointAcceleration:
     def _lean(self, arm: FeedForward, dt: float) -> Array:
         """Return the additional tilt `delta` (3,) [rad], in level axes."""
         body, lift = arm.body, _lift(arm)
-        # Derivatives of the tilt u = -f / T, with T' = -f_z'.
+        # Derivatives of the tilt u = -f / T, with T' = -f_z', or 0 at the smallest lift.
+        is_free = lift > _LIFT_MIN * body.mass * GRAVITY
+        falling, bending = is_free * arm.force_rate[2], is_free * arm.force_curvature[2]
         tilt = -arm.wrench[:3] / lift
-        speed = (tilt * arm.force_rate[2] - arm.force_rate) / lift
+        speed = (tilt * falling - arm.force_rate) / lift
         rate = cross(_UP, speed)
         if self._rate_gain > 0.0:
-            change = tilt * arm.force_curvature[2] + 2.0 * speed * arm.force_rate[2]
+            change = tilt * bending + 2.0 * speed * falling
             spin = cross(_UP, change - arm.force_curvature) / lift
             about_centre = arm.wrench[3:] - cross(body.centre, arm.wrench[:3])
             moment = cross(body.centre, lift * _UP) - about_centre

@@ -382,9 +382,10 @@ class ArmFeedForward:
         Raises
         ------
         RejectedInputError
-            If the wrench is not finite, or larger than the weight of five drones.
+            If the wrench is not finite, or a force or moment is larger than half the drone's
+            weight [N] or [Nm].
         """
-        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 50.0 * self._drone.mass:
+        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 5.0 * self._drone.mass:
             raise RejectedInputError(
                 'planned_contact: a force or moment is NaN, or too large for this drone'
             )

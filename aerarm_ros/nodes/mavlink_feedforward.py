@@ -166,7 +166,8 @@ class MavlinkFeedforward:
             unit = ardupilot_moment_unit(drone, self.node.get_logger().warning)
             acceleration = set_point_acceleration(values, unit)
             return ArduPilotSetPoints(ardupilot_loop(values), acceleration, values.hold_heading)
-        torque = torque_unit(drone)
+        tilts = values.attitude_gain > 0.0
+        torque = torque_unit(drone) if tilts else np.zeros(3)
         yaw_gain = values.yaw_gain * float(torque[2])
         acceleration = set_point_acceleration(values, float(torque[0]), yaw_gain)
         return Px4SetPoints(drone, None, acceleration, values.hold_heading)
@@ -234,6 +235,7 @@ class MavlinkFeedforward:
         state, target = self._autopilot.state(now), self._wanted(now)
         if target is None or self._link_problem(now):
             self._set_points.reset()
+            self._path = None  # a path must not go on while the autopilot does not follow it
             return
         if state is None:  # Without the vehicle's axes the arm's feedforward cannot be added.
             state = FlightState(np.zeros(3), np.zeros(3), np.eye(3), np.zeros(3))
@@ -258,9 +260,8 @@ class MavlinkFeedforward:
     def _wanted(self, now: float) -> FlightTarget | None:
         """Return the drone's target, or None without a valid set point."""
         if self._path is not None:
-            begin, path = self._path
-            if now <= begin + path.duration:
-                self._target, self._target_time = path.at(now - begin), now
+            begin, path = self._path  # the drone hovers at its end
+            self._target, self._target_time = path.at(min(now - begin, path.duration)), now
         patience = self.values.set_point_timeout
         if patience and now - self._target_time > patience:
             return None
@@ -372,7 +373,7 @@ def _channels(values: Any, drone: DroneConfig) -> list[int]:
     """Convert the output numbers to one index per rotor; raises ValueError."""
     given, count = list(values.output_channels), drone.n
     most = 16 if values.firmware == ARDUPILOT else 32
-    if not given and values.firmware == ARDUPILOT:
+    if not given and values.firmware == ARDUPILOT and values.output_rate > 0.0:
         try:
             given = (np.argsort(motors_of(drone)) + 1).tolist()
         except ValueError as error:

@@ -30,7 +30,7 @@ class WallParameters:
     Raises
     ------
     ValueError
-        If a value is negative, or the normal is zero.
+        If a value is NaN or negative, or stiffness or normal is zero.
     """
 
     point: tuple[float, ...]
@@ -47,8 +47,10 @@ class WallParameters:
         if place.shape != (6,) or not np.all(np.isfinite(place)) or not np.any(place[3:]):
             raise ValueError('the wall needs a finite point and a finite normal that is not zero')
         numbers = self.stiffness, self.damping, self.friction, self.yields_after, self.yield_speed
-        if not min(numbers) >= 0.0:
-            raise ValueError('no number of the wall may be negative')
+        if not all(number >= 0.0 for number in numbers) or not 0.0 < self.stiffness < np.inf:
+            raise ValueError(
+                'the stiffness of the wall must be positive, other numbers not negative'
+            )
 
 
 class Wall:

@@ -232,6 +232,25 @@ class RotorGovernor:
         share = float((left / np.maximum(np.abs(moved), _ROUNDING)).min())
         return min(max(share, _LEAST_SHARE), 1.0) * ddq
 
+    @property
+    def share(self) -> float:
+        """Used fraction of the rotors' thrust range [-]."""
+        return self._share
+
+    def usage_in_contact(self, q: Array, force: Array, place: Array) -> float:
+        """Return the rotors' largest usage while the tool presses: 0 in the middle, 1 at the limit.
+
+        Parameters
+        ----------
+        q : (n,) ndarray
+            Posture [rad]; joints and drone rest.
+        force, place : (3,) ndarray
+            Force on the wall [N] and position of the tool [m], in base axes.
+        """
+        _, com, _, still = self._hovering(q, np.zeros(self.whole.n))
+        pressing = self._mixer @ self._given(np.concatenate([force, cross(place, force)]), com)
+        return float((np.abs(still + pressing) / self._half).max())
+
     def motion_limits(self, q: Array, dq: Array, most: Array) -> MotionLimit:
         """Return limits for a stream, a motion whose path is unknown.
 

@@ -27,6 +27,8 @@ _REGULAR = 1e-2  # [1/N^2] prior of the force along, where it causes no torque
 _LAG = 0.015  # [m] by which the reference may precede a tool that does not move
 _BEGIN = 0.3  # [s] of the approach before a contact can be detected
 _BIAS_TIME = 0.4  # [s] over which the approach averages the bias of the force
+_BIAS_SHARE = 0.5  # of contact_force
+_EXTRA = 1.0  # [s] beyond the duration of the approach at its speed
 _SPEED_TIME = 0.1  # [s] in which the approach reaches its speed
 _LOST_SHARE, _LOST_TIME = 0.4, 0.3  # of the set force, and for how long, until contact is lost
 # Speed along the force from which the force decreases, and at which it is zero [m/s]; and time at
@@ -218,7 +220,7 @@ class ToolForce:
             positive(name, value)
         self.direction = np.array([1.0, 0.0, 0.0])
         self.reason = ''
-        self._recoil, self._recoils_until = np.zeros(3), -np.inf
+        self._recoil = np.zeros(3)
         self.reset()
 
     def reset(self) -> None:
@@ -226,6 +228,8 @@ class ToolForce:
         self.phase = Phase.NONE
         self.set_force = self.force = self.planned = 0.0
         self._commanded = self._correction = self._bias = 0.0
+        self._along = self._anchor = 0.0
+        self._recoils_until = -np.inf
         self._observer.look(None, 0.0)
         self._observer.press(None, np.zeros(3))
 
@@ -278,6 +282,11 @@ class ToolForce:
             self._anchor = self._along
         return True
 
+    def shift(self, moved: Array) -> None:
+        """Follow a jump of the odometry, which moves the tool by (3,) [m] in the world."""
+        along = float(self.direction @ moved)
+        self._along, self._anchor = self._along + along, self._anchor + along
+
     def update(
         self, reference: TaskReference, pose: BasePose, place: Array, now: float, dt: float
     ) -> TaskReference | None:
@@ -318,12 +327,16 @@ class ToolForce:
             settings.approach_speed, self._speed + dt / _SPEED_TIME * settings.approach_speed
         )
         self._along = min(self._along + dt * self._speed, at + _LAG)
-        if at - self._anchor > settings.approach_max:
+        longest = settings.approach_max / settings.approach_speed + _EXTRA
+        if at - self._anchor > settings.approach_max or now - self._begun > longest:
             self.stop(f'no wall within approach_max ({settings.approach_max:g} m)', now)
             return
         if self.force < settings.contact_force:
             if self.force < 0.5 * settings.contact_force:
-                self._bias += dt / _BIAS_TIME * (measured - self._bias)
+                # A soft object must not become a bias.
+                most = _BIAS_SHARE * settings.contact_force
+                bias = self._bias + dt / _BIAS_TIME * (measured - self._bias)
+                self._bias = min(max(bias, -most), most)
         elif now - self._begun > _BEGIN:
             self.phase, self._pressed_at = Phase.CONTACT, now
             self._anchor, self._fast_for = at, 0.0
@@ -359,6 +372,6 @@ class ToolForce:
 
     def planned_on_tool(self, now: float) -> Array:
         """Return the force (3,) on the tool that the drone must expect, in the world [N]."""
-        if now < self._recoils_until:
+        if 0.0 <= self._recoils_until - now < _RECOIL:
             return self._recoil
         return np.asarray(-self.planned * self.direction)

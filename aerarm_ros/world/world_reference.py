@@ -13,6 +13,7 @@ from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference, TaskReference
 from aerarm_ros.world.base_pose import BasePose, BasePoseEstimator
+from aerarm_ros.world.rotor_governor import RotorGovernor
 from aerarm_ros.world.tool_force import ToolForce
 from aerarm_ros.world.world_law import WorldReference
 
@@ -161,6 +162,7 @@ class WorldToolReference:
         self._reach = reach
         self._error_max = positive('error_max', error_max)
         self.force: ToolForce | None = None
+        self.governor: RotorGovernor | None = None
         self.stops = 0
         self._q = np.zeros(kinematics.robot.n)
         self.take_over(self._q)
@@ -238,13 +240,30 @@ class WorldToolReference:
             raise RejectedInputError(
                 f'tool force: the tool is not held in the world: {self.reason}'
             )
+        if np.all(np.isfinite(force)) and np.any(force):
+            self._require_rotors(np.array(force, dtype=float), now)
         if not pusher.is_active and np.all(np.isfinite(force)):
             vector = np.array(force, dtype=float)
             nearest = self._place + _FIRST_STEP * vector / (np.linalg.norm(vector) + 1e-9)
             self._require_reach('the wall of the tool force', nearest[np.newaxis], now)
-        if not pusher.push(force, self._place, now) and pusher.is_active:
-            pusher.reset()
-            self._return(now)
+        if not pusher.push(force, self._place, now):
+            pusher.reason = ''
+            if pusher.is_active:
+                pusher.reset()
+                self._return(now)
+
+    def _require_rotors(self, force: Array, now: float) -> None:
+        """Reject a force that the drone could not hold; raises RejectedInputError."""
+        if self.governor is None:
+            return
+        on_wall = self.base.pose(now).rotation.T @ force
+        used = self.governor.usage_in_contact(self._q, on_wall, self._kinematics.position(self._q))
+        if used > self.governor.share:
+            raise RejectedInputError(
+                f'tool force of {np.linalg.norm(force):.1f} N needs {100.0 * used:.0f} % of the '
+                f"rotors' range, but rotor_share is {100.0 * self.governor.share:.0f} %: reduce "
+                'the force, or choose a posture with a shorter lever'
+            )
 
     def _return(self, now: float) -> None:
         """Move the tool from where it is to its target, at the speed of recovery."""
@@ -294,6 +313,8 @@ class WorldToolReference:
         elif self._jumps != self.base.jumps:
             assert self.reference is not None
             self._slow.start(self._slow.place + place - self._place, self._slow.velocity, _ORIGIN)
+            if self.force is not None:
+                self.force.shift(place - self._place)
         self._jumps, self._place = self.base.jumps, place
         reference = self._next(pose, now, dt)
         if self.reason:  # a contact has just ended

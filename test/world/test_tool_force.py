@@ -7,8 +7,11 @@ from holding_flight import HeldFlight, HoldingFlight
 
 from aerarm_ros.control.base.base_motion import ImuSample, Mount
 from aerarm_ros.control.base.base_motion_estimator import BaseMotionEstimator
+from aerarm_ros.control.base.rotor_wrench import carrier_parameters
 from aerarm_ros.control.checks import RejectedInputError
+from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.simulation.wall import Wall, WallParameters
+from aerarm_ros.world.rotor_governor import RotorGovernor
 from aerarm_ros.world.tool_force import Phase, ToolForce, ToolForceObserver
 
 Array = npt.NDArray[np.float64]
@@ -75,8 +78,10 @@ def test_the_tool_stops_within_20_mm_after_the_wall_disappears() -> None:
     rows = flight.press(4.0)
     touched = rows[rows[:, 1] > 0.0][0, 0]
     after = rows[rows[:, 0] >= touched + 2.0]
+    before = rows[(rows[:, 0] > touched + 1.5) & (rows[:, 0] < touched + 1.99)]
+    assert np.abs(before[:, 1].mean() - 5.0) < 0.5, 'the contact must hold until the wall goes'
     assert flight.force.phase is Phase.NONE
-    assert 'wall' in flight.force.reason
+    assert flight.force.reason.startswith('the wall gave way, or the tool left it')
     assert (after[:, 2] - after[0, 2]).max() < 0.02
 
 
@@ -84,8 +89,37 @@ def test_without_a_wall_the_approach_ends() -> None:
     flight = PressingFlight(1e4, gap=10.0)
     flight.force.settings = flight.force.settings._replace(approach_max=0.03)
     flight.press(2.0)
-    assert 'no wall' in flight.force.reason
+    assert flight.force.reason.startswith('no wall within')
     assert flight.force.phase is Phase.NONE
+
+
+def test_the_tool_stops_at_an_object_that_is_softer_than_a_wall() -> None:
+    flight = PressingFlight(60.0)
+    rows = flight.press(9.0)
+    assert flight.force.reason.startswith('the wall gave way')
+    assert rows[:, 1].max() < 5.0
+
+
+def test_an_odometry_jump_in_the_approach_does_not_move_the_tool() -> None:
+    flight = PressingFlight(1e4, gap=10.0)
+    flight.press(0.5)
+    flight.force.shift(0.1 * ALONG)
+    begun = flight.force._along
+    flight.run(0.02)
+    assert flight.force._along - begun < 0.005
+    assert flight.force.phase is Phase.APPROACH
+
+
+def test_a_force_beyond_the_rotors_is_rejected() -> None:
+    flight = PressingFlight(1e4)
+    whole = WholeBodyDynamics(flight.robot, carrier=carrier_parameters(flight.drone))
+    flight.source.governor = RotorGovernor(whole, flight.drone, flight.drone.gravity_in_base)
+    flight.run(1.5)
+    for force in (10.0, -7.7):
+        with pytest.raises(RejectedInputError, match="of the rotors' range"):
+            flight.source.push(force * ALONG, flight.now)
+    flight.source.push(5.0 * ALONG, flight.now)
+    assert flight.force.is_active
 
 
 def test_wrong_forces_are_rejected() -> None:

@@ -179,6 +179,7 @@ class WorldControlNode(ControllerNode):
         self._planning = Kinematics(arm.robot, values.frame)
         if (governor := arm.governor(values)) is not None:
             self.law.limited = ReactionLimit(governor)
+            self.reference.governor = governor
         observer = arm.observer(values, dynamics, friction)
         self._measured = None
         if observer is not None:
@@ -187,16 +188,7 @@ class WorldControlNode(ControllerNode):
                 self.law, dynamics, values.observer_gain, self.base, self._measured, friction,
                 _FRICTION_ERROR * arm.robot.coulomb,
             )  # fmt: skip
-            settings = ForceSettings(
-                values.force_max,
-                values.approach_speed,
-                values.approach_max,
-                values.contact_force,
-                values.force_ramp,
-                values.force_gain,
-                values.travel_max,
-            )
-            self.reference.force = ToolForce(observer, settings)
+            self.reference.force = ToolForce(observer, _force_settings(values))
         limit = arm.compensation_max(values)
         return ControlLoop(arm.limits, self.reference, self.law, observer, self.base, limit)
 
@@ -278,6 +270,18 @@ class WorldControlNode(ControllerNode):
         if self.values.base_motion != FREE:
             values['law'] = 'fixed-base Jacobian, because base_motion is not free'
         return values
+
+
+def _force_settings(values: Any) -> ForceSettings:
+    return ForceSettings(
+        force_max=values.force_max,
+        approach_speed=values.approach_speed,
+        approach_max=values.approach_max,
+        contact_force=values.contact_force,
+        ramp=values.force_ramp,
+        gain=values.force_gain,
+        travel_max=values.travel_max,
+    )
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -247,7 +247,10 @@ class FlyingDrone(EmulatedDrone):
     def destroy(self) -> None:
         """Destroy publishers and subscription."""
         super().destroy()
-        for publisher in (self._odometry_publisher, *(other for other, _ in self._others)):
+        others = [other for other, _ in self._others]
+        if self._wall_forces:
+            others.append(self._wall_forces)
+        for publisher in (self._odometry_publisher, *others):
             self._node.destroy_publisher(publisher)
         self._commands.destroy()
 
