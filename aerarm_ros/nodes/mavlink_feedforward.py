@@ -18,6 +18,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.task import Future
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
@@ -135,6 +136,8 @@ class MavlinkFeedforward:
         self._rejection = self._logged = ''
         self._ahead: float | None = None
         self._sent = self._rejections = 0
+        self._answered: Future | None = None  # of the request that waits for the autopilot
+        self._answer_by = np.inf
         self._is_stopping = False
         self._last = time.monotonic()
         self._make_topics()
@@ -200,6 +203,8 @@ class MavlinkFeedforward:
             if self._autopilot.take(message, now):
                 self._publish(message, now)
         self._autopilot.tick(now)
+        if self._answered is not None and (self._autopilot.reply or now > self._answer_by):
+            self._answered.set_result(None)
 
     def _publish(self, message: Message, now: float) -> None:
         stamp_ns = self._clock.now_ns()
@@ -296,17 +301,19 @@ class MavlinkFeedforward:
 
         self._try(act)
 
-    def _on_request(
+    async def _on_request(
         self, ask: Callable[[], None], _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         if problem := self._link_problem(time.monotonic()):
             response.message = problem
             return response
+        if self._answered is not None:
+            response.message = 'another request waits for its answer: call again'
+            return response
         ask()
-        deadline = time.monotonic() + _REPLY
-        while not self._autopilot.reply and time.monotonic() < deadline:
-            self._listen(_LISTEN)
-            self._send()
+        self._answered, self._answer_by = Future(), time.monotonic() + _REPLY
+        await self._answered  # set points continue meanwhile
+        self._answered = None
         response.success = self._autopilot.reply == 'accepted'
         response.message = self._autopilot.reply or f'no answer within {_REPLY:g} s'
         if not response.success and self._autopilot.text:
@@ -339,11 +346,11 @@ class MavlinkFeedforward:
             return problem
         if silent := self._autopilot.silent(now):
             return f'the autopilot does not send {", ".join(silent)}'
+        if now - self._rejected_at < _REMEMBERED:
+            return f'rejected: {self._rejection}'
         if self._wanted(now) is None:
             return 'no set points received, so none are sent'
-        if ahead is not None and (late := time_problem(ahead, self.values.feed_lead)):
-            return late
-        return f'rejected: {self._rejection}' if now - self._rejected_at < _REMEMBERED else ''
+        return '' if ahead is None else time_problem(ahead, self.values.feed_lead)
 
     def _report(self) -> None:
         now, autopilot = time.monotonic(), self._autopilot

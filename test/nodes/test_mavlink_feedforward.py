@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Transform
 from quick_spinning import spin_once
 from rclpy.node import Node
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from aerarm_msgs_py import topics
 from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
@@ -37,7 +38,7 @@ class Autopilot:
         self._peer: tuple[str, int] | None = None
         self._next = 0.0
         self.base_mode, self.custom_mode = 81, 3 << 24 | 4 << 16
-        self.is_silent = self.is_damaged = False
+        self.is_silent = self.is_damaged = self.is_deaf = False
         self.result = 0
         self.heard: list[Message] = []
 
@@ -55,7 +56,7 @@ class Autopilot:
             data, self._peer = self._socket.recvfrom(4096)
             for message in self._reader.feed(data):
                 self.heard.append(message)
-                if message.name == 'COMMAND_LONG':
+                if message.name == 'COMMAND_LONG' and not self.is_deaf:
                     self._say('COMMAND_ACK', command=message['command'], result=self.result)
         now = time.monotonic()
         if now < self._next or self._peer is None or self.is_silent:
@@ -183,6 +184,41 @@ def test_arms_and_changes_the_mode_only_by_its_services(bench: Bench) -> None:
     bench.autopilot.base_mode, bench.autopilot.custom_mode = 209, 6 << 16
     assert bench.until(lambda: bench.status.get('mode') == 'offboard')
     assert bench.until(lambda: bench.status.get('armed') == 'True')
+
+
+def test_set_points_continue_while_a_request_waits(bench: Bench) -> None:
+    assert bench.until(lambda: bench.status.get('mode') == 'auto hold')
+    bench.autopilot.is_deaf = True
+    client = bench.node.create_client(Trigger, 'mavlink_feedforward/arm')
+    assert bench.until(client.service_is_ready)
+    future = client.call_async(Trigger.Request())
+    times = []
+    while not future.done():
+        bench.lead(0.5)
+        count = len(bench.autopilot.of('SET_POSITION_TARGET_LOCAL_NED'))
+        bench.until(lambda: False, 0.1)
+        if len(bench.autopilot.of('SET_POSITION_TARGET_LOCAL_NED')) > count:
+            times.append(time.monotonic())
+    assert future.result().message.startswith('no answer within 2 s')
+    assert times[-1] - times[0] > 1.2, 'beyond set_point_timeout'
+
+
+def test_a_trajectory_ends_in_a_hover(bench: Bench) -> None:
+    topic = topics.FLIGHT_TRAJECTORY
+    paths = bench.node.create_publisher(topic.type, topic.name, topic.qos)
+    assert bench.until(lambda: paths.get_subscription_count() and len(bench.received) == 3)
+    point = MultiDOFJointTrajectoryPoint(transforms=[Transform()])
+    place = point.transforms[0].translation
+    place.x, place.y, place.z = 2.5, 1.0, 3.0
+    point.transforms[0].rotation.w = 1.0
+    point.time_from_start.nanosec = 500_000_000
+    paths.publish(MultiDOFJointTrajectory(joint_names=['drone'], points=[point]))
+    bench.until(lambda: False, 2.0)  # beyond its end and set_point_timeout
+    bench.autopilot.heard.clear()
+    bench.until(lambda: False, 0.5)
+    last = bench.autopilot.of('SET_POSITION_TARGET_LOCAL_NED')[-1]
+    assert last['y'] == pytest.approx(2.5)  # north-east-down
+    assert (last['vx'], last['vy'], last['vz']) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
 def test_a_lost_link_and_damaged_frames_are_on_diagnostics(bench: Bench) -> None:
