@@ -234,9 +234,6 @@ class WorldControlNode(ControllerNode):
             return (
                 f'the controller holds the tool in the base frame, because {self.reference.reason}'
             )
-        pusher = self.reference.force
-        if pusher is not None and pusher.reason:
-            return f'the tool no longer presses: {pusher.reason}'
         margin = self.topics.margin
         if margin is not None and (margin.time < _SOON or margin.least < _NEAR):
             return (
@@ -244,6 +241,9 @@ class WorldControlNode(ControllerNode):
                 f'{1000.0 * margin.least:.0f} mm more, which takes {margin.time:.1f} s at its '
                 'velocity. Move the drone nearer to the tool'
             )
+        pusher = self.reference.force
+        if pusher is not None and pusher.reason:
+            return f'the tool no longer presses: {pusher.reason}'
         return ''
 
     def describe(self) -> dict[str, object]:
