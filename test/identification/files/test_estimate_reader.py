@@ -114,7 +114,9 @@ def test_the_estimate_of_another_robot_is_refused(
     """Four joints against six: the shape of the numbers is not what the user wants to read."""
     file = tmp_path / 'estimate.yaml'
     file.write_text(estimate_yaml(result, result.recommended.estimate, NOTHING, NOTHING))
-    with pytest.raises(IdentificationError, match=r'has 4 joints \(joint1, .* 6 \(shoulder_pan') as e:
+    with pytest.raises(
+        IdentificationError, match=r'has 4 joints \(joint1, .* 6 \(shoulder_pan'
+    ) as e:
         read_estimate(file, load_robot(example_urdf('ur10_robot.urdf')))
     assert '(--urdf)' in str(e.value)
     assert 'reshape' not in str(e.value)
