@@ -209,7 +209,7 @@ class BetaflightFlight:
         self._firmware = firmware
         self._at_rest = FeedForward.at_rest(body)
         self._acceleration = SetPointAcceleration(
-            setup.attitude_gain, setup.rate_gain(drone), setup.integral_rate
+            setup.attitude_gain, setup.rate_gain(drone), setup.integral_rate, ignores_lift=False
         )
         self.reset()
 

@@ -20,10 +20,10 @@ class SetPointAcceleration:
     """Acceleration feedforward for an autopilot that accepts an acceleration only.
 
     The acceleration against the force f of the joints' motion is `-f / m`; the autopilot's hover
-    thrust carries the weight. The autopilot tilts the drone by `atan(a / g)` for a horizontal
-    acceleration a, whatever the vertical thrust T is (PX4's MPC_ACC_DECOUPLE, ArduCopter). The
-    horizontal acceleration is therefore multiplied by `m g / T`, so that the tilted thrust has the
-    horizontal part `m a`. The autopilot tilts with the delay of its attitude loop, and accepts no
+    thrust carries the weight. PX4 (MPC_ACC_DECOUPLE) and ArduCopter tilt the drone by `atan(a / g)`
+    for a horizontal acceleration a, whatever the vertical thrust T is. The horizontal acceleration
+    is therefore multiplied by `m g / T`, so that the tilted thrust has the horizontal part `m a`.
+    The autopilot tilts with the delay of its attitude loop, and accepts no
     moment. If the gains of its attitude and angular-velocity
     loops are known, the set point adds the tilt `delta`, the inverse of these loops::
 
@@ -44,6 +44,8 @@ class SetPointAcceleration:
         Integral gain of the angular-velocity loop, divided by k [1/s].
     yaw_gain : float
         Moment about the vertical per error of the heading [Nm/rad], only for `turn`.
+    ignores_lift : bool
+        Whether the tilt for an acceleration does not depend on the vertical thrust.
 
     Raises
     ------
@@ -57,7 +59,9 @@ class SetPointAcceleration:
         rate_gain: float = 0.0,
         integral_rate: float = 0.0,
         yaw_gain: float = 0.0,
+        ignores_lift: bool = True,
     ) -> None:
+        self._ignores_lift = ignores_lift
         self._attitude_gain = non_negative_number('attitude_gain', attitude_gain)
         self._rate_gain = non_negative_number('rate_gain', rate_gain)
         self._integral_rate = non_negative_number('integral_rate', integral_rate)
@@ -79,7 +83,8 @@ class SetPointAcceleration:
         tilt = -arm.wrench[:3] / _lift(arm)
         if self._attitude_gain > 0.0:
             tilt = tilt + cross(self._lean(arm, dt), _UP)
-        x, y, _ = GRAVITY * level @ tilt
+        per_tilt = GRAVITY if self._ignores_lift else _lift(arm) / arm.body.mass
+        x, y, _ = per_tilt * level @ tilt
         return np.array([x, y, -arm.wrench[2] / arm.body.mass])
 
     def turn(self, arm: FeedForward, dt: float) -> Array:

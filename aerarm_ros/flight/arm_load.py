@@ -7,7 +7,7 @@ import numpy as np
 
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.control.compensation import Fade
-from aerarm_ros.description.drone_config import DroneConfig
+from aerarm_ros.description.drone_config import GRAVITY, DroneConfig
 from aerarm_ros.description.robot import Robot
 from aerarm_ros.flight.flight_state import StampedValues
 from aerarm_ros.model.inertia import cross, joined
@@ -382,10 +382,10 @@ class ArmFeedForward:
         Raises
         ------
         RejectedInputError
-            If the wrench is not finite, or a force or moment is larger than half the drone's
-            weight [N] or [Nm].
+            If the wrench is not finite, or a force or moment is larger than the drone's weight [N]
+            or [Nm].
         """
-        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > 5.0 * self._drone.mass:
+        if not np.isfinite(wrench.sum()) or np.abs(wrench).max() > GRAVITY * self._drone.mass:
             raise RejectedInputError(
                 'planned_contact: a force or moment is NaN, or too large for this drone'
             )

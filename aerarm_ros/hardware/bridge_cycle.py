@@ -406,7 +406,7 @@ class BridgeCycle:
         times = state.age(now, now - elapsed)
         rows = zip(self._encoders.is_position_reliable.tolist(), state.has_answered, strict=True)
         reliable = [is_reliable and has_answered for is_reliable, has_answered in rows]
-        q, dq = state.believed(reliable)
+        q, dq = state.reliable_motion(reliable)
         kept = references.kept_torques(q, dq, state.unconfirmed)
         gate.watch(q, dq, references.torques(q, dq), *times, kept, state.unconfirmed)
         trusted = [known and driven for known, driven in zip(reliable, state.driven, strict=True)]

@@ -44,6 +44,11 @@ def test_the_tilt_leads_by_its_derivatives(time: float) -> None:
     np.testing.assert_allclose(found, wanted, atol=2e-4)
 
 
+def test_with_regard_to_the_lift_the_acceleration_is_that_of_the_force() -> None:
+    found = SetPointAcceleration(ignores_lift=False).update(arm(0.4), LEVEL, 0.004)
+    np.testing.assert_allclose(found, -force(0.4) / BODY.mass)
+
+
 def test_the_tilt_is_limited_if_the_arm_carries_the_drone() -> None:
     lifted = FeedForward(BODY, np.r_[5.0, 0, 60.0, 0, 0, 0], np.zeros(6), np.zeros(3), np.zeros(3))
     x, _, z = SetPointAcceleration().update(lifted, LEVEL, 0.004)

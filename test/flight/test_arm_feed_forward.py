@@ -112,6 +112,33 @@ def test_with_a_late_forecast_the_last_one_is_used(arm: ArmFeedForward) -> None:
     np.testing.assert_array_equal(told.force_curvature, 0.0)
 
 
+def test_a_planned_contact_acts_at_once_and_fades_in_silence(arm: ArmFeedForward) -> None:
+    force = np.array([5.0, 0.0, 0.0])
+    before = arm.at(0.0).wrench
+    arm.offer_contact(0.004, np.r_[force, 0.0, 0.0, 0.0])
+    pressed = arm.at(0.004).wrench - before
+    turned = DRONE.mount.rotation @ force
+    np.testing.assert_allclose(pressed[:3], turned, atol=1e-9)
+    np.testing.assert_allclose(pressed[3:], np.cross(DRONE.mount.position, turned), atol=1e-9)
+    sizes = [
+        float(np.linalg.norm((arm.at(time).wrench - before)[:3]))
+        for time in np.arange(0.008, 0.4, 0.004)
+    ]
+    assert sizes[-1] == 0.0
+    assert np.all(np.diff(sizes) <= 1e-12)
+    assert max(np.abs(np.diff(sizes))) < 0.5  # [N], no step
+
+
+@pytest.mark.parametrize('size', [np.nan, np.inf, 30.0])
+def test_a_planned_contact_beyond_the_weight_of_the_drone_is_rejected(
+    arm: ArmFeedForward, size: float
+) -> None:
+    before = arm.at(0.0).wrench
+    with pytest.raises(RejectedInputError, match='planned_contact'):
+        arm.offer_contact(0.004, np.array([size, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(arm.at(0.004).wrench, before)
+
+
 def test_nonsense_is_refused(arm: ArmFeedForward) -> None:
     for mass in (np.nan, 0.0, 50.0):
         with pytest.raises(RejectedInputError, match='arm_inertia'):

@@ -441,20 +441,20 @@ class ArmMeasurements:
         self._measured_at = [-inf] * config.n
         self._drive = DriveTrain(config)
         self._last_velocity = unknown()
-        self._believed = unknown()
+        self._reliable = unknown()
 
-    def believed(self, tells: Sequence[bool]) -> tuple[Array, Array]:
+    def reliable_motion(self, is_reliable: Sequence[bool]) -> tuple[Array, Array]:
         """Return the best known positions [rad] and velocities [rad/s] of all joints, (n,) each.
 
-        A joint whose encoder is unreliable (one of the n flags `tells` is False) keeps its last
-        reliable values, because wrong positions would falsify the computed loads of the other
-        joints.
+        A joint whose encoder is unreliable (its flag of the n flags `is_reliable` is False) keeps
+        its last reliable values, because wrong positions would falsify the computed loads of the
+        other joints.
         """
-        if False not in tells:
-            self._believed[:] = self.q
+        if False not in is_reliable:
+            self._reliable[:] = self.q
             return self.q, self.dq
-        np.copyto(self._believed, self.q, where=tells)
-        return self._believed, np.where(tells, self.dq, 0.0)
+        np.copyto(self._reliable, self.q, where=is_reliable)
+        return self._reliable, np.where(is_reliable, self.dq, 0.0)
 
     def read(
         self,

@@ -206,14 +206,16 @@ class WorldTopics:
     def _publish_contact(self, stamp_ns: int) -> None:
         """Publish the wrench of the planned contact, and for a short time that it has ended."""
         pusher, now, state = self._reference.force, 1e-9 * stamp_ns, self._controller.state
-        if pusher is None or state is None or self._reference.base.problem(now):
+        if pusher is None or state is None:
             return
         if pusher.is_active:
             self._pressed_until = now + _CONTACT_ENDS
         if now > self._pressed_until or 0 <= stamp_ns - self._pressed_ns < _CONTACT_PERIOD_NS:
             return
         self._pressed_ns = stamp_ns
-        force = self._reference.base.pose(now).rotation.T @ pusher.planned_on_tool(now)
+        force = np.zeros(3)  # without the pose of the base, the direction is unknown
+        if not self._reference.base.problem(now):
+            force = self._reference.base.pose(now).rotation.T @ pusher.planned_on_tool(now)
         moment = cross(self._kinematics.position(state.q), force)
         message = WrenchStamped(header=base_header(stamp_ns, self._base))
         f, m = message.wrench.force, message.wrench.torque
