@@ -402,12 +402,16 @@ class ArmFeedForward:
         times = [stored.newest for stored in (self._arm, self._motion) if stored.newest is not None]
         return max(times, default=None)
 
+    @property
+    def preview(self) -> float:
+        """Preview time that a forecast of the arm's motion needs [s]."""
+        return self.lead + _SPACING
+
     def is_late(self, now: float) -> bool:
         """Return whether the arm's forecast exists but ends before `now` [s]."""
-        ahead = now + self.lead
         needs = (
-            (self.use_posture, self._arm.newest, ahead),
-            (self.use_motion, self._motion.newest, ahead + _SPACING),
+            (self.use_posture, self._arm.newest, now + self.lead),
+            (self.use_motion, self._motion.newest, now + self.preview),
         )
         return any(used and newest is not None and newest < need for used, newest, need in needs)
 

@@ -78,6 +78,7 @@ class BaseReactionNode(StateNode):
         # A little less than a period, because states arrive with jitter.
         self._period = 1.0 / self.values.rate - 0.5e-3
         self._last = self._due = -np.inf
+        self._is_located = True
 
     def connect(self) -> None:
         """Advertise the topics for the drone."""
@@ -92,7 +93,11 @@ class BaseReactionNode(StateNode):
         self._patience = SilencePatience(self.node, states)
 
     def answer(self, stamp_ns: int, state: ArmState) -> None:
-        """Publish the reaction if one period has passed."""
+        """Publish the reaction if one period has passed, and the joint positions are known."""
+        self._is_located = bool(np.isfinite(state.q).all())
+        if not self._is_located:
+            self._acceleration.reset()
+            return
         now = stamp_ns * 1e-9
         dt, self._last = now - self._last, now
         if not 0.0 < dt < LONGEST_GAP:
@@ -130,7 +135,9 @@ class BaseReactionNode(StateNode):
             self._loads.forecast.lead = value
 
     def warning(self) -> str:
-        """Return a warning if the estimate of the base's motion or of contact lacks an input."""
+        """Return a warning if joint positions, or inputs of an estimate, are missing."""
+        if not self._is_located:
+            return 'joint positions are unknown, so nothing is published: home the arm (arm home)'
         return super().warning() or self._contact.problem()
 
     def _on_mode(self, message: String, _: float) -> None:

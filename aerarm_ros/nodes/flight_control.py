@@ -84,6 +84,7 @@ class FlightControlNode:
         self._thrust = np.zeros(drone.n)
         self._error = np.zeros(3)
         self._answers = self._rejections = self._late = 0
+        self._reported = 0, 0  # commands and late forecasts at the last report
         self._waits_for_arm = True
         self._rejection, self._rejected_at = '', -np.inf
         self._requests: deque[Callable[[], None]] = deque()
@@ -241,6 +242,7 @@ class FlightControlNode:
             problem = f'rejected: {self._rejection}'
         if not problem and missing:
             problem = f'{" and ".join(missing)} silent'
+        problem = problem or self._forecast_problem()
         values: dict[str, object] = {
             'commands': self._answers,
             'rejected inputs': self._rejections,
@@ -250,6 +252,18 @@ class FlightControlNode:
             'largest thrust [%]': f'{100.0 * (self._thrust / self._thrust_max).max():.0f}',
         }
         self._diagnostics.report(problem, values)
+
+    def _forecast_problem(self) -> str:
+        """Return why most forecasts since the last report could not be used; empty if they were."""
+        answers, late = self._reported
+        self._reported = self._answers, self._late
+        if not self._late - late > 0.5 * (self._answers - answers):
+            return ''
+        return (
+            'arm forecasts are late or missing, so the arm motion is not compensated: check '
+            'base_reaction, and set its parameter lead to '
+            f'{self._arm.preview:.3f} s or more'
+        )
 
     def _try(self, action: Callable[[], None]) -> None:
         try:

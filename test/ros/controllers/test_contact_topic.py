@@ -19,6 +19,7 @@ from aerarm_msgs_py.codecs.joint_state_cdr import JointStateCdr
 from aerarm_msgs_py.live_topics import RawReader
 from aerarm_ros.description.drone_config import load_drone_config
 from aerarm_ros.description.resources import resource
+from aerarm_ros.motion.signals import ArmState
 from aerarm_ros.nodes.base_reaction import BaseReactionNode
 from aerarm_ros.ros.executors import spin_until
 
@@ -155,3 +156,18 @@ def test_without_drone_file_no_wrench_is_published(make) -> None:
     assert not drone.wrenches
     assert 'set drone_file' in node.describe()['contact']
     assert node.warning() == ''
+
+
+def test_nothing_is_published_before_the_joints_are_homed(
+    make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = make(drone_file=str(resource('config', 'drone.yaml')))
+    published: list[object] = []
+    monkeypatch.setattr(node.answers, 'publish', lambda _, message: published.append(message))
+    still = np.zeros(4)
+    node.answer(10**9, ArmState(np.full(4, np.nan), still, still))
+    assert not published
+    assert 'home the arm' in node.warning()
+    node.answer(10**9 + 10**7, ArmState(np.array(HANGING), still, still))
+    assert published
+    assert 'home the arm' not in node.warning()
