@@ -1,4 +1,4 @@
-"""Start the bridge and, on request, a controller, RViz and the browser view.
+"""Start the bridge and, if the arguments select them, a controller, RViz and the browser page.
 
 ros2 launch aerarm_ros bringup.launch.py hardware:=fake controller:=gravity_compensation rviz:=true
 """
@@ -57,14 +57,15 @@ ARGUMENTS = (
         'if_controller_fails',
         default_value='end',
         choices=['end', 'go_on'],
-        description="if the controller ends: 'end' stops all nodes, 'go_on' keeps the bridge",
+        description="effect of a controller that ends: 'end' ends all nodes; with 'go_on' the "
+        'bridge continues',
     ),
     DeclareLaunchArgument('namespace', default_value='', description='ROS namespace of all nodes'),
     DeclareLaunchArgument(
         'tf_prefix',
         default_value='',
-        description='prefix of all link and joint names, for example left_; then frames are on the '
-        'global tf topics',
+        description='prefix of all link and joint names, for example left_ (with a prefix, nodes '
+        'publish frames on the global topics /tf and /tf_static)',
     ),
     DeclareLaunchArgument(
         'params_file',
@@ -74,41 +75,44 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
-        description='drive train configuration of the arm',
+        description="configuration file of the arm's motors, gears, encoders and limits",
     ),
     DeclareLaunchArgument(
         'urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='model of the arm, for example an identified URDF',
+        description='URDF from which the nodes compute the model of the arm, for example '
+        'identified.urdf',
     ),
     DeclareLaunchArgument(
         'plant_urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='URDF of the simulated arm (fake hardware only)',
+        description='URDF of the arm that fake_hardware simulates',
     ),
     base_motion_argument(),
     drone_argument(),
-    DeclareLaunchArgument('imu_topic', default_value='imu', description="the base's IMU"),
+    DeclareLaunchArgument(
+        'imu_topic', default_value='imu', description="topic of the IMU at the arm's base"
+    ),
     enable_argument(),
     switch_argument('rviz', 'start RViz'),
-    switch_argument('view', 'start the browser view'),
+    switch_argument('view', 'start view, the server of the browser page'),
 )
 
 ENDS_WITH_CONTROLLER = EqualsSubstitution(LaunchConfiguration('if_controller_fails'), 'end')
-# URDF of the arm that moves; an identified model must not change the emulated arm. The bridge
-# publishes this URDF as robot_description, from which RViz and the frames are made.
+# URDF of the real or simulated arm: an identified model in `urdf` must not change the simulated
+# arm. The bridge publishes this URDF on robot_description, for RViz and robot_state_publisher.
 MOVING_ARM = IfElseSubstitution(
     ON_SPI, LaunchConfiguration('urdf'), LaunchConfiguration('plant_urdf')
 )
-# Without a prefix, frames have equal names in every namespace, as in the headers of this package's
-# messages. So each namespace has its own tf topic, to which its RViz subscribes.
+# Without a prefix, the frames of all arms have the same names, as in the headers of this package's
+# messages. Each namespace therefore has its own tf topics, to which its RViz subscribes.
 TF_PREFIX = LaunchConfiguration('tf_prefix')
 FRAME_TOPICS = [
     (f'/{name}', IfElseSubstitution(EqualsSubstitution(TF_PREFIX, ''), name, f'/{name}'))
     for name in ('tf', 'tf_static')
 ]
 
-# Each emulated arm has its own simulation time.
+# Each emulated arm has its own simulated time; with a prefix it is on the namespace's clock topic.
 CLOCK = ('/clock', IfElseSubstitution(EqualsSubstitution(TF_PREFIX, ''), '/clock', 'clock'))
 
 
@@ -119,7 +123,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             PushRosNamespace(LaunchConfiguration('namespace')),
             bridge,
-            # Nothing in this launch file works without the bridge.
+            # All other nodes of this launch file need the bridge.
             after(bridge, 'bridge', end('the bridge has ended')),
             _enable(),
             controller,
@@ -133,7 +137,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _discovery_profile() -> SetEnvironmentVariable:
-    """Set a Fast DDS profile for quick discovery (docs/decisions.md); a user profile stays."""
+    """Set the suite's Fast DDS profile (docs/decisions.md), unless the user has set a profile."""
     name = 'FASTRTPS_DEFAULT_PROFILES_FILE'
     ours = PathJoinSubstitution([SHARE, 'config', 'fastdds.xml'])
     return SetEnvironmentVariable(name, EnvironmentVariable(name, default_value=ours))
@@ -144,7 +148,7 @@ def _bridge() -> Node:
     return node(
         executable,
         {**arm_parameters(urdf=MOVING_ARM), **drone_parameter()},
-        remappings=[IMU_REMAPPING, CLOCK],  # IMU and clock of an emulated drone and world
+        remappings=[IMU_REMAPPING, CLOCK],  # fake_hardware publishes IMU samples and the clock
     )
 
 
@@ -174,7 +178,10 @@ def _view() -> Node:
 
 
 def _robot_state_publisher(context: LaunchContext) -> list[Node | LogInfo]:
-    """Return robot_state_publisher, which turns joint states into frames, if it is installed."""
+    """Return the node robot_state_publisher, or a log message if it is not installed.
+
+    The node computes the frames of the links from joint states.
+    """
     try:
         get_package_prefix('robot_state_publisher')
     except PackageNotFoundError:

@@ -1,7 +1,8 @@
-"""Follow joint trajectories by inverse dynamics, thesis (2.21).
+"""Start the bridge and computed_torque, which follows joint trajectories, thesis (2.21).
 
-ros2 launch aerarm_ros computed_torque.launch.py enable:=true view:=true Accepts the arguments of
-bringup.launch.py.
+ros2 launch aerarm_ros computed_torque.launch.py enable:=true view:=true
+
+Accepts the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription

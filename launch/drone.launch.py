@@ -1,7 +1,9 @@
-"""Start the arm, a controller that models the drone's reaction, and the publishers for the drone.
+"""Start bridge, controller and base_reaction for an arm under a drone.
 
 ros2 launch aerarm_ros drone.launch.py hardware:=spi autopilot:=px4 drone_file:=my_drone.yaml
-Accepts the arguments of bringup.launch.py.
+
+Depending on the argument autopilot, also starts px4_imu or flight_control. Accepts the arguments
+of bringup.launch.py.
 """
 
 from launch import LaunchDescription
@@ -25,7 +27,7 @@ from aerarm_ros.launch_parts import (
 )
 
 ON_PX4 = EqualsSubstitution(LaunchConfiguration('autopilot'), 'px4')
-BY_OURSELVES = EqualsSubstitution(LaunchConfiguration('autopilot'), 'flight_control')
+BY_FLIGHT_CONTROL = EqualsSubstitution(LaunchConfiguration('autopilot'), 'flight_control')
 # The drone must not receive the motion with which world_control reacts to the drone.
 NOT_BY_REACTION = ParameterValue(
     PythonExpression(["'", LaunchConfiguration('controller'), "' != 'world_control'"]),
@@ -47,8 +49,8 @@ ARGUMENTS = (
             ]
         ),
         choices=['flight_control', 'mavros', 'px4'],
-        description='autopilot whose IMU is used: mavros; px4, whose own topics px4_imu '
-        'converts; or flight_control, with which this package flies an emulated drone',
+        description='source of the IMU samples: mavros (topics of MAVROS); px4 (px4_imu converts '
+        "PX4's topics); or flight_control (flies an emulated drone)",
     ),
     DeclareLaunchArgument(
         'imu_topic',
@@ -59,7 +61,7 @@ ARGUMENTS = (
                 "' == 'mavros' else 'imu'",
             ]
         ),
-        description="topic of the autopilot's IMU, as MAVROS or px4_imu publishes it",
+        description='topic on which MAVROS, px4_imu or fake_hardware publishes IMU samples',
     ),
 )
 
@@ -68,7 +70,7 @@ def generate_launch_description() -> LaunchDescription:
     """Return the launch description for `ros2 launch`."""
     reaction = node(
         'base_reaction',
-        # The feedforward nodes pick the time that they need from the published forecast.
+        # The stamp of a message is the time that it predicts; the autopilot nodes select by stamp.
         {
             'lead': 0.06,
             'measured_motion': NOT_BY_REACTION,
@@ -82,7 +84,7 @@ def generate_launch_description() -> LaunchDescription:
         'flight_control',
         {**arm_parameters(), **drone_parameter()},
         remappings=[IMU_REMAPPING],
-        condition=IfCondition(BY_OURSELVES),
+        condition=IfCondition(BY_FLIGHT_CONTROL),
     )
     drone = GroupAction(
         [

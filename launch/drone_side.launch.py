@@ -17,22 +17,31 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'ground_timeout',
         default_value='5.0',
-        description='silence of the ground host [s] after which ground_lost applies; 0 switches it '
-        'off',
+        description='time [s] without a datagram from the ground computer after which the drone '
+        'acts according to ground_lost (0: never)',
     ),
     DeclareLaunchArgument(
         'ground_lost',
         default_value='stop',
         choices=['continue', 'stop', 'home'],
-        description='reaction of the arm to the loss of the ground host',
+        description='reaction of the arm if the connection to the ground computer is lost: '
+        'continue the motion, stop on the path, or stop and move to the home configuration',
     ),
     DeclareLaunchArgument(
-        'ground', default_value='', description='address of the ground computer; any if empty'
+        'ground',
+        default_value='',
+        description='address of the ground computer (empty: any computer with the key)',
     ),
     DeclareLaunchArgument(
-        'address', default_value='0.0.0.0', description='address at which ground_link listens'
+        'address',
+        default_value='0.0.0.0',
+        description="local address at which the drone's ground_link receives datagrams",
     ),
-    DeclareLaunchArgument('port', default_value='7447', description='UDP port of ground_link'),
+    DeclareLaunchArgument(
+        'port',
+        default_value='7447',
+        description="UDP port at which the drone's ground_link receives datagrams",
+    ),
 )
 
 

@@ -1,7 +1,8 @@
-"""Run the experiment of thesis 5.4: dynamic controllers on the simulated arm.
+"""Compare controllers on the simulated arm, as in section 5.4 of the thesis.
 
-ros2 launch aerarm_ros experiment.launch.py out:=controllers identified:=run1/identified.urdf The
-result is a table and an HTML page. The experiment needs neither bridge nor motors.
+ros2 launch aerarm_ros experiment.launch.py out:=controllers identified:=run1/identified.urdf
+
+The experiment prints a table and writes an HTML page. It needs neither bridge nor motors.
 """
 
 from launch import LaunchDescription
@@ -13,16 +14,19 @@ from aerarm_ros.launch_parts import after, check_first, end
 
 ARGUMENTS = (
     DeclareLaunchArgument(
-        'out', default_value='experiment', description='folder for the result page'
+        'out', default_value='experiment', description='folder for the HTML page with results'
     ),
-    DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
+    DeclareLaunchArgument('seed', default_value='1', description='seed of the random trajectory'),
     DeclareLaunchArgument(
         'identified',
         default_value='',
-        description='URDF of an identified model to simulate; a random arm if empty',
+        description='URDF of the arm to simulate, for example identified.urdf (empty: a random '
+        'arm)',
     ),
     DeclareLaunchArgument(
-        'only', default_value='', description='run only cases whose name contains this text'
+        'only',
+        default_value='',
+        description='run only the cases of the experiment whose name contains this text',
     ),
 )
 

@@ -1,7 +1,8 @@
-"""Hold the arm at set points by gravity compensation, thesis (2.14).
+"""Start the bridge and gravity_compensation, which holds the arm at set points, thesis (2.14).
 
-ros2 launch aerarm_ros gravity_compensation.launch.py enable:=true view:=true Accepts the arguments
-of bringup.launch.py.
+ros2 launch aerarm_ros gravity_compensation.launch.py enable:=true view:=true
+
+Accepts the arguments of bringup.launch.py.
 """
 
 from launch import LaunchDescription

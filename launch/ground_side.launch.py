@@ -1,4 +1,4 @@
-"""Start ground_link and the browser view on the ground computer.
+"""Start ground_link and view (the browser page) on the ground computer.
 
 ros2 launch aerarm_ros ground_side.launch.py drone:=192.168.1.10
 """
@@ -22,23 +22,29 @@ from aerarm_ros.launch_parts import (
 )
 
 ARGUMENTS = (
-    DeclareLaunchArgument('drone', description='address of the drone'),
-    DeclareLaunchArgument('port', default_value='7447', description='UDP port of the drone'),
+    DeclareLaunchArgument('drone', description="address of the drone's computer"),
     DeclareLaunchArgument(
-        'namespace', default_value='', description='ROS namespace, as on the drone'
+        'port', default_value='7447', description="UDP port of ground_link on the drone's computer"
     ),
     DeclareLaunchArgument(
-        'tf_prefix', default_value='', description='prefix of link and joint names, as on the drone'
+        'namespace',
+        default_value='',
+        description="namespace of the drone's nodes, which the nodes on the ground also use",
+    ),
+    DeclareLaunchArgument(
+        'tf_prefix',
+        default_value='',
+        description='prefix of link and joint names, equal to tf_prefix of drone_side.launch.py',
     ),
     DeclareLaunchArgument(
         'config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'aerarm.yaml']),
-        description='drive train configuration of the arm',
+        description="configuration file of the arm's motors, gears, encoders and limits",
     ),
     DeclareLaunchArgument(
         'urdf',
         default_value=PathJoinSubstitution([SHARE, 'urdf', 'aerarm.urdf']),
-        description='URDF of the arm to show',
+        description='URDF of the arm that the browser page shows',
     ),
     DeclareLaunchArgument(
         'params_file',
@@ -46,7 +52,7 @@ ARGUMENTS = (
         description='parameter file for every node of this launch file',
     ),
     drone_argument(),
-    switch_argument('view', 'start the browser view', 'true'),
+    switch_argument('view', 'start view, the server of the browser page', 'true'),
 )
 
 

@@ -1,8 +1,15 @@
-"""Excite and record the arm, identify its model, then end.
+"""Play an excitation motion, record it, identify the model of the arm, then end.
 
-ros2 launch aerarm_ros identification.launch.py out:=run1 Accepts the arguments of
-bringup.launch.py. On real hardware, enable the motors by hand while the launch file waits: ros2
-run aerarm_ros arm home With namespace:=NS: ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
+ros2 launch aerarm_ros identification.launch.py out:=run1
+
+Accepts the arguments of bringup.launch.py. On real hardware the launch file waits until you home
+the arm:
+
+ros2 run aerarm_ros arm home
+
+With namespace:=NS:
+
+ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
 """
 
 import signal
@@ -29,16 +36,19 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'out', default_value='identification', description='new folder for the results'
     ),
-    DeclareLaunchArgument('seed', default_value='1', description='seed of the trajectory'),
+    DeclareLaunchArgument(
+        'seed', default_value='1', description='seed of the random excitation trajectory'
+    ),
     DeclareLaunchArgument(
         'periods',
         default_value='0',
-        description='number of periods to play; 0 for the number in the file, or 2',
+        description='number of periods to play (0: the number in the trajectory file, or 2 for a '
+        'random trajectory)',
     ),
     DeclareLaunchArgument(
         'trajectory',
         default_value="''",
-        description='YAML trajectory file to play; a random trajectory if empty',
+        description='YAML file of the trajectory to play (empty: a random trajectory)',
     ),
     *MOTION_ARGUMENTS,
 )

@@ -1,8 +1,15 @@
-"""Measure the drives one after the other with motor_bench, then end.
+"""Measure the drives of the arm with motor_bench, one joint after the other, then end.
 
-ros2 launch aerarm_ros motor_bench.launch.py out:=bench1 joints:="[joint4]" Accepts the arguments
-of bringup.launch.py. On real hardware, enable the motors by hand while the launch file waits: ros2
-run aerarm_ros arm home With namespace:=NS: ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
+ros2 launch aerarm_ros motor_bench.launch.py out:=bench1 joints:="[joint4]"
+
+Accepts the arguments of bringup.launch.py. On real hardware the launch file waits until you home
+the arm:
+
+ros2 run aerarm_ros arm home
+
+With namespace:=NS:
+
+ros2 run aerarm_ros arm home --ros-args -r __ns:=/NS
 """
 
 from launch import LaunchDescription
@@ -27,7 +34,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'joints',
         default_value='[joint1, joint2, joint3, joint4]',
-        description='joints to measure, one after the other',
+        description='joints whose drives motor_bench measures, one after the other',
     ),
     DeclareLaunchArgument(
         'mounted',

@@ -1,7 +1,9 @@
-"""Start the arm with computed_torque, and MoveIt's move_group, which plans its motions.
+"""Start the bridge, the controller computed_torque, and MoveIt's move_group.
 
-ros2 launch aerarm_ros moveit.launch.py enable:=true rviz:=true Accepts the arguments of
-bringup.launch.py except namespace: MoveIt's frames and topics are global.
+ros2 launch aerarm_ros moveit.launch.py enable:=true rviz:=true
+
+Accepts the arguments of bringup.launch.py except namespace and tf_prefix, because MoveIt's frames
+and topics are global.
 """
 
 from pathlib import Path
@@ -20,11 +22,11 @@ ARGUMENTS = (
         'controller',
         default_value='computed_torque',
         choices=['computed_torque'],
-        description='always computed_torque, the controller that config/moveit sends plans to',
+        description='fixed to computed_torque: MoveIt sends planned motions to this controller',
     ),
     switch_argument(
         'use_sim_time',
-        'MoveIt uses the time of /clock; set false with real boards, and with pace: real_time',
+        'true: MoveIt uses the time on /clock; false with real boards, or with pace: real_time',
         IfElseSubstitution(
             EqualsSubstitution(LaunchConfiguration('hardware', default='fake'), 'spi'),
             'false',
@@ -35,10 +37,13 @@ ARGUMENTS = (
         'namespace',
         default_value='',
         choices=[''],
-        description="always empty, because MoveIt's topics are global",
+        description="fixed to empty, because MoveIt's topics are global",
     ),
     DeclareLaunchArgument(
-        'tf_prefix', default_value='', choices=[''], description='none: see config/moveit'
+        'tf_prefix',
+        default_value='',
+        choices=[''],
+        description='fixed to empty, because the files in config/moveit name links without prefix',
     ),
 )
 # ROS packages that MoveIt needs, and control_msgs, which the controller needs for goals.
@@ -90,8 +95,8 @@ def _parameters(context: LaunchContext) -> list[dict]:
             'robot_description': Path(urdf).read_text(),
             'robot_description_semantic': (folder / 'aerarm.srdf').read_text(),
             'publish_robot_description_semantic': True,
-            # The states are stamped in simulation time, which is slow on a busy host. MoveIt
-            # refuses to move an arm whose state is older than one second.
+            # Joint states have stamps in simulated time, which is slow on a busy host. MoveIt
+            # rejects motions of an arm whose state is older than one second.
             'use_sim_time': LaunchConfiguration('use_sim_time').perform(context) == 'true',
         },
         *({below: given} if below else given for below, given in settings),
