@@ -357,8 +357,8 @@ def _warn_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
     """Warn if sequence numbers are missing between the first and the last message."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
-            f'bag {path}: according to the sequence numbers, {lost} messages of {topic} are missing '
-            'between the first and the last; the recorder lost them, or the bag is damaged',
+            f'bag {path}: according to the sequence numbers, {lost} messages of {topic} are '
+            'missing between the first and the last; the recorder lost them, or the bag is damaged',
             BagWarning,
             stacklevel=3,
         )
