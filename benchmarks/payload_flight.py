@@ -1,4 +1,4 @@
-"""Payload estimation and compensation under a flying drone, by the nodes themselves.
+"""Payload estimation and compensation by the suite's nodes under a flying drone.
 
 `fake_hardware`, `computed_torque`, `payload_estimator` and `flight_control` run as processes in
 lockstep, so the figures do not depend on the host. The arm swings fast while the drone hovers.
@@ -75,7 +75,7 @@ class Weighing:
         )
 
     def text(self) -> str:
-        """Return all figures as text."""
+        """Return the results of a flight as text."""
         carrying = self.told[self.told[:, 1] > 1e-3]
         found = carrying[:1, 0] - self.pick_up
         gone = self.told[(self.told[:, 0] > self.put_down) & (self.told[:, 1] < 1e-3)][:1, 0]
@@ -140,7 +140,7 @@ def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
         rclpy.spin_once(bench.node, timeout_sec=0.0)
         rows.append((now, *q))
         if len(when) < len(orders) and now > begin + orders[len(when)][0]:
-            bench.tell_world('payload', orders[len(when)][1])
+            bench.change_world('payload', orders[len(when)][1])
             when.append(now)
     if bench.listener.farthest > LOST:
         raise ValueError('the drone was lost')
@@ -155,9 +155,11 @@ def main() -> int:
     parser.add_argument('--model', choices=('identified', 'true'), default='true')
     parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument(
-        '--noise', type=float, nargs=2, default=(0.1, 0.003), help='of the IMU [m/s^2], [rad/s]'
+        '--noise', type=float, nargs=2, default=(0.1, 0.003), help='IMU noise [m/s^2] and [rad/s]'
     )
-    parser.add_argument('--shares', type=float, nargs='*', default=(1.0, 0.0), help='handed over')
+    parser.add_argument(
+        '--shares', type=float, nargs='*', default=(1.0, 0.0), help='compensated fractions'
+    )
     options = parser.parse_args()
     node = open_ros(os.getpid())
     try:

@@ -1,4 +1,4 @@
-"""Rate of false payload changes detected by `PayloadEstimator`.
+"""Rate of false payload changes that `PayloadEstimator` reports.
 
 Arms of 4 to 7 joints work for hours on the physics engine without payload: random excitation, and
 moves between random postures with rests. The estimator's model of each arm has the errors of
@@ -276,13 +276,15 @@ def session(job: Job) -> Session:
 def main() -> int:
     """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--hours', type=float, default=0.5, help='hours per number of joints')
+    parser.add_argument(
+        '--hours', type=float, default=0.5, help='simulated hours per number of joints'
+    )
     parser.add_argument('--joints', type=int, nargs='+', default=[4, 5, 6, 7], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=SESSION, help='duration of a session')
-    parser.add_argument('--jobs', type=int, default=1, help='processes')
+    parser.add_argument('--seconds', type=float, default=SESSION, help='duration of a session [s]')
+    parser.add_argument('--jobs', type=int, default=1, help='number of processes')
     parser.add_argument('--runs', type=Path, help='folder for the recordings')
     parser.add_argument(
-        '--model-error', type=float, default=EstimatorSettings().model_error, help='setting'
+        '--model-error', type=float, default=EstimatorSettings().model_error, help='model_error'
     )
     options = parser.parse_args()
     runs = max(round(3600.0 * options.hours / options.seconds), 1)

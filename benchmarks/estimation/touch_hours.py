@@ -1,4 +1,4 @@
-"""Detection rate, place error and false alarm rate of `ContactDetector`.
+"""Detection rate, position error and false alarm rate of `ContactDetector`.
 
 Emulated arms work for hours on the physics engine: random waves, moves between random postures,
 and rests. The identifier identifies each arm from a bag of 60 s of free motion, from which the
@@ -221,12 +221,14 @@ def free(
 def main() -> int:
     """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--hours', type=float, default=0.1, help='hours per number of joints')
+    parser.add_argument(
+        '--hours', type=float, default=0.1, help='simulated hours per number of joints'
+    )
     parser.add_argument('--joints', type=int, nargs='+', default=[4], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=300.0, help='duration of a session')
-    parser.add_argument('--touches', action='store_true', help='touch the arm')
+    parser.add_argument('--seconds', type=float, default=300.0, help='duration of a session [s]')
+    parser.add_argument('--touches', action='store_true', help='apply contact forces to the arm')
     parser.add_argument('--seed', type=int, default=0, help='seed of the first session')
-    parser.add_argument('--jobs', type=int, default=1, help='processes')
+    parser.add_argument('--jobs', type=int, default=1, help='number of processes')
     options = parser.parse_args()
     runs = max(round(3600.0 * options.hours / options.seconds), 1)
     jobs = [

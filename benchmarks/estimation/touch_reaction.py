@@ -1,11 +1,11 @@
-"""Time from touch to reaction, and force on what the arm meets, per reaction.
+"""Time from contact to reaction, and contact force, for each reaction of a controller to contact.
 
-The emulated arm under computed torque (host feedback, identified model) runs its tool into a wall
-at three speeds. Walls are springs as ISO/TS 15066 (2016, table A.3) gives for parts of the body:
-75 N/mm for hands and fingers, and for a face; 10 N/mm for an abdomen. As with its measuring
-instrument, the force counts as transient in the first 0.5 s after the touch and as quasi-static
-afterwards. It is taken at 4 kHz without a filter. The contact reaches the controller one cycle
-after the state that it follows from.
+The emulated arm under computed torque (host feedback, identified model) moves its tool into a wall
+at three speeds. The walls are springs with the stiffness of parts of the human body in ISO/TS 15066
+(2016, table A.3): 75 N/mm for hands, fingers and the face, 10 N/mm for the abdomen. As in this
+standard, the force counts as transient in the first 0.5 s of the contact and as quasi-static
+afterwards. The benchmark samples the force at 4 kHz without a filter. The controller receives the
+detected contact one cycle after the joint state from which it was detected.
 """
 
 import argparse
@@ -119,7 +119,7 @@ class Controlled:
 def impact(
     setup: tuple[Arm, PlantParameters, Learnt], reaction: Reaction, speed: float, stiffness: float
 ) -> Impact:
-    """Run the tool into a wall."""
+    """Move the tool into a wall."""
     run, kinematics = Controlled(*setup), Kinematics(setup[0].robot, 'tool0')
     middle = 0.5 * (START + END)
     way = kinematics.jacobian(middle)[:3] @ (END - START)
@@ -150,11 +150,14 @@ def impact(
 def main() -> int:
     """Run all impacts and print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seed', type=int, default=1, help='of the made arm')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the emulated arm')
     options = parser.parse_args()
     arm, truth = made(4, options.seed)
     setup = arm, truth, learn(arm, truth, options.seed, GAIN)
-    print('| wall | tool | reaction | detected | brakes | transient | after 0.5 s |')
+    print(
+        '| stiffness of the wall | tool speed | reaction | contact detected after '
+        '| braking after | largest force in the first 0.5 s | largest force after 0.5 s |'
+    )
     print('|---|---|---|---|---|---|---|')
     for wall, stiffness in WALLS.items():
         for speed in SPEEDS:

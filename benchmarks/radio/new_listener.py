@@ -1,9 +1,10 @@
-"""New processes that listen to the bridge, one after the other, and how soon each has states.
+"""Start subscribers to the bridge one after the other, and measure when each receives states.
 
 Usage: python benchmarks/radio/new_listener.py COUNT
 
-Each one is forked from a process that has only imported rclpy, so it makes a participant of its own
-without the time that Python takes to start. Prints a JSON list of seconds.
+Each subscriber is a process that is forked from a process with rclpy already imported. It creates
+its own DDS participant; the start time of Python does not count. The program prints a JSON list of
+times [s].
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The bench of two hosts: bridge, both ends of ground_link, a lossy relay and their watchers."""
+"""Test bench of two emulated hosts: bridge, both ends of ground_link, and a lossy relay."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Speaker:
         self._read = 0
         self._rows: list[dict[str, object]] = []
 
-    def tell(self, line: str) -> None:
+    def send_line(self, line: str) -> None:
         """Send a line."""
         assert self._process.stdin is not None
         self._process.stdin.write(f'{line}\n')
@@ -62,7 +62,7 @@ class Speaker:
 
 @dataclass(frozen=True)
 class Loop:
-    """What became of the 1 kHz loop within a time.
+    """Missed cycles and gaps of the bridge's 1 kHz loop within a time span.
 
     Attributes
     ----------
@@ -134,14 +134,14 @@ class Rig:
 
     def press(self) -> float:
         """Press the e-stop on the ground, and return after how long the arm was damped [s]."""
-        self.ground.tell('press')
+        self.ground.send_line('press')
         begin = self.ground.wait(lambda row: row.get('called') == 'press', self._cleared)
         return self.drone.wait(is_fault, begin) - begin
 
     def clear(self) -> None:
         """Clear the fault, on the drone."""
         self._cleared = time.monotonic()
-        self.drone.tell('clear')
+        self.drone.send_line('clear')
         self.drone.wait(lambda row: row.get('mode') not in (None, 'fault'), self._cleared)
         # The ground receives the mode as well; a button is not pressed before that.
         time.sleep(0.1 + 0.1 * np.random.default_rng().random())
@@ -151,7 +151,7 @@ class Rig:
     def mark(self) -> dict[str, float]:
         """Return the account of the 1 kHz loop since the last mark, see `loop_watch.py`."""
         begin = time.monotonic()
-        self._watch.tell('mark')
+        self._watch.send_line('mark')
         when = self._watch.wait(lambda row: 'states' in row, begin)
         row = next(row for row in self._watch.rows() if row['time'] == when and 'states' in row)
         return {key: float(str(value)) for key, value in row.items()}
@@ -166,7 +166,7 @@ class Rig:
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Return position [rad] and velocity [rad/s] of the joints, on the drone."""
         begin = time.monotonic()
-        self.drone.tell('state')
+        self.drone.send_line('state')
         when = self.drone.wait(lambda row: 'position' in row, begin)
         row = next(row for row in self.drone.rows() if row['time'] == when)
         return np.array(row['position']), np.array(row['velocity'])
@@ -285,7 +285,7 @@ class Rig:
 
 
 def is_fault(row: dict[str, object]) -> bool:
-    """Tell whether a row says that the arm is damped by an e-stop."""
+    """Return whether a row reports that an e-stop has damped the arm."""
     return row.get('mode') == 'fault'
 
 

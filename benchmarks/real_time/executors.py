@@ -1,4 +1,4 @@
-"""Processor time of a node that responds to requests, by executor.
+"""Processor time per parameter request, for several executors of the node that responds.
 
 Each executor serves one node in a second thread of a separate process, as next to a control loop. A
 client repeatedly requests a parameter, and the node reports the processor time used. A subscription
@@ -134,7 +134,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 def main() -> None:
     """Measure all executors and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--count', type=int, default=1000, help='requests')
+    parser.add_argument('--count', type=int, default=1000, help='number of requests')
     parser.add_argument('--serve', choices=KINDS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve:

@@ -1,8 +1,8 @@
-"""A made arm on the physics engine that is touched, as its encoders and currents show it.
+"""Emulated arm with contact forces, and the measurements of its encoders and current sensors.
 
-A position controller moves it at random. Encoders count 4096 per motor turn, velocities are
-low-passed at 100 Hz as on the boards, and currents are noisy. The model of the detector is the one
-that `identify` finds from a recording of the arm's own free motion.
+A position controller moves the arm at random. The encoders have 4096 counts per motor turn, the
+velocities are low-passed at 100 Hz as on the boards, and the currents are noisy. The contact
+detector uses the model that `identify` estimates from a recording of the arm without contact.
 """
 
 from collections.abc import Iterator
@@ -153,7 +153,7 @@ class TouchedArm:
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """What the detector knows of one made arm: model, thresholds and settings."""
+    """Model, thresholds and settings of the contact detector for one emulated arm."""
 
     model: KnownArm
     bound: ResidualBound
@@ -165,7 +165,7 @@ class Learnt:
 
 
 def made(joints: int, seed: int) -> tuple[Arm, PlantParameters]:
-    """Return an arm and what the one of a seed is made of."""
+    """Return an arm, and the true parameters of the emulated arm with a seed."""
     arm = Arm.of(joints)
     return arm, arm.drawn.perturbed(seed, MADE)
 
