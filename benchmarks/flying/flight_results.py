@@ -89,8 +89,8 @@ class FlightResults:
             shown = ['-' if value is None else f'{value:.1f}' for value in over]
             row = (
                 part,
-                f'error with integral: {shown[0]} times that with full feed-forward',
-                f'error with the better of observer and INDI: {shown[1]} times',
+                f'{shown[0]} = error with integral / error with full feed-forward',
+                f'{shown[1]} = error with observer or INDI / error with full feed-forward',
             )
             limit = self.tilt_limits[drone].get(part)
             rows.append(
