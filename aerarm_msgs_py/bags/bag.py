@@ -67,12 +67,12 @@ def read_information(path: Path) -> BagInformation:
         If the file cannot be read, is too large, is not plain YAML or not metadata of a bag.
     """
     if path.exists() and not path.is_file():
-        raise ValueError('it is not a regular file')  # Reading a pipe would never end.
+        raise ValueError('the file is not a regular file')  # Reading a pipe would never end.
     try:
         with path.open('rb') as stream:
             content = stream.read(_LARGEST + 1)
         if len(content) > _LARGEST:
-            raise ValueError(f'it is larger than {_LARGEST} bytes')
+            raise ValueError(f'the file is larger than {_LARGEST} bytes')
         text = content.decode()
         _check_plain(text)
         document = yaml.load(text, _LOADER)
@@ -80,12 +80,12 @@ def read_information(path: Path) -> BagInformation:
         raise
     except (OSError, yaml.YAMLError, ValueError, *_OF_A_TAG) as error:
         if 'nesting depth' in str(error):  # The limit of libyaml is smaller than ours.
-            raise ValueError(f'its YAML is nested more than {_DEEPEST} levels deep') from None
+            raise ValueError(f'the YAML is nested more than {_DEEPEST} levels deep') from None
         raise ValueError(' '.join(str(error).split())[:200]) from None
     try:
         return _information(document['rosbag2_bagfile_information'])
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f'it is not the metadata of a bag ({error})') from None
+        raise ValueError(f'the file is not the metadata of a bag ({error})') from None
 
 
 def _check_plain(text: str) -> None:
@@ -93,13 +93,13 @@ def _check_plain(text: str) -> None:
     depth = 0
     for event in yaml.parse(text, _LOADER):
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
-            raise ValueError('it contains YAML anchors or aliases, which no recorder writes')
+            raise ValueError('the file contains YAML anchors or aliases, which no recorder writes')
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
-            raise ValueError(f'its YAML is nested more than {_DEEPEST} levels deep')
+            raise ValueError(f'the YAML is nested more than {_DEEPEST} levels deep')
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
             raise ValueError(
-                f'it contains a number that is {len(event.value)} characters long, more than '
+                f'the file contains a number that is {len(event.value)} characters long, more than '
                 f'{_LONGEST_NUMBER}'
             )
 

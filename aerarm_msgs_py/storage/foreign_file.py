@@ -185,7 +185,8 @@ class ForeignFile:
         if end['limit']:
             raise BagError(
                 f'reading the file {self.path} takes more {end["limit"]} than the limit for its '
-                "size. It may be damaged or malicious; if you trust it, raise the limit 'ratio'"
+                'size. The file may be damaged or malicious; if you trust it, raise the limit '
+                "'ratio'"
             )
 
 

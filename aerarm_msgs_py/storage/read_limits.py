@@ -178,6 +178,6 @@ class ReadBudget:
         if self._left < 0:
             raise BagError(
                 f'the bag {self._path} needs more than {self._ratio:g} times its {self._size} '
-                'bytes in memory. It may be damaged or malicious; if you trust it, raise '
+                'bytes in memory. The bag may be damaged or malicious; if you trust it, raise '
                 "the limit 'ratio'"
             )
