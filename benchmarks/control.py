@@ -183,7 +183,7 @@ class FlightSound:
         self._cycle = 0
 
     def hear(self, now: float) -> None:
-        """Pass the messages due at `now` [s] to the estimator."""
+        """Pass the messages up to the time `now` [s] to the estimator."""
         self._cycle += 1
         if self._cycle % IMU_CYCLES:
             return

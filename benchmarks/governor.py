@@ -55,7 +55,7 @@ HEADINGS = (
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """A motion with its duration multiplied by a factor."""
+    """Motion whose duration is multiplied by a factor."""
 
     motion: JointMotion
     factor: float
@@ -72,7 +72,7 @@ class Scaled:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """A motion whose references are (n,) at one time."""
+    """Motion that returns the reference (n,) for one time."""
 
     motion: JointMotion
 

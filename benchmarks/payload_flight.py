@@ -47,7 +47,7 @@ class Weighing:
     ----------
     pick_up, put_down : float
         Time of the requests to the world [s].
-    told : (K, 5) ndarray
+    estimates : (K, 5) ndarray
         Time [s], mass [kg] and centre [m] of each message on `payload`.
     errors : (M, 5) ndarray
         Time [s], and the joints' errors [mrad].
@@ -55,44 +55,47 @@ class Weighing:
 
     pick_up: float
     put_down: float
-    told: np.ndarray
+    estimates: np.ndarray
     errors: np.ndarray
 
     def error(self, begin: float, end: float) -> float:
-        """Return the RMS error between two times [mrad]."""
+        """Return the RMS joint error between two times [mrad]."""
         inside = (self.errors[:, 0] > begin) & (self.errors[:, 0] < end)
         return float(np.sqrt(np.mean(self.errors[inside, 1:] ** 2)))
 
     def weighed(self, since: float) -> str:
         """Return the errors of mass and centre some seconds after the pick-up."""
-        rows = self.told[self.told[:, 0] > self.pick_up + since]
+        rows = self.estimates[self.estimates[:, 0] > self.pick_up + since]
         if not len(rows) or rows[0, 1] < 1e-3:
-            return f'nothing found after {since:g} s'
+            return f'no payload found {since:g} s after the pick-up'
         mass, centre = rows[0, 1], rows[0, 2:]
         return (
-            f'mass off by {100.0 * abs(mass / LOAD[0] - 1.0):.1f} %, centre by '
-            f'{1e3 * np.linalg.norm(centre - LOAD[1:]):.1f} mm after {since:g} s'
+            f'error of the mass {100.0 * abs(mass / LOAD[0] - 1.0):.1f} %, of the centre of mass '
+            f'{1e3 * np.linalg.norm(centre - LOAD[1:]):.1f} mm, {since:g} s after the pick-up'
         )
 
     def text(self) -> str:
         """Return the results of a flight as text."""
-        carrying = self.told[self.told[:, 1] > 1e-3]
+        carrying = self.estimates[self.estimates[:, 1] > 1e-3]
         found = carrying[:1, 0] - self.pick_up
-        gone = self.told[(self.told[:, 0] > self.put_down) & (self.told[:, 1] < 1e-3)][:1, 0]
+        gone = self.estimates[
+            (self.estimates[:, 0] > self.put_down) & (self.estimates[:, 1] < 1e-3)
+        ][:1, 0]
         bare = self.error(self.pick_up - 3.0, self.pick_up)
         first, later = (
             self.error(self.pick_up + begin, self.pick_up + end) for begin, end in ((0, 1), (2, 10))
         )
         lines = [
             (
-                f'pick-up found after {_seconds(found)}, put-down after '
+                f'pick-up detected after {_seconds(found)}, put-down detected after '
                 f'{_seconds(gone - self.put_down)}'
             ),
             self.weighed(2.0),
             self.weighed(10.0),
-            f'error {bare:.2f} mrad RMS before, {first:.2f} in the first second, {later:.2f} from '
-            f'2 to 10 s after the pick-up: {later / bare:.2f} of that before',
-            f'{len(self.told) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates per second',
+            f'RMS joint error {bare:.2f} mrad before the pick-up, {first:.2f} mrad in the first '
+            f'second after it, {later:.2f} mrad from 2 to 10 s after it ({later / bare:.2f} times '
+            'the error before)',
+            f'{len(self.estimates) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates per second',
         ]
         return '\n'.join(f'  {line}' for line in lines)
 
@@ -112,22 +115,22 @@ def weigh(node: Node, arm: ArmModel, noise: Sequence[float], share: float) -> We
         bench = FlightBench(stack, node, Path(folder), case, replace(arm, law=law))
         base = {'drone_file': Path(folder) / 'believed.yaml', 'base_motion': 'free'}
         bench.start(stack, 'payload_estimator', arm.law | base)
-        told: list[tuple[float, ...]] = []
+        estimates: list[tuple[float, ...]] = []
 
         def note(message: InertiaStamped) -> None:
             stamp, body = message.header.stamp, message.inertia
             centre = body.com.x, body.com.y, body.com.z
-            told.append((stamp.sec + 1e-9 * stamp.nanosec, body.m, *centre))
+            estimates.append((stamp.sec + 1e-9 * stamp.nanosec, body.m, *centre))
 
         topic = topics.PAYLOAD
         subscription = node.create_subscription(topic.type, topic.name, note, topic.qos)
         try:
-            return _fly(bench, told)
+            return _fly(bench, estimates)
         finally:
             node.destroy_subscription(subscription)
 
 
-def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
+def _fly(bench: FlightBench, estimates: list[tuple[float, ...]]) -> Weighing:
     """Swing the arm, pick up the payload, carry it and put it down."""
     begin = bench.wait_until_still() + LEAD
     motion = ArmSwing('fast', PICK_UP + CARRIED + AFTER + 4.0)
@@ -147,7 +150,7 @@ def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
     table = np.array(rows)
     wanted = motion.evaluate(table[:, 0] - begin)[0]
     errors = np.column_stack([table[:, 0], 1e3 * (table[:, 1:] - wanted)])
-    return Weighing(when[0], when[1], np.array(told).reshape(-1, 5), errors)
+    return Weighing(when[0], when[1], np.array(estimates).reshape(-1, 5), errors)
 
 
 def main() -> int:

@@ -42,10 +42,10 @@ Array = np.ndarray
 
 
 class WalledPlant(TouchedPlant):
-    """An arm whose tool meets a wall that gives way like a spring."""
+    """Simulated arm, and a wall that acts on its tool like a spring."""
 
     def build_wall(self, place: Array, normal: Array, stiffness: float) -> None:
-        """Put a wall [N/m] through a place (3,) [m], whose normal (3,) points into it."""
+        """Place a wall of a stiffness [N/m] at a point (3,) [m]; the normal (3,) points into it."""
         self._wall, self._normal, self._stiffness = place, normal, stiffness
         self._wall_damping = 2.0 * DAMPING_RATIO * np.sqrt(0.5 * stiffness)
         self._tool = self.end_of(self.bodies - 1)
@@ -53,7 +53,7 @@ class WalledPlant(TouchedPlant):
         self.force = self.peak = 0.0
 
     def cycle(self, effort: Array) -> None:
-        """Advance by a cycle; `peak` is the largest force [N] in it."""
+        """Advance by a cycle; `peak` becomes the largest wall force [N] during the cycle."""
         self.apply_effort(effort)
         body, self.peak = self.bodies - 1, 0.0
         for _ in range(round(CYCLE / SUBSTEP)):
@@ -67,7 +67,7 @@ class WalledPlant(TouchedPlant):
 
 
 class Impact(NamedTuple):
-    """Times after the touch [s], NaN if never, and forces [N]."""
+    """Times [s] of detection and braking after the contact (NaN if never), and forces [N]."""
 
     detected: float
     slower: float  # the tool's reference has lost a tenth of its speed
@@ -76,7 +76,7 @@ class Impact(NamedTuple):
 
 
 class Controlled:
-    """The arm under computed torque with detector and reaction, and a wall in its way."""
+    """Arm under computed torque with contact detector and reaction, which moves into a wall."""
 
     def __init__(self, arm: Arm, truth: PlantParameters, learnt: Learnt) -> None:
         self.limits = JointLimits.from_config(load_arm_config())
@@ -98,7 +98,10 @@ class Controlled:
         self.now, self.known = 0.0, False
 
     def cycle(self) -> None:
-        """Control, detect and advance; the controller knows the contact of the cycle before."""
+        """Run one cycle of control, detection and simulation.
+
+        The controller receives the contact that was detected in the previous cycle.
+        """
         self.reacts.report(self.known, self.now)
         self.reacts.update(self._state.q, self.now)
         command = self.loop.update(self._state, self.now)

@@ -38,7 +38,7 @@ class Account:
         self.states = self.longest_ns = self.gaps = 0
 
     def add(self, sent_ns: int) -> None:
-        """Count a state that was sent at a time [ns]."""
+        """Process a joint state that was published at a time [ns]."""
         if not self.last_ns:
             self.first_ns = self.last_ns = sent_ns
             return
@@ -60,7 +60,7 @@ class Account:
 
 
 def main() -> None:
-    """Listen on this host until standard input ends."""
+    """Receive joint states on this host until standard input ends."""
     stay_on_this_host()
     use_packaged_profile()
     rclpy.init()

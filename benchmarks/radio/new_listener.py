@@ -23,7 +23,7 @@ _PATIENCE = 20.0  # [s]
 
 
 def listen(result: int) -> None:
-    """Write to a file descriptor how long a new participant waits for states and mode [s]."""
+    """Write the time [s] until a new participant has received joint states and mode."""
     begin = time.monotonic()
     rclpy.init()
     node = rclpy.create_node('new_listener')

@@ -75,7 +75,7 @@ def sweep(node: Node) -> topics.JointTrajectory:
 
 
 class StateWatch:
-    """Prints when states come again after a pause, and how long it was."""
+    """Monitor that prints when joint states return after a pause, with the length of the pause."""
 
     def __init__(self, node: Node) -> None:
         self._last = 0.0

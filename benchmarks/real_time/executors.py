@@ -87,7 +87,7 @@ def ask(node: Node, future: rclpy.Future) -> object:
 
 
 def measure(node: Node, kind: str, count: int) -> str:
-    """Return the processor time per request of a server with this executor, and its other work."""
+    """Return the processor time per request, and other results, of a server with an executor."""
     command = [sys.executable, __file__, '--serve', kind]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ros_environment()
