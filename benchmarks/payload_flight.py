@@ -95,7 +95,7 @@ class Weighing:
             f'RMS joint error {bare:.2f} mrad before the pick-up, {first:.2f} mrad in the first '
             f'second after it, {later:.2f} mrad from 2 to 10 s after it ({later / bare:.2f} times '
             'the error before)',
-            f'{len(self.estimates) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates per second',
+            f'{len(self.estimates) / np.ptp(self.errors[:, 0]):.0f} estimates per second',
         ]
         return '\n'.join(f'  {line}' for line in lines)
 
