@@ -112,7 +112,9 @@ class IdentifiedTake:
         if result == _NOTHING:
             return None
         if result != _TAKEN:
-            raise RuntimeError(f'rcl_take_serialized_message failed with error code {result}')
+            raise RuntimeError(
+                f'a message cannot be received: rcl_take_serialized_message failed with {result}'
+            )
         return ctypes.string_at(array.buffer, array.length), {
             'source_timestamp': info.source_timestamp,
             'received_timestamp': info.received_timestamp,
