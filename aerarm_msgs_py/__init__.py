@@ -1,6 +1,6 @@
-"""The ROS side in Python: topics and their quality of service, codecs, live topics, bags.
+"""ROS topics of the suite, codecs for their messages, receivers of messages, and bags.
 
-The package converts serialized messages of topics and bags to arrays, and back. `topics.py` lists
-the suite's topics. Each of the packages `codecs`, `live_topics`, `storage` and `bags` imports only
-from earlier ones in this order.
+The package converts serialized messages of topics and bags to arrays, and back. `topics.py` defines
+the topics of the suite and their quality of service. Each of the parts `codecs`, `live_topics`,
+`storage` and `bags` imports only from parts that are named before it.
 """

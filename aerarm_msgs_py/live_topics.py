@@ -1,4 +1,4 @@
-"""Live topics as raw messages, from a wait set or an executor, with counts of lost messages."""
+"""Receivers of serialized messages, by a wait set or an executor, which count lost messages."""
 
 import ctypes
 from collections import deque
@@ -28,13 +28,13 @@ _ARRAY_CALLS = (
 
 
 class _Allocator(ctypes.Structure):
-    """Allocator struct of rcutils: four functions and a state."""
+    """C struct `rcutils_allocator_t`: four function pointers and a state."""
 
     _fields_ = [('functions', ctypes.c_void_p * 4), ('state', ctypes.c_void_p)]
 
 
 class _ByteArray(ctypes.Structure):
-    """Byte array struct of rcutils."""
+    """C struct `rcutils_uint8_array_t`."""
 
     _fields_ = [
         ('buffer', ctypes.c_void_p),
@@ -45,7 +45,7 @@ class _ByteArray(ctypes.Structure):
 
 
 class _MessageInfo(ctypes.Structure):
-    """Message info struct of rmw in ROS 2 Jazzy."""
+    """C struct `rmw_message_info_t` of ROS 2 Jazzy."""
 
     _fields_ = [
         ('source_timestamp', ctypes.c_int64),
@@ -60,20 +60,20 @@ class _MessageInfo(ctypes.Structure):
 
 
 class IdentifiedTake:
-    """Take messages from subscriptions through rcl, whose message info contains the publisher.
+    """Receiver of messages together with an identifier of their publisher.
 
-    rclpy's message info omits the publisher. Each publisher numbers its own messages, so without
-    the publisher lost messages cannot be counted exactly.
+    The message info of rclpy lacks the publisher, so this class calls the C library rcl. Each
+    publisher numbers its own messages; without the publisher, lost messages cannot be counted
+    exactly.
 
     Raises
     ------
     OSError, AttributeError
-        If this ROS lacks the functions, see `available`.
+        If the installed ROS lacks the functions, see `available`.
     """
 
     def __init__(self) -> None:
-        # rclpy has already loaded the library; the calls are short and keep the interpreter's
-        # lock.
+        # rclpy has already loaded the library; the calls are short and keep the GIL.
         self._take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
         arrays = ctypes.PyDLL('librcutils.so')
         allocator = arrays.rcutils_get_default_allocator
@@ -84,11 +84,11 @@ class IdentifiedTake:
         if arrays.rcutils_uint8_array_init(
             ctypes.byref(self._array), ctypes.c_size_t(4096), ctypes.byref(self._memory)
         ):
-            raise OSError('no memory left for a message')
+            raise OSError('rcutils cannot allocate memory for a message')
 
     @staticmethod
     def available() -> bool:
-        """Return whether this ROS version has the required calls and known struct layouts."""
+        """Return whether the installed ROS has the required functions and known struct layouts."""
         try:
             rcl, arrays = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
             jazzy = version('rclpy').startswith('7.1.')
@@ -101,7 +101,7 @@ class IdentifiedTake:
         )
 
     def take(self, subscription: Any) -> RawMessage | None:
-        """Take the oldest waiting message of a subscription's rclpy handle, with its info.
+        """Take the oldest waiting message of a subscription (rclpy handle), with its info.
 
         The info has the keys of rclpy's message info, and `publisher`, an identifier of 16 bytes.
         """
@@ -112,7 +112,9 @@ class IdentifiedTake:
         if result == _NOTHING:
             return None
         if result != _TAKEN:
-            raise RuntimeError(f'rcl_take_serialized_message failed with {result}')
+            raise RuntimeError(
+                f'a message cannot be received: rcl_take_serialized_message failed with {result}'
+            )
         return ctypes.string_at(array.buffer, array.length), {
             'source_timestamp': info.source_timestamp,
             'received_timestamp': info.received_timestamp,
@@ -122,21 +124,21 @@ class IdentifiedTake:
         }
 
     def destroy(self) -> None:
-        """Free the memory."""
+        """Free the memory of the message buffer."""
         self._finish(ctypes.byref(self._array))
 
 
 class ExecutorSource:
-    """Subscriptions of a helper node, spun by its own executor.
+    """Source of serialized messages: subscriptions of a helper node with its own executor.
 
-    The interface is that of WaitSetSource. This class uses only public API, and needs about 15 us
-    more per message. The helper node keeps the executor from running callbacks of the caller's
-    node.
+    The interface is that of `WaitSetSource`. `ExecutorSource` uses only the public API of rclpy,
+    but needs about 15 us more per message. Because of the helper node, the executor runs no
+    callbacks of the caller's node.
 
     Parameters
     ----------
     node
-        Node whose namespace and context the helper shares.
+        Node whose namespace and context the helper node uses.
     topics
         Topics to subscribe to.
     identify
@@ -162,13 +164,13 @@ class ExecutorSource:
         ]
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for any message; return whether there is one."""
+        """Wait up to `timeout` [s] for a message; return whether a topic has a message."""
         if not any(self._waiting):
             self._executor.spin_once(timeout_sec=timeout)
         return any(self._waiting)
 
     def take(self, index: int) -> RawMessage | None:
-        """Take the oldest waiting message of a topic, with its message info."""
+        """Take the oldest waiting message of a topic with its info; None if there is none."""
         waiting = self._waiting[index]
         # One spin runs one callback, of any topic.
         for _ in range(sum(queue.maxlen or 0 for queue in self._waiting)):
@@ -190,37 +192,31 @@ def _append_to(waiting: deque[RawMessage]) -> Callable[[bytes, dict[str, int]], 
     return append
 
 
-"""Sequence numbers of messages without a number: rosbag2 stores 0; a middleware without numbers
-gives the largest uint64, of which MCAP stores 32 bits.
-"""
-"""Largest number of publishers; more indicate damage, and each one costs time for every message."""
-
-
 _WAIT_SET_CALLS = ('clear_entities', 'add_subscription', 'add_guard_condition', 'wait', 'is_ready')
 
 
 class HiddenFromExecutors(CallbackGroup):
-    """Callback group that no executor runs, so that executors of the node take no messages."""
+    """Callback group of subscriptions whose messages no executor may take."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return False: no executor runs these callbacks."""
+        """Return False, so no executor runs the callbacks of this group."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Return False, as for `can_execute`."""
+        """Return False, for the same reason as `can_execute`."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Do nothing: no callback was executed."""
+        """Do nothing, because no executor runs a callback of this group."""
 
 
 class WaitSetSource:
-    """Subscriptions of a node that are read directly through a wait set.
+    """Source of serialized messages: subscriptions of a node that are read through a wait set.
 
-    An executor builds and walks lists of all entities of a node at each wake-up; a wait set with
-    one subscription does not. `rclpy.wait_for_message` uses the same two functions of the
-    implementation module, `WaitSet` and `take_message`. These functions are not public, so only
-    this class uses them, and `available` returns whether the installed rclpy has them.
+    At each wake-up an executor builds and walks lists of all entities of a node; a wait set with
+    one subscription does not. The class uses `WaitSet` and `take_message` of rclpy's implementation
+    module, like `rclpy.wait_for_message`. Both are not public, so only this class uses them, and
+    `available` returns whether the installed rclpy has them.
 
     SIGINT and SIGTERM end a wait early, through the guard condition that rclpy's signal handlers
     trigger.
@@ -232,7 +228,7 @@ class WaitSetSource:
     topics
         Topics to subscribe to.
     identify
-        Whether the message info contains the publisher, if this ROS supports it.
+        Whether the message info contains the publisher, if the installed ROS supports it.
     """
 
     def __init__(self, node: Node, topics: Sequence[Topic], identify: bool = False) -> None:
@@ -255,7 +251,7 @@ class WaitSetSource:
 
     @staticmethod
     def available() -> bool:
-        """Return whether the installed rclpy has the required calls."""
+        """Return whether the installed rclpy has the required functions."""
         wait_set = getattr(rclpy_implementation, 'WaitSet', None)
         subscription = getattr(rclpy_implementation, 'Subscription', None)
         return hasattr(subscription, 'take_message') and all(
@@ -263,7 +259,7 @@ class WaitSetSource:
         )
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s] for any message; return whether there is one."""
+        """Wait up to `timeout` [s] for a message; return whether a topic has a message."""
         wait_set = self._wait_set
         is_ready = wait_set.is_ready
         wait_set.clear_entities()
@@ -274,7 +270,7 @@ class WaitSetSource:
         return any(is_ready('subscription', k) for k in range(len(self._handles)))
 
     def take(self, index: int) -> RawMessage | None:
-        """Take the oldest waiting message of a topic, with its message info."""
+        """Take the oldest waiting message of a topic with its info; None if there is none."""
         if self._identified is not None:
             return self._identified.take(self._handles[index])
         message: RawMessage | None
@@ -295,7 +291,7 @@ class WaitSetSource:
 
 
 def _ignore(_: bytes) -> None:
-    """Stand in for a callback that is never called."""
+    """Serve as the required callback of a subscription; no executor calls it."""
 
 
 Source = WaitSetSource | ExecutorSource
@@ -307,7 +303,7 @@ _DEFAULT_SOURCE: Callable[..., Source] = (
 
 
 class RawReader:
-    """Wait for serialized messages of one or more topics, and take them.
+    """Receiver of the serialized messages of one or more topics.
 
     A controller waits for its state topic and takes the newest message. The bridge takes the newest
     command without waiting. The recorder waits for all topics and takes every message. The message
@@ -325,9 +321,9 @@ class RawReader:
         Source of the messages; by default a wait set, or an executor if rclpy lacks the functions
         for the wait set.
     identify
-        Whether to read the publisher of each message. Reading the publisher is slower, but counts
-        lost messages of several publishers exactly. The info then has `publisher`, an identifier of
-        16 bytes, if this ROS version supports it.
+        Whether to read the publisher of each message. This is slower, but gives the exact number of
+        lost messages if a topic has several publishers. If the installed ROS supports it, the info
+        then has `publisher`, an identifier of 16 bytes.
 
     Raises
     ------
@@ -343,7 +339,7 @@ class RawReader:
         identify: bool = False,
     ) -> None:
         if not topics:
-            raise ValueError('a reader needs at least one topic')
+            raise ValueError('a RawReader needs at least one topic: pass a Topic')
         self.topics = topics
         self._keeps_one = [topic.qos.depth == 1 for topic in topics]
         self._source = source(node, topics, identify)
@@ -351,14 +347,14 @@ class RawReader:
         self._counts = [0] * len(topics)
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` [s]; return whether a topic has a message.
+        """Wait up to `timeout` [s] for a message; return whether a topic has a message.
 
         SIGINT and SIGTERM end the wait early, with False.
         """
         return self._source.wait(timeout)
 
     def take(self, index: int = 0) -> RawMessage | None:
-        """Take the oldest waiting message and its info, or None."""
+        """Take the oldest waiting message of a topic and its info; None if there is none."""
         message = self._source.take(index)
         if message is not None:
             self._counts[index] += 1
@@ -366,7 +362,7 @@ class RawReader:
         return message
 
     def take_newest(self, index: int = 0) -> RawMessage | None:
-        """Take all waiting messages and return the last, or None."""
+        """Take all waiting messages of a topic, and return the newest; None if there is none."""
         if self._keeps_one[index]:
             return self.take(index)  # the middleware has already replaced older messages
         newest = None
@@ -375,18 +371,18 @@ class RawReader:
         return newest
 
     def count(self, index: int = 0) -> int:
-        """Return the number of messages taken."""
+        """Return the number of messages taken from a topic so far."""
         return self._counts[index]
 
     def lost(self, index: int = 0) -> int | None:
-        """Return the number of lost messages; None if the middleware does not number them.
+        """Return the number of lost messages of a topic; None if messages have no numbers.
 
-        With a queue of depth 1, messages that a newer one replaced count as lost too.
+        With a queue of depth 1, a message that a newer one replaced also counts as lost.
         """
         return self._gaps[index].lost
 
     def publishers(self, index: int = 0) -> int:
-        """Return the number of matched publishers."""
+        """Return the number of matched publishers of a topic."""
         return int(self._source.subscriptions[index].get_publisher_count())
 
     def destroy(self) -> None:

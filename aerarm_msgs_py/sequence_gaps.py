@@ -1,25 +1,28 @@
-"""Gaps in the sequence numbers of messages, by publisher."""
+"""Number of lost messages, from the gaps in the publishers' sequence numbers."""
 
 from collections import deque
 from collections.abc import Iterable
 
 UNNUMBERED = frozenset({0, 2**32 - 1, 2**64 - 1})
+"""Sequence numbers of messages without a number.
 
+rosbag2 stores 0. A middleware without numbers reports the largest uint64, and MCAP stores its lower
+32 bits.
+"""
 
 _REMEMBERED_GAPS = 256
-
-
+# More publishers indicate damage, and each one costs time for every message.
 _MOST_PUBLISHERS = 64
 
 
 class SequenceGaps:
-    """Count the gaps in a stream of publication sequence numbers.
+    """Estimator of the number of lost messages of unknown publishers.
 
-    Each publisher numbers its own messages 1, 2, 3... and the stream does not name the publisher. A
-    message is assigned to the publisher with the highest number below its own. Without such a
-    publisher the message starts a new or restarted publisher. A number inside an earlier gap shows
-    that the gap was a change of publisher, because one publisher's messages stay in order. The gap
-    is then not counted as a loss.
+    Each publisher numbers its own messages 1, 2, 3..., but the numbers do not name the publisher. A
+    message is assigned to the publisher whose last number is the highest below that of the message.
+    If there is no lower number, the message belongs to a new or restarted publisher. Messages of
+    one publisher stay in order. A number inside an earlier gap therefore shows that the gap was a
+    change of publisher, and the gap no longer counts as a loss.
     """
 
     def __init__(self) -> None:
@@ -41,7 +44,7 @@ class SequenceGaps:
             self._add_out_of_step(number)
 
     def add_all(self, numbers: Iterable[int]) -> None:
-        """Process many numbers in order."""
+        """Process the numbers of several messages in order."""
         for number in numbers:
             self.add(number)
 
@@ -71,11 +74,11 @@ class SequenceGaps:
 
 
 class PublisherGaps:
-    """Count the gaps in each publisher's sequence numbers.
+    """Counter of the lost messages of each publisher.
 
-    With known publishers the count is exact: every number that is missing between two received
-    messages of one publisher is a lost message. Without the publisher in the middleware's message
-    info, `SequenceGaps` estimates it.
+    If the publisher of each message is known, the number is exact: every number that is missing
+    between two received messages of a publisher is a lost message. If the middleware does not
+    report the publisher, `SequenceGaps` estimates the number.
     """
 
     def __init__(self) -> None:
@@ -89,7 +92,7 @@ class PublisherGaps:
         return self._lost if self._newest else self._guess.lost
 
     def add(self, number: int, publisher: bytes | None) -> None:
-        """Process number and publisher of the next message; None is an unknown publisher."""
+        """Process the number and publisher of the next message; None for an unknown publisher."""
         if publisher is None:
             self._guess.add(number)
         elif number not in UNNUMBERED:

@@ -1,8 +1,8 @@
-"""Topic names and quality of service of the suite.
+"""Names, message types and quality of service of the suite's topics.
 
-Nodes import a topic, such as `JOINT_STATES`, instead of repeating its name, type and profile. The
-profiles are those of the suite's subscriptions. Publishers use `Topic.offered`, so that all
-subscriptions match.
+Nodes import a topic, such as `JOINT_STATES`, instead of repeating its name, type and quality of
+service. `Topic.qos` is the profile of the suite's subscriptions. Publishers use `Topic.offered`,
+which matches all subscriptions.
 """
 
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of the suite.
+    """Name, message type and quality of service of a topic.
 
     Attributes
     ----------
     name
-        Relative name, so that a namespace applies to the whole arm; `/diagnostics` is absolute, as
-        tools expect.
+        Name of the topic. It is relative, so a namespace applies to all topics of an arm. Only
+        `/diagnostics` and `/clock` are absolute, as ROS tools expect.
     type
         Message class.
     qos
@@ -40,7 +40,7 @@ class Topic:
     qos: QoSProfile
 
     def queued(self, depth: int) -> 'Topic':
-        """Return the topic with a queue of `depth`, for subscribers that need every message."""
+        """Return the topic with queue depth `depth`, for subscribers that need every message."""
         qos = QoSProfile(
             depth=depth, reliability=self.qos.reliability, durability=self.qos.durability
         )
@@ -48,12 +48,12 @@ class Topic:
 
     @property
     def offered(self) -> QoSProfile:
-        """Profile of the suite's publishers: that of its subscriptions, but always reliable.
+        """Profile of the suite's publishers: the subscription profile with reliable delivery.
 
         A reliable publisher matches reliable and best-effort subscriptions, a best-effort publisher
         only best-effort ones. With a keep-last history a reliable publisher never waits for a slow
-        subscriber, whose old messages are replaced. Best-effort subscriptions work as with a
-        best-effort publisher, at no extra cost.
+        subscriber: new messages replace those that the subscriber has not received. Best-effort
+        subscriptions work as with a best-effort publisher, at no extra cost.
         """
         return QoSProfile(
             history=self.qos.history,
@@ -64,7 +64,7 @@ class Topic:
 
     @property
     def type_name(self) -> str:
-        """Type name in ROS, for example 'sensor_msgs/msg/JointState'."""
+        """ROS name of the message type, for example 'sensor_msgs/msg/JointState'."""
         package, folder, *_ = self.type.__module__.split('.')
         return f'{package}/{folder}/{self.type.__name__}'
 
@@ -80,13 +80,13 @@ def _keep_last(
     )
 
 
-# A 1 kHz stream, of which only the newest value counts.
+# For a fast stream in which only the newest message is useful.
 NEWEST = _keep_last(1, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
-# A single message of a user or planner that must arrive.
+# For a single message of a user or planner that must arrive.
 RELIABLE = _keep_last(10, ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
-# A state that late subscribers also need.
+# For a state that subscribers also need if they start after its publication.
 LATCHED = _keep_last(1, ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
-# A sensor whose subscribers can use a few old values.
+# For a sensor whose subscribers can use a few older messages.
 SENSOR = _keep_last(5, ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 
 JOINT_STATES = Topic('joint_states', JointState, NEWEST)
@@ -106,8 +106,8 @@ SET_POINT = Topic('set_point', JointState, RELIABLE)
 TOOL_TRAJECTORY = Topic('tool_trajectory', PoseStamped, RELIABLE)
 # A timed path of the tool in the odometry's frame, with one transform per point.
 TOOL_MOTION = Topic('tool_motion', MultiDOFJointTrajectory, RELIABLE)
-# Force of the tool on a wall in the odometry's frame [N], zero to end; and the resulting wrench on
-# drone and arm at the base's origin, in base axes, which the drone compensates.
+# Desired force of the tool on a wall in the odometry's frame [N]; zero ends the contact. And the
+# resulting wrench on drone and arm at the base's origin, in base axes, which the drone compensates.
 TOOL_FORCE = Topic('tool_force', WrenchStamped, RELIABLE)
 PLANNED_CONTACT = Topic('planned_contact', WrenchStamped, NEWEST)
 # Distances that the base can move along x, y, z of the world, and against them, before the tool is
@@ -116,7 +116,7 @@ PLANNED_CONTACT = Topic('planned_contact', WrenchStamped, NEWEST)
 ARM_REACH = Topic('arm_reach', Float64MultiArray, NEWEST)
 TOOL_POSE = Topic('tool_pose', PoseStamped, NEWEST)
 IMU = Topic('imu', Imu, SENSOR)
-# Pose of the drone's body in the world, and its twist in body axes.
+# Pose of the drone's body in the world frame, and its twist in body axes.
 ODOMETRY = Topic('odometry', Odometry, SENSOR)
 # Odometry of an emulated drone: its true state, and the measurement of an external camera or
 # motion capture.
@@ -124,7 +124,7 @@ TRUE_ODOMETRY = Topic('true_odometry', Odometry, SENSOR)
 EXTERNAL_ODOMETRY = Topic('external_odometry', Odometry, SENSOR)
 # Force of an emulated wall on the tool, in the world [N].
 TRUE_WALL_FORCE = Topic('true_wall_force', WrenchStamped, SENSOR)
-# Thrust of each rotor [N] as effort, by rotor name, with the stamp of the answered odometry.
+# Rotor names, and the thrust of each rotor [N] as effort, with the stamp of the answered odometry.
 ROTOR_COMMAND = Topic('rotor_command', JointState, NEWEST)
 # Position at which the drone hovers, and timed path of the drone.
 FLIGHT_TRAJECTORY = Topic('flight_trajectory', MultiDOFJointTrajectory, RELIABLE)
@@ -142,14 +142,16 @@ COMMISSIONING_REQUEST = Topic('commissioning_request', String, RELIABLE)
 COMMISSIONING_REPORT = Topic('commissioning_report', String, RELIABLE)
 TOOL_PATH = Topic('tool_path', Path, LATCHED)
 DISTURBANCE = Topic('disturbance', JointState, NEWEST)
-# Wrenches of the arm on its drone: weight along the thrust, and joint motion. The acceleration is
-# that by which the rotors compensate the joint motion. The stamp is the time of the described load.
+# Predicted wrenches of the arm on its drone, caused by its weight along the thrust and by joint
+# motion, and the acceleration by which the rotors compensate the joint motion. The stamp is the
+# time of the prediction.
 WEIGHT_WRENCH = Topic('base_wrench_weight', WrenchStamped, NEWEST)
 MOTION_WRENCH = Topic('base_wrench_motion', WrenchStamped, NEWEST)
 FEEDFORWARD_ACCELERATION = Topic('feedforward_acceleration', AccelStamped, NEWEST)
-# Wrench of other contacts with drone or arm.
+# External wrench on drone and arm, caused by contacts.
 CONTACT_WRENCH = Topic('contact_wrench', WrenchStamped, NEWEST)
-# External torque beyond drives and model; contact (yes or no), its confidence and force.
+# External torque of each joint that drives and model do not explain. Whether the arm is in contact,
+# the confidence of this decision, and the contact force.
 EXTERNAL_TORQUE = Topic('external_torque', JointState, NEWEST)
 CONTACT = Topic('contact', Bool, NEWEST)
 CONTACT_CONFIDENCE = Topic('contact_confidence', Float64, NEWEST)
@@ -157,13 +159,13 @@ CONTACT_FORCE = Topic('contact_force', WrenchStamped, NEWEST)
 STATIC_WRENCH = Topic('base_wrench_static', WrenchStamped, NEWEST)
 ROBOT_DESCRIPTION = Topic('robot_description', String, LATCHED)
 RECORDER_STATUS = Topic('recorder_status', String, LATCHED)
-# Of a host that records on another one through ground_link: JSON objects, see
-# `aerarm_ros.ros.link.recordings`.
+# Request and report of a computer that records on another computer through ground_link: JSON
+# objects, see `aerarm_ros.ros.link.recordings`.
 RECORD_REQUEST = Topic('record_request', String, RELIABLE)
 RECORD_REPORT = Topic('record_report', String, LATCHED)
 # Stamp of the newest joint state that the recorder has received.
 RECORDED_UNTIL = Topic('recorded_until', Time, NEWEST)
-# Simulation time, for nodes with use_sim_time.
+# Simulated time, for nodes with use_sim_time.
 CLOCK = Topic('/clock', Clock, NEWEST)
 DIAGNOSTICS = Topic('/diagnostics', DiagnosticArray, RELIABLE)
 

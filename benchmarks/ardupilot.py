@@ -1,4 +1,4 @@
-"""Hover error caused by arm motion under ArduCopter's firmware, for several feed-forward methods.
+"""Hover error caused by arm motion with ArduCopter's firmware, for several feed-forward methods.
 
 The firmware runs as a program on this host (SITL) and contains estimator, control loops and mixer.
 The emulated world is its simulator in lockstep, so the figures do not depend on the host. `make

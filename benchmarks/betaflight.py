@@ -1,4 +1,4 @@
-"""Hover error caused by arm motion under Betaflight, for several feed-forward methods.
+"""Hover error caused by arm motion with Betaflight's firmware, for several feed-forward methods.
 
 The firmware runs as a program on this host and contains attitude control, rate control and mixer.
 `flight_control` provides the position loop and feed-forward, and commands the firmware by its
@@ -44,7 +44,10 @@ GAINS = {'position_frequency': 1.6, 'position_damping': 0.9, 'position_integral'
 def fly(
     node: Node, program: Path, arm: ArmModel, ways: list[str], parts: list[str]
 ) -> dict[str, FlightRecord | str]:
-    """Return each method's record, or the reason of a failure; each restarts the firmware."""
+    """Return the flight record of each method, or the reason of a failure.
+
+    The firmware is started for each method.
+    """
     drone, found = load_drone(DRONE), {}
     for name in ways:
         flight = {**GAINS, 'loops': 'betaflight', **WAYS[name].switches}

@@ -1,11 +1,11 @@
-"""Contact force error of `base_reaction`, without contact and under known forces.
+"""Error of the contact force that `base_reaction` estimates, without contact and with known forces.
 
 `fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes in
-lockstep. The drone hovers, and `zero_contact` is called (except with `--raw`). Then the arm swings
-slowly, then fast, and during fast motion its tool is pulled with 2, 5 and 10 N. The published force
-is compared in the world frame with the true one. Without contact the RMS and maximum errors are
-printed. For a pull, the error of the mean over one second and the maximum error are printed, from
-1.5 s after its start (`contact_bandwidth` 1 Hz).
+lockstep. The drone hovers, and the benchmark calls `zero_contact` (except with `--raw`). Then the
+arm swings slowly, then fast, and during fast motion a force of 2, 5 and 10 N pulls its tool. The
+benchmark compares the published with the true force in the world frame. Without contact it prints
+the RMS and maximum errors. For a pull, it prints the error of the mean force over one second and
+the maximum error, from 1.5 s after the start of the pull (`contact_bandwidth` 1 Hz).
 """
 
 import argparse
@@ -61,7 +61,7 @@ def swings() -> MotionSequence:
 def fly(
     node: Node, name: str, arm: ArmModel, case: dict[str, object], is_zeroed: bool
 ) -> list[str]:
-    """Return the figures of one case."""
+    """Return the force errors of one case [N]."""
     drone, way = load_drone(name), WAYS['posture, motion, lead']
     flight = tuple(way.parameters(name).items())
     wanted = FlightCase(drone.mass, 'free', drone=drone, flight=flight, is_told=True, **case)
@@ -102,7 +102,7 @@ def pull(bench: FlightBench, node: Node, is_zeroed: bool) -> tuple[float, Words]
             force, stamp = message.wrench.force, message.header.stamp
             told.append((stamp.sec + 1e-9 * stamp.nanosec, np.array([force.x, force.y, force.z])))
         if changes and now > begin + changes[0][0]:
-            bench.tell_world('contact_force', changes.pop(0)[1])
+            bench.change_world('contact_force', changes.pop(0)[1])
     reader.destroy()
     return begin, told
 
@@ -131,7 +131,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--drone', default='tilted_hexarotor')
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--raw', action='store_true', help='without zero_contact beforehand')
+    parser.add_argument('--raw', action='store_true', help='do not call zero_contact before')
     parser.add_argument('--cases', nargs='*', default=list(CASES), choices=list(CASES))
     options = parser.parse_args()
     print(f'{options.drone} with the arm {options.model}; forces in N')

@@ -1,4 +1,4 @@
-"""Duration of one update of each control law, compared with bare Pinocchio calls."""
+"""Computing time of one update of each control law, compared with single Pinocchio calls."""
 
 import argparse
 from collections.abc import Callable
@@ -144,10 +144,11 @@ def _endless_motion(
 
 
 def free_over_fixed() -> tuple[float, float]:
-    """Return the cost ratios of computed torque on a free to a fixed base, for law and cycle.
+    """Return computing times of computed torque on a free base, relative to a fixed base.
 
-    The cycle includes the inputs of the law: IMU samples and rotor commands at 250 Hz, and their
-    comparison with the model.
+    The first ratio is that of the control law, the second that of the whole cycle. The cycle
+    includes the inputs of the law: IMU samples and rotor commands at 250 Hz, and their comparison
+    with the model.
     """
     config, robot, drone = load_arm_config(), load_robot(), load_drone_config()
     rotors, carrier = config.column('reflected_inertia'), carrier_parameters(drone)
@@ -182,7 +183,7 @@ class FlightSound:
         self._cycle = 0
 
     def hear(self, now: float) -> None:
-        """Pass the messages due at `now` [s] to the estimator."""
+        """Pass the messages up to the time `now` [s] to the estimator."""
         self._cycle += 1
         if self._cycle % IMU_CYCLES:
             return
@@ -217,8 +218,8 @@ def main() -> None:
             print(f'{name:36} {p50:9.1f} {p99:9.1f}')
     print(f'Budget of a control update with RNEA: {BUDGET:g} us.')
     law, cycle = free_over_fixed()
-    print(f'Computed torque, free base over fixed: law {law:.2f} (goal {FREE_GOAL:g}), '
-          f'whole cycle {cycle:.2f}')  # fmt: skip
+    print('Computing time of computed torque on a free base relative to a fixed base: '
+          f'law {law:.2f} (goal {FREE_GOAL:g}), whole cycle {cycle:.2f}')  # fmt: skip
 
 
 if __name__ == '__main__':

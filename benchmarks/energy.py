@@ -68,7 +68,7 @@ def play(bench: EnergyBench, planner: MotionPlanner, pairs: list[tuple[int, Move
 
 @contextmanager
 def bench_node() -> Iterator[Node]:
-    """Yield a node that receives no messages intended for earlier nodes."""
+    """Yield a node in a ROS domain without messages of earlier nodes."""
     node = rclpy.create_node('bench')
     try:
         yield node
@@ -98,12 +98,13 @@ def measure(folder: Path, options: argparse.Namespace) -> Iterator[tuple[list[Ta
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--moves', type=int, default=4, help='number of moves, even')
-    parser.add_argument('--first', type=int, default=0, help='number of moves to omit')
-    parser.add_argument('--seed', type=int, default=1, help='seed of the moves')
-    parser.add_argument('--durations', type=float, nargs=2, default=[2.0, 4.0], help='[s]')
+    parser.add_argument('--moves', type=int, default=4, help='number of random moves, even')
+    parser.add_argument('--first', type=int, default=0, help='number of moves to omit at the start')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the random moves')
+    parser.add_argument('--durations', type=float, nargs=2, default=[2.0, 4.0],
+                        help='shortest and longest duration of a move [s]')  # fmt: skip
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
-    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the arm')
+    parser.add_argument('--arm-seed', type=int, default=7, help='seed of the emulated arm')
     parser.add_argument('--out', type=Path, help='folder for the page and the results')
     options = parser.parse_args()
     os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))

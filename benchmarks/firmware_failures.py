@@ -1,8 +1,9 @@
-"""Behaviour of a drone under an autopilot's firmware when a component fails during arm motion.
+"""Behaviour of a drone with an autopilot's firmware when a component fails during arm motion.
 
 Each failure occurs during slow motion of the arm with full feed-forward, in a separate flight. The
-output is the largest distance from the drone's place before and after the failure, and the reports
-of the firmware. `PX4=<folder of a build>` or `ARDUPILOT=<folder of ArduPilot>` selects it.
+output is the largest distance of the drone from its set point before and after the failure, and the
+reports of the firmware. `PX4=<folder of a build>` or `ARDUPILOT=<folder of ArduPilot>` selects the
+firmware.
 """
 
 import argparse
@@ -51,8 +52,8 @@ FAILURES: dict[str, Callable[[FlightBench], None]] = {
     'base_reaction killed': _kill('base_reaction'),
     'computed_torque is killed, so the arm is damped and sinks': _kill('computed_torque'),
     'both killed': _kill('base_reaction', 'computed_torque'),
-    '0.2 kg picked up': lambda bench: bench.tell_world('payload', [0.2, *_AT_TOOL]),
-    '0.5 kg picked up': lambda bench: bench.tell_world('payload', [0.5, *_AT_TOOL]),
+    '0.2 kg picked up': lambda bench: bench.change_world('payload', [0.2, *_AT_TOOL]),
+    '0.5 kg picked up': lambda bench: bench.change_world('payload', [0.5, *_AT_TOOL]),
 }
 
 

@@ -1,4 +1,4 @@
-"""Hover error caused by arm motion, over topics, for several feed-forward methods.
+"""Hover error caused by arm motion, for several feed-forward methods of the flight controller.
 
 `fake_hardware`, `computed_torque`, `base_reaction` and `flight_control` run as processes in
 lockstep, so the figures do not depend on the host. The drone hovers while the arm swings slowly,
@@ -116,7 +116,7 @@ def fly(number: int, name: str, ways: list[str], arm: ArmModel, settings: Settin
 def fly_until_lost(
     node: Node, name: str, ways: list[str], arm: ArmModel, settings: Settings, found: Records
 ) -> None:
-    """Fly in one world, until all methods are flown or the drone is lost."""
+    """Fly all methods in one simulation, until the drone is lost."""
     drone, program = load_drone(name), FlightProgram(parts=settings.parts)
     flown, first = ways[0], WAYS[ways[0]]
     flight = {**first.parameters(name), **settings.gains, **arm.drawing}
@@ -154,7 +154,7 @@ def main() -> int:
         '--wrong-seed',
         type=int,
         default=1,
-        help='seed that draws the signs of these errors',
+        help='random seed for the signs of the model errors of --wrong',
     )
     parser.add_argument('--latency', type=float, default=0.0, help='delay of odometry and IMU [s]')
     parser.add_argument(
@@ -163,7 +163,7 @@ def main() -> int:
         type=float,
         default=(),
         metavar='RAD_PER_S',
-        help='bandwidths of position and attitude, for all controllers',
+        help='frequencies of the position and attitude loops [rad/s], for all controllers',
     )
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()

@@ -1,9 +1,9 @@
-"""Tuning of a flight controller for each feed-forward method, by the same search.
+"""Tuning of the flight controller's gains for each feed-forward method.
 
 The drone hovers while its arm reaches out by 90 degrees, returns, and swings fast, with noise on
-all sensors and 8 ms of latency. The search is Nelder and Mead's, with an equal number of flights
-for each method, from the same two pairs of frequencies; the cost is the RMS position error. The
-output is the content of flying/gains.yaml.
+all sensors and 8 ms of latency. The gains minimize the RMS position error. The search (Nelder-Mead)
+uses the same number of flights and the same two start values for each method. The output is the
+content of flying/gains.yaml.
 """
 
 import argparse
@@ -37,7 +37,7 @@ LOST = 1e3  # [mm]
 
 
 def control(kind: str, drone: DroneConfig, flight: RigidFlight, values: np.ndarray):
-    """Return controller and feed-forward of a kind, with frequencies and the third number."""
+    """Return controller and feed-forward of a kind, for two frequencies and a third gain."""
     position, attitude, third = values.tolist()
     arm = ArmFeedForward(drone, flight.body, lead=LEAD) if 'feed_forward' in kind else None
     if 'px4' in kind:
@@ -85,8 +85,8 @@ def tune(kind: str, drone: DroneConfig, flight: RigidFlight, flights: int) -> di
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--flights', type=int, default=16, help='of each search')
-    parser.add_argument('--seconds', type=float, default=1.0, help='of full swing')
+    parser.add_argument('--flights', type=int, default=16, help='number of flights per search')
+    parser.add_argument('--seconds', type=float, default=1.0, help='duration of the fast swing [s]')
     parser.add_argument('--drones', nargs='*', default=list(DRONES), choices=list(DRONES))
     parser.add_argument('--kinds', nargs='*', default=KINDS, choices=KINDS)
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Joint error of an arm under a drone of similar mass, over topics, compared with a fixed base.
+"""Joint error of an arm under a drone of similar mass, compared with an arm on a fixed base.
 
 `fake_hardware`, `computed_torque` and `flight_control` run as processes in lockstep, so the figures
 do not depend on the host. Drones of other masses are scaled versions of the packaged ones. The arm
@@ -83,7 +83,7 @@ class Campaign:
             print(LINE.format(*heading, '', *'----'), text, flush=True)
 
     def summary(self) -> None:
-        """Print the figures with goals."""
+        """Print the results and their goals."""
         over: dict[str, float] = {}
         worse, grown = 0.0, 0.0
         for (arm, case, motion), (rms, growth_of_it) in self.results.items():
@@ -111,9 +111,11 @@ class Campaign:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        '--masses', type=float, nargs='*', default=MASSES, help='masses of drones [kg]'
+        '--masses', type=float, nargs='*', default=MASSES, help='masses of the drones [kg]'
     )
-    parser.add_argument('--bases', nargs='*', default=BASES, help='values of base_motion')
+    parser.add_argument(
+        '--bases', nargs='*', default=BASES, help='values of the parameter base_motion'
+    )
     parser.add_argument('--wrong', type=float, nargs='*', default=[1.3, 3.0],
                         help='masses of drones for runs with model errors [kg]')  # fmt: skip
     parser.add_argument(
@@ -126,7 +128,7 @@ def main() -> None:
                         help='masses of drones with an identified arm [kg]')  # fmt: skip
     parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument('--seconds', type=float, nargs=2, default=(14.0, 14.0),
-                        help='durations of the slow and of the fast motion')  # fmt: skip
+                        help='durations of the slow and of the fast motion [s]')  # fmt: skip
     options = parser.parse_args()
     if min(options.seconds) < SHORTEST:
         parser.error(

@@ -1,4 +1,4 @@
-"""Goals of FollowJointTrajectory reached by packaged controllers, by method of offset removal.
+"""Share of FollowJointTrajectory goals that controllers reach, by method against steady errors.
 
 The benchmark runs in virtual time on emulated boards, with arms that deviate from their model
 (`seed` of `fake_hardware`). Each arm receives five rest-to-rest motions of 0.1 to 2 rad, then
@@ -68,7 +68,7 @@ def run(
 
 
 def line(names: tuple[str, ...], goals: list[ReachedGoal], rests: list[Rest]) -> str:
-    """Return the figures of one run as a line."""
+    """Return the results of one run as a line of the table."""
     reached = sum(g.result.state == 'succeeded' for g in goals)
     settled = sum(g.settling <= SETTLING for g in goals)
     rms = 1e3 * float(np.mean([g.tracking for g in goals]))
@@ -92,7 +92,7 @@ def main() -> int:
     parser.add_argument('--ways', nargs='*', default=['shipped', 'nothing'], choices=WAYS)
     parser.add_argument('--models', nargs='*', default=['drawn'], choices=('drawn', 'identified'))
     parser.add_argument('--conditions', nargs='*', default=['plain'], choices=CONDITIONS)
-    parser.add_argument('--seeds', type=int, default=20, help='number of arms')
+    parser.add_argument('--seeds', type=int, default=20, help='number of emulated arms')
     parser.add_argument('--first', type=int, default=0, help='seed of the first arm')
     parser.add_argument('--rest', type=float, default=3.0, help='time at rest after the goals [s]')
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Arm motions slowed down to the rotors and the heading of the drone, in one process.
+"""Arm motions that a governor slows down to the limits of the drone's rotors and heading.
 
 A drone of 3 kg hovers while its arm moves. The joints follow their plan exactly, and the flight
 controller receives noisy, late sensors (`RigidFlight`). Each motion is flown as requested and with
@@ -55,7 +55,7 @@ HEADINGS = (
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """A motion with its duration multiplied by a factor."""
+    """Motion whose duration is multiplied by a factor."""
 
     motion: JointMotion
     factor: float
@@ -72,7 +72,7 @@ class Scaled:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """A motion whose references are (n,) at one time."""
+    """Motion that returns the reference (n,) for one time."""
 
     motion: JointMotion
 
@@ -104,7 +104,7 @@ def governed(governor: RotorGovernor, part: str, motion: JointMotion) -> JointMo
 
 
 class Played:
-    """References at every cycle, as a motion."""
+    """Motion that is given by its references at every cycle."""
 
     def __init__(self, rows: list[JointReference]) -> None:
         self._parts = [np.array(part) for part in zip(*rows, strict=True)]
@@ -122,7 +122,7 @@ class Played:
 
 
 def streamed(motion: JointMotion, governor: RotorGovernor | None) -> JointMotion:
-    """Return the motion of an arm whose controller receives points at 100 Hz, and 6 s after it."""
+    """Return the motion of an arm that receives points at 100 Hz, and of 6 s after the last."""
     limits, points = JointLimits.from_config(load_arm_config()), Points(motion)
     chase = None if governor is None else ReferenceChase(limits, governor.motion_limits)
     follower = TrajectoryFollower(limits, FollowerTolerances.uniform(limits.n), chase=chase)
@@ -163,12 +163,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--drones', nargs='*', default=['hexarotor'], choices=list(DRONES))
     parser.add_argument('--parts', nargs='*', default=list(PARTS), choices=PARTS)
-    parser.add_argument('--swing', type=float, default=2.0, help='time at full swing [s]')
-    parser.add_argument('--share', type=float, default=0.7, help='rotor_share')
+    parser.add_argument('--swing', type=float, default=2.0, help='duration of the full swing [s]')
+    parser.add_argument('--share', type=float, default=0.7, help='parameter rotor_share')
     parser.add_argument('--heading', type=float, default=5.0, help='heading_max [deg]')
-    parser.add_argument('--frequency', type=float, default=2.0, help='heading_frequency [rad/s]')
-    parser.add_argument('--carried', type=float, default=0.0, help='mass of a payload [kg]')
-    parser.add_argument('--stream', action='store_true', help='streamed points at 100 Hz')
+    parser.add_argument(
+        '--frequency', type=float, default=2.0, help='parameter heading_frequency [rad/s]'
+    )
+    parser.add_argument(
+        '--carried', type=float, default=0.0, help='mass of an unknown payload [kg]'
+    )
+    parser.add_argument(
+        '--stream', action='store_true', help='stream the motion as points at 100 Hz'
+    )
     options = parser.parse_args()
     place = np.array(PAYLOAD[1:])
     carried = parameters_of_body(options.carried, place, np.zeros((3, 3)))

@@ -1,4 +1,4 @@
-"""Time for which each joint bears its largest load, and effect of braking on a supply.
+"""Time for which each joint can hold its largest load, and braking energy returned to the supply.
 
 Usage: python benchmarks/heat.py
 

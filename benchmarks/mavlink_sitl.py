@@ -1,12 +1,13 @@
-"""Hover error of a firmware that `mavlink_feedforward` leads, in real time.
+"""Hover error of PX4 or ArduCopter with the feed-forward of `mavlink_feedforward`, in real time.
 
 PX4 or ArduCopter runs as a program on this host and flies a rigid drone whose arm swings
 (`RigidFlight`). The node runs as a process with a MAVLink connection of its own. This program is
 the firmware's simulator, publishes the set point, and publishes the arm's forecast as
 `base_reaction` does. `PX4=<folder of a build>` or `ARDUPILOT=<folder of ArduPilot>` selects the
 firmware. With `--silence`, set points stop for some seconds; then the autopilot's failsafe or its
-last set point decides. `behind ms` is the sum of the simulation's delays behind real time: above
-some hundred milliseconds the computer is too slow, and the errors are too large.
+last set point decides. `behind ms` is the total delay of the simulation behind real time.
+Above some hundred milliseconds
+the computer is too slow, and the errors are too large.
 """
 
 import argparse
@@ -57,7 +58,10 @@ _LOWERING = 1.0  # [s]
 
 
 class Topics:
-    """What the user and `base_reaction` publish; `at` gives no feed-forward to the simulation."""
+    """Publisher of set points and of the arm's forecast, in place of user and `base_reaction`.
+
+    `at` returns no feed-forward to the simulation.
+    """
 
     def __init__(self, node: Node, begin: Callable[[], float]) -> None:
         self._node, self._begin = node, begin
@@ -95,7 +99,7 @@ class Topics:
         self._wrenches.publish(message)
 
     def at(self, now: float) -> None:
-        """Return no feed-forward: the node adds it."""
+        """Return no feed-forward, because `mavlink_feedforward` adds it."""
 
     def _stamp(self, message: InertiaStamped | WrenchStamped, stamp: float) -> None:
         wall_ns = round(1e9 * (self._begin() + stamp))
@@ -161,7 +165,7 @@ class PacedControl:
             self._shares = np.clip(shares[: len(self._most)], 0.0, 1.0)
 
     def _wait(self, until: float) -> float:
-        """Wait until a wall time [s]; return the delay behind it [s]."""
+        """Wait until a time of the system clock [s]; return by how much it has passed [s]."""
         left = until - time.time()
         time.sleep(max(left, 0.0))
         return max(-left, 0.0)
@@ -211,7 +215,7 @@ def firmware_of(
 
 
 def fly(node: Node, options: argparse.Namespace, is_told: bool) -> str:
-    """Return the figures of a flight as text."""
+    """Return the results of a flight as a line of the table."""
     flight = RigidFlight(load_drone('hexarotor'), ArmSwing(options.motion, options.seconds))
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         firmware, program, parameters = firmware_of(flight, Path(folder), stack)
@@ -235,9 +239,9 @@ def fly(node: Node, options: argparse.Namespace, is_told: bool) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--motion', choices=('slow', 'fast'), default='slow', help='of the arm')
+    parser.add_argument('--motion', choices=('slow', 'fast'), default='slow', help='arm motion')
     parser.add_argument('--seconds', type=float, default=20.0, help='duration of the motion [s]')
-    parser.add_argument('--silence', type=float, default=0.0, help='[s] without set points')
+    parser.add_argument('--silence', type=float, default=0.0, help='time without set points [s]')
     options = parser.parse_args()
     node = open_ros(os.getpid())
     print('feed-forward   RMS mm   max mm  heading  behind ms')

@@ -1,4 +1,4 @@
-"""Payload estimation and compensation under a flying drone, by the nodes themselves.
+"""Payload estimation and compensation by the suite's nodes under a flying drone.
 
 `fake_hardware`, `computed_torque`, `payload_estimator` and `flight_control` run as processes in
 lockstep, so the figures do not depend on the host. The arm swings fast while the drone hovers.
@@ -47,7 +47,7 @@ class Weighing:
     ----------
     pick_up, put_down : float
         Time of the requests to the world [s].
-    told : (K, 5) ndarray
+    estimates : (K, 5) ndarray
         Time [s], mass [kg] and centre [m] of each message on `payload`.
     errors : (M, 5) ndarray
         Time [s], and the joints' errors [mrad].
@@ -55,44 +55,47 @@ class Weighing:
 
     pick_up: float
     put_down: float
-    told: np.ndarray
+    estimates: np.ndarray
     errors: np.ndarray
 
     def error(self, begin: float, end: float) -> float:
-        """Return the RMS error between two times [mrad]."""
+        """Return the RMS joint error between two times [mrad]."""
         inside = (self.errors[:, 0] > begin) & (self.errors[:, 0] < end)
         return float(np.sqrt(np.mean(self.errors[inside, 1:] ** 2)))
 
     def weighed(self, since: float) -> str:
         """Return the errors of mass and centre some seconds after the pick-up."""
-        rows = self.told[self.told[:, 0] > self.pick_up + since]
+        rows = self.estimates[self.estimates[:, 0] > self.pick_up + since]
         if not len(rows) or rows[0, 1] < 1e-3:
-            return f'nothing found after {since:g} s'
+            return f'no payload found {since:g} s after the pick-up'
         mass, centre = rows[0, 1], rows[0, 2:]
         return (
-            f'mass off by {100.0 * abs(mass / LOAD[0] - 1.0):.1f} %, centre by '
-            f'{1e3 * np.linalg.norm(centre - LOAD[1:]):.1f} mm after {since:g} s'
+            f'error of the mass {100.0 * abs(mass / LOAD[0] - 1.0):.1f} %, of the centre of mass '
+            f'{1e3 * np.linalg.norm(centre - LOAD[1:]):.1f} mm, {since:g} s after the pick-up'
         )
 
     def text(self) -> str:
-        """Return all figures as text."""
-        carrying = self.told[self.told[:, 1] > 1e-3]
+        """Return the results of a flight as text."""
+        carrying = self.estimates[self.estimates[:, 1] > 1e-3]
         found = carrying[:1, 0] - self.pick_up
-        gone = self.told[(self.told[:, 0] > self.put_down) & (self.told[:, 1] < 1e-3)][:1, 0]
+        gone = self.estimates[
+            (self.estimates[:, 0] > self.put_down) & (self.estimates[:, 1] < 1e-3)
+        ][:1, 0]
         bare = self.error(self.pick_up - 3.0, self.pick_up)
         first, later = (
             self.error(self.pick_up + begin, self.pick_up + end) for begin, end in ((0, 1), (2, 10))
         )
         lines = [
             (
-                f'pick-up found after {_seconds(found)}, put-down after '
+                f'pick-up detected after {_seconds(found)}, put-down detected after '
                 f'{_seconds(gone - self.put_down)}'
             ),
             self.weighed(2.0),
             self.weighed(10.0),
-            f'error {bare:.2f} mrad RMS before, {first:.2f} in the first second, {later:.2f} from '
-            f'2 to 10 s after the pick-up: {later / bare:.2f} of that before',
-            f'{len(self.told) / (self.errors[-1, 0] - self.errors[0, 0]):.0f} estimates per second',
+            f'RMS joint error {bare:.2f} mrad before the pick-up, {first:.2f} mrad in the first '
+            f'second after it, {later:.2f} mrad from 2 to 10 s after it ({later / bare:.2f} times '
+            'the error before)',
+            f'{len(self.estimates) / np.ptp(self.errors[:, 0]):.0f} estimates per second',
         ]
         return '\n'.join(f'  {line}' for line in lines)
 
@@ -112,22 +115,22 @@ def weigh(node: Node, arm: ArmModel, noise: Sequence[float], share: float) -> We
         bench = FlightBench(stack, node, Path(folder), case, replace(arm, law=law))
         base = {'drone_file': Path(folder) / 'believed.yaml', 'base_motion': 'free'}
         bench.start(stack, 'payload_estimator', arm.law | base)
-        told: list[tuple[float, ...]] = []
+        estimates: list[tuple[float, ...]] = []
 
         def note(message: InertiaStamped) -> None:
             stamp, body = message.header.stamp, message.inertia
             centre = body.com.x, body.com.y, body.com.z
-            told.append((stamp.sec + 1e-9 * stamp.nanosec, body.m, *centre))
+            estimates.append((stamp.sec + 1e-9 * stamp.nanosec, body.m, *centre))
 
         topic = topics.PAYLOAD
         subscription = node.create_subscription(topic.type, topic.name, note, topic.qos)
         try:
-            return _fly(bench, told)
+            return _fly(bench, estimates)
         finally:
             node.destroy_subscription(subscription)
 
 
-def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
+def _fly(bench: FlightBench, estimates: list[tuple[float, ...]]) -> Weighing:
     """Swing the arm, pick up the payload, carry it and put it down."""
     begin = bench.wait_until_still() + LEAD
     motion = ArmSwing('fast', PICK_UP + CARRIED + AFTER + 4.0)
@@ -140,14 +143,14 @@ def _fly(bench: FlightBench, told: list[tuple[float, ...]]) -> Weighing:
         rclpy.spin_once(bench.node, timeout_sec=0.0)
         rows.append((now, *q))
         if len(when) < len(orders) and now > begin + orders[len(when)][0]:
-            bench.tell_world('payload', orders[len(when)][1])
+            bench.change_world('payload', orders[len(when)][1])
             when.append(now)
     if bench.listener.farthest > LOST:
         raise ValueError('the drone was lost')
     table = np.array(rows)
     wanted = motion.evaluate(table[:, 0] - begin)[0]
     errors = np.column_stack([table[:, 0], 1e3 * (table[:, 1:] - wanted)])
-    return Weighing(when[0], when[1], np.array(told).reshape(-1, 5), errors)
+    return Weighing(when[0], when[1], np.array(estimates).reshape(-1, 5), errors)
 
 
 def main() -> int:
@@ -155,9 +158,11 @@ def main() -> int:
     parser.add_argument('--model', choices=('identified', 'true'), default='true')
     parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
     parser.add_argument(
-        '--noise', type=float, nargs=2, default=(0.1, 0.003), help='of the IMU [m/s^2], [rad/s]'
+        '--noise', type=float, nargs=2, default=(0.1, 0.003), help='IMU noise [m/s^2] and [rad/s]'
     )
-    parser.add_argument('--shares', type=float, nargs='*', default=(1.0, 0.0), help='handed over')
+    parser.add_argument(
+        '--shares', type=float, nargs='*', default=(1.0, 0.0), help='compensated fractions'
+    )
     options = parser.parse_args()
     node = open_ros(os.getpid())
     try:

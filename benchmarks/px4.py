@@ -1,4 +1,4 @@
-"""Hover error caused by arm motion under PX4's firmware, for several feed-forward methods.
+"""Hover error caused by arm motion with PX4's firmware, for several feed-forward methods.
 
 The firmware runs as a program on this host (SITL) and contains estimator, control loops and mixer.
 The emulated world is its simulator in lockstep, so the figures do not depend on the host.
@@ -94,7 +94,7 @@ def flying(
     node: Node, build: Path, drone: DroneConfig, way: str, arm: ArmModel,
     options: argparse.Namespace, number: int = 0,
 ) -> Iterator[tuple[FlightBench, Path]]:  # fmt: skip
-    """Start a PX4 and bring the drone into the air; yield its bench and PX4's log."""
+    """Start PX4 and bring the drone into the air; yield its test bench and PX4's log."""
     yaw = _FULL_YAW if drone.is_fully_actuated else {}
     setup = Px4Setup(Px4Gains.scaled(*options.gains, **yaw), options.sensors)
     instance = _INSTANCE + number
@@ -116,7 +116,10 @@ Flying = Callable[
 def fly(
     node: Node, build: Path, name: str, arm: ArmModel, options: argparse.Namespace, flying: Flying
 ) -> dict[str, FlightRecord | str]:
-    """Return the record of each method, or the reason of a failure; each starts the firmware."""
+    """Return the flight record of each method, or the reason of a failure.
+
+    The firmware is started for each method.
+    """
     found: dict[str, FlightRecord | str] = {}
     for number, way in enumerate(options.ways):
         begin = time.monotonic()
@@ -139,9 +142,10 @@ def options_of(parser: argparse.ArgumentParser) -> None:
                         metavar=('XY_P', 'ATT_P', 'RATE_K'))  # fmt: skip
     parser.add_argument('--sensors', choices=SENSORS, default=VISION)
     parser.add_argument('--imu-noise', nargs=2, type=float, default=IMU_NOISE, metavar='DEVIATION',
-                        help='of IMU, m/s^2 and rad/s')  # fmt: skip
+                        help='IMU noise [m/s^2] and [rad/s]')  # fmt: skip
     parser.add_argument('--odometry-noise', nargs=4, type=float, default=ODOMETRY_NOISE,
-                        metavar='DEVIATION', help='noise [m, m/s, rad, rad/s]')  # fmt: skip
+                        metavar='DEVIATION',
+                        help='odometry noise [m, m/s, rad, rad/s]')  # fmt: skip
     parser.add_argument(
         '--hold-heading',
         action=argparse.BooleanOptionalAction,

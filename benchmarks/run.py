@@ -13,7 +13,7 @@ BESIDE_PEERS = ('excitation', 'identification')
 
 
 def machine() -> str:
-    """Return one line that describes the machine of the figures."""
+    """Return one line that describes the machine on which the benchmarks run."""
     model = next(
         (
             line.split(':')[1].strip()
@@ -30,7 +30,9 @@ def machine() -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        '--no-peers', action='store_true', help=f'of {" and ".join(BESIDE_PEERS)}: no other tools'
+        '--no-peers',
+        action='store_true',
+        help=f'run {" and ".join(BESIDE_PEERS)} without the comparison with other tools',
     )
     options = parser.parse_args()
     print(f'Machine: {machine()}')

@@ -1,4 +1,4 @@
-"""Tracking error of computed torque at 1 kHz over topics, with the exact arm model.
+"""Tracking error of `computed_torque` at 1 kHz over ROS topics, with the exact arm model.
 
 `fake_hardware` and `computed_torque` run as processes, as on a robot, with a five-harmonic
 trajectory of 0.1 to 0.5 Hz, on a still base and on one that swings by 30 degrees at 0.5 Hz. The
@@ -84,7 +84,7 @@ def start_arm(
 
 
 def require_running(client: ArmClient, folder: Path) -> None:
-    """End the benchmark with the reason if the arm was stopped."""
+    """If the bridge has stopped the arm, end the benchmark with the reason."""
     try:
         client.wait_for_mode(['running'], 2.0)
     except ArmClientError as error:
@@ -93,7 +93,7 @@ def require_running(client: ArmClient, folder: Path) -> None:
 
 
 class ArmStates:
-    """Joint states of the arm, whose stamps provide the time."""
+    """Subscriber to the joint states of the arm; their stamps are the time of the benchmark."""
 
     def __init__(self, node: Node, names: tuple[str, ...]) -> None:
         self._reader = RawReader(node, topics.JOINT_STATES)
@@ -150,7 +150,7 @@ def track(
         require_running(client, Path(folder))
         if states.publishers > 1:
             raise SystemExit(
-                'tracking: another bridge is in this ROS domain: stop it, and try again'
+                'tracking: another bridge runs in this ROS domain: stop it, and try again'
             )
     node.destroy_node()
     when = np.array([(sample.stamp_ns - begin) * 1e-9 for sample in samples])
@@ -164,7 +164,9 @@ def track(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seed', type=int, default=1, help='seed of the trajectory')
-    parser.add_argument('--periods', type=int, default=1, help='number of periods of 10 s')
+    parser.add_argument(
+        '--periods', type=int, default=1, help='number of periods of 10 s per motion'
+    )
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

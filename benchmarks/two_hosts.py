@@ -1,4 +1,4 @@
-"""Measure drone and ground as two hosts connected by a radio link, and print a table.
+"""Measure the connection of drone and ground computer over an emulated radio link.
 
 The hosts are Linux namespaces, which require root. The bridge and ground_link run with SCHED_FIFO.
 """
@@ -38,9 +38,10 @@ def row(*cells: object) -> None:
 
 
 def measure_radios(rig: Rig, seconds: float) -> None:
-    """Print what radios of some rates do to the 1 kHz loop, with and without in turns."""
+    """Print missed cycles of the 1 kHz loop with radios of several rates and without limit."""
     rig.listen_on_ground()
-    table('radio', 'cycles lost', 'longest period', 'periods above 20 ms', 'traffic', 'packets')
+    table('rate of the radio', 'missed cycles of the bridge', 'longest period of the bridge',
+          'periods above 20 ms', 'traffic', 'packets')  # fmt: skip
     for rate, name in (
         ('', 'no limit'),
         ('6mbit', '6 Mbit/s'),
@@ -61,25 +62,26 @@ def measure_radios(rig: Rig, seconds: float) -> None:
 
 
 def measure_stops(rig: Rig, presses: int, losses: Sequence[float] = (0.0, 0.05, 0.2)) -> None:
-    """Print how long an e-stop of the ground takes."""
-    table('loss, one way', 'presses', 'median', 'p99', 'longest')
-    rig.relay.tell('delay 0.005')
+    """Print the time from an e-stop on the ground until the arm is damped."""
+    table('packet loss per direction', 'e-stops', 'time until damped, median', 'p99', 'longest')
+    rig.relay.send_line('delay 0.005')
     for loss in losses:
-        rig.relay.tell(f'loss {loss}')
+        rig.relay.send_line(f'loss {loss}')
         times = []
         for _ in range(presses):
             times.append(rig.press())
             rig.clear()
         q50, q99 = np.quantile(times, [0.5, 0.99])
         row(f'{loss:.0%}', presses, f'{q50:.3f} s', f'{q99:.3f} s', f'{max(times):.3f} s')
-    rig.relay.tell('loss 0')
+    rig.relay.send_line('loss 0')
 
 
 def measure_fresh_stops(rig: Rig, presses: int) -> None:
-    """Print how long a new process `arm e_stop` on the ground takes, from its start."""
-    table('loss, one way', '`arm e_stop` started', 'median', 'longest')
+    """Print the time from the start of `arm e_stop` on the ground until the arm is damped."""
+    table('packet loss per direction', '`arm e_stop` started', 'time until damped, median',
+          'longest')  # fmt: skip
     for loss in (0.0, 0.05, 0.2):
-        rig.relay.tell(f'loss {loss}')
+        rig.relay.send_line(f'loss {loss}')
         times = []
         for _ in range(presses):
             begin = time.monotonic()
@@ -88,26 +90,27 @@ def measure_fresh_stops(rig: Rig, presses: int) -> None:
             process.wait()
             rig.clear()
         row(f'{loss:.0%}', presses, f'{np.median(times):.2f} s', f'{max(times):.2f} s')
-    rig.relay.tell('loss 0')
+    rig.relay.send_line('loss 0')
 
 
 def measure_cuts(rig: Rig, cuts: Sequence[float]) -> None:
-    """Print what a press during a cut does once the connection is back."""
-    table('cut', 'pressed by', 'acts after the connection is back', 'shown as not delivered',
-          'damped before', 'states are back after')  # fmt: skip
+    """Print when an e-stop during a cut takes effect after the connection is back."""
+    table('cut of the connection', 'e-stop sent by', 'arm damped after the cut by',
+          'shown as not delivered', 'arm damped during the cut',
+          'joint states return after the cut by')  # fmt: skip
     for cut in cuts:
         for is_fresh in (False, True) if cut > 3.0 else (False,):
-            rig.relay.tell('cut 1')
+            rig.relay.send_line('cut 1')
             time.sleep(0.2)
             begin = time.monotonic()
             if is_fresh:
                 process = rig.arm('e_stop')
             else:
-                rig.ground.tell('press')
+                rig.ground.send_line('press')
             time.sleep(cut)
             early = any(is_fault(r) for r in rig.drone.rows() if r['time'] > begin)
             back = time.monotonic()
-            rig.relay.tell('cut 0')
+            rig.relay.send_line('cut 0')
             damped = rig.drone.wait(is_fault, begin)
             states = rig.ground.wait(lambda row: 'back' in row, begin)
             if is_fresh:
@@ -116,16 +119,18 @@ def measure_cuts(rig: Rig, cuts: Sequence[float]) -> None:
             else:
                 time.sleep(0.3)
                 shown = str([r.get('text') for r in rig.ground.rows() if r['time'] > begin])
-            row(f'{cut:g} s', 'new `arm e_stop`' if is_fresh else 'a standing node',
+            row(f'{cut:g} s', 'new `arm e_stop`' if is_fresh else 'running node',
                 f'{damped - back:.3f} s', 'yes' if 'NOT DELIVERED YET' in shown else 'no',
                 'yes' if early else 'no', f'{states - back:.3f} s')  # fmt: skip
             rig.clear()
 
 
 def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, str, float]]) -> None:
-    """Print what a cut does to an arm that moves."""
-    table('controller', 'ground_lost', 'cut', 'speed at the cut', 'speed at its end',
-          'moved during the cut', 'to home', 'mode', 'states are back after', 'log')  # fmt: skip
+    """Print how a moving arm reacts to a cut of the connection."""
+    table('controller', 'ground_lost', 'cut of the connection', 'joint speed at its start',
+          'joint speed at its end', 'motion of joint 1 during the cut',
+          'distance to the home configuration', 'modes of the arm',
+          'joint states return after the cut by', 'log')  # fmt: skip
     before = controlled_by = ''
     for controller, action, cut in cuts:
         if controller != controlled_by:
@@ -136,18 +141,18 @@ def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, str, float]]) -> None:
             before = action
             rig.restart_drone_link(ground_lost=action, ground_timeout=1.0)
         run(rig, 'go', '0.5', '1.2', '0.3', '0.3', '--tolerance', '0.05')
-        rig.ground.tell('sweep')
+        rig.ground.send_line('sweep')
         deadline = time.monotonic() + PATIENCE
         while abs(rig.state()[1][0]) < 0.2:
             if time.monotonic() > deadline:
                 raise TimeoutError('the arm does not move')
         begin, speed = rig.state()
         cut_at = time.monotonic()
-        rig.relay.tell('cut 1')
+        rig.relay.send_line('cut 1')
         time.sleep(cut)
         end, last = rig.state()
         back = time.monotonic()
-        rig.relay.tell('cut 0')
+        rig.relay.send_line('cut 0')
         states = rig.ground.wait(lambda row: 'back' in row, cut_at)
         time.sleep(0.5)
         modes = [r['mode'] for r in rig.drone.rows() if 'mode' in r and r['time'] > cut_at]
@@ -162,21 +167,22 @@ def measure_watchdog(rig: Rig, cuts: Sequence[tuple[str, str, float]]) -> None:
 
 
 def measure_discovery(rig: Rig, starts: int) -> None:
-    """Print how long a new ground needs to find its drone."""
-    table('loss, one way', 'starts', 'found after, median', 'longest', 'with its start, longest')
+    """Print how long a restarted ground computer needs to find its drone."""
+    table('packet loss per direction', 'starts', 'drone found after, median', 'longest',
+          'longest, including the start of the process')  # fmt: skip
     for loss in (0.0, 0.05, 0.2):
-        rig.relay.tell(f'loss {loss}')
+        rig.relay.send_line(f'loss {loss}')
         times = np.array([rig.restart_ground_link() for _ in range(starts)])
         row(f'{loss:.0%}', starts, f'{np.median(times[:, 1]):.3f} s', f'{times[:, 1].max():.3f} s',
             f'{times[:, 0].max():.2f} s')  # fmt: skip
-    rig.relay.tell('loss 0')
+    rig.relay.send_line('loss 0')
 
 
 def measure_listeners(rig: Rig, starts: int) -> None:
-    """Print what new local listeners do to the loop, at a radio that is nearly out of range."""
+    """Print missed cycles while local subscribers start, with a radio nearly out of range."""
     rig.hosts.set_rate('8kbit')
-    table('new local listeners', 'cycles lost', 'longest period', 'periods above 20 ms',
-          'has states after, median', 'longest')  # fmt: skip
+    table('new local subscribers', 'missed cycles of the bridge', 'longest period of the bridge',
+          'periods above 20 ms', 'first joint states after, median', 'longest')  # fmt: skip
     command = (sys.executable, str(HERE / 'new_listener.py'), str(starts))
     rig.mark()
     begin = time.monotonic()
@@ -189,14 +195,15 @@ def measure_listeners(rig: Rig, starts: int) -> None:
 
 
 def measure_recording(rig: Rig, seconds: float) -> None:
-    """Print how a bag that is recorded on the drone comes to the ground."""
-    table('radio', 'loss, one way', 'recorded', 'bag', 'lost', 'fetched in', 'rate', 'cut of 3 s',
-          'e-stop meanwhile')  # fmt: skip
+    """Print how long the ground needs to fetch a bag that was recorded on the drone."""
+    table('rate of the radio', 'packet loss per direction', 'recorded messages', 'size of the bag',
+          'lost messages', 'fetched in', 'data rate', 'after a cut of 3 s',
+          'time of an e-stop during the fetch')  # fmt: skip
     for number, (rate, name, loss) in enumerate(
         (('', 'no limit', 0.0), ('1mbit', '1 Mbit/s', 0.0), ('1mbit', '1 Mbit/s', 0.2))
     ):
         rig.hosts.set_rate(rate)
-        rig.relay.tell(f'loss {loss}')
+        rig.relay.send_line(f'loss {loss}')
         process = rig.arm('record', f'bag{number}')
         log = rig.folder / 'arm_record.log'
         wait_for_text(log, 'Ctrl-C ends it')
@@ -207,9 +214,9 @@ def measure_recording(rig: Rig, seconds: float) -> None:
         bag = rig.folder / f'bag{number}'
         while not any(bag.glob('*.part')) or sum(p.stat().st_size for p in bag.iterdir()) < 20_000:
             time.sleep(0.01)
-        rig.relay.tell('cut 1')
+        rig.relay.send_line('cut 1')
         time.sleep(3.0)
-        rig.relay.tell('cut 0')
+        rig.relay.send_line('cut 0')
         time.sleep(0.5)
         stopped = rig.press()
         rig.clear()
@@ -225,12 +232,12 @@ def measure_recording(rig: Rig, seconds: float) -> None:
             found.lost, f'{took:.1f} s', f'{8e-6 * size / took:.2f} Mbit/s',
             'resumed, same bytes' if same and not status else f'FAILED, {status}',
             f'{stopped:.3f} s')  # fmt: skip
-    rig.relay.tell('loss 0')
+    rig.relay.send_line('loss 0')
     rig.hosts.set_rate('')
 
 
 def measure_page(rig: Rig, seconds: float) -> None:
-    """Print how long the page on the ground takes to load, and how often it changes."""
+    """Print how long the browser page on the ground takes to load, and how often it is updated."""
     # As prompt as the browser: other work on this machine must not count.
     start = ('chrt', '-f', '15', sys.executable, '-m', 'aerarm_ros.executables', 'view')
     log = rig.folder / 'ground_view.log'
@@ -239,14 +246,15 @@ def measure_page(rig: Rig, seconds: float) -> None:
     wait_for_text(log, 'in a browser')
     rig.start_controller()
     run(rig, 'enable', '--wait', 'running')
-    table('radio', 'loss, one way', 'stop button after', 'states after', 'the page says',
-          'poses', 'curves')  # fmt: skip
+    table('rate of the radio', 'packet loss per direction', 'stop button shown after',
+          'joint states shown after', 'text on the page', 'updates of the pose',
+          'updates of the curves')  # fmt: skip
     script = str(HERE / 'page_watch.py')
     for rate, name, loss in (('', 'no limit', 0.0), ('1mbit', '1 Mbit/s', 0.2)):
         rig.hosts.set_rate(rate)
-        rig.relay.tell(f'loss {loss}')
+        rig.relay.send_line(f'loss {loss}')
         run(rig, 'go', '0.5', '1.2', '0.3', '0.3', '--tolerance', '0.05')
-        rig.ground.tell('sweep')
+        rig.ground.send_line('sweep')
         command = ('chrt', '-f', '10', sys.executable, script, 'http://127.0.0.1:8097')
         done = rig.hosts.ground.start(
             *command, str(seconds), environment=DOMAIN, stdout=subprocess.PIPE
@@ -254,18 +262,18 @@ def measure_page(rig: Rig, seconds: float) -> None:
         found = json.loads(done.communicate()[0])
         row(name, f'{loss:.0%}', f'{found["button"]:.1f} s', f'{found["states"]:.1f} s',
             found['says'], f'{found["poses"]:.0f}/s', f'{found["curves"]:.0f}/s')  # fmt: skip
-    rig.relay.tell('loss 0')
+    rig.relay.send_line('loss 0')
     rig.hosts.set_rate('')
 
 
 def measure_controller(rig: Rig) -> None:
-    """Print what becomes of a controller on the ground, as it is and with an open network."""
-    table('a controller on the ground', 'result')
+    """Print whether a controller on the ground can command the arm."""
+    table('network of a controller on the ground', 'result')
     rig.start_on_ground('computed_torque')
     log = rig.folder / 'ground_ground_link.log'
     wait_for_text(log, 'cannot command the arm')
     line = next(line for line in log.read_text().splitlines() if 'cannot command' in line)
-    row('as it is', f'rejected: {line.split("]: ")[1]}')
+    row('default', f'rejected: {line.split("]: ")[1]}')
     with tempfile.TemporaryDirectory() as name, TwoHosts() as hosts:
         folder = Path(name)
         environment = {'ROS_DOMAIN_ID': '65', 'AERARM_NETWORK': 'open',
@@ -283,13 +291,14 @@ def measure_controller(rig: Rig) -> None:
 
 
 def measure_clocks(presses: int) -> None:
-    """Print what depends on the two hosts' clocks."""
-    table("ground's clock", 'e-stops at 5 % loss', 'median', 'longest', 'offset on /diagnostics',
-          'goal reached', 'worst latency on /diagnostics')  # fmt: skip
+    """Print results with a wrong clock of the ground computer."""
+    table("ground's clock", 'e-stops at 5 % packet loss', 'time until damped, median', 'longest',
+          'clock offset on /diagnostics', 'distance from the goal',
+          'largest latency on /diagnostics')  # fmt: skip
     for clock in ('', '+30s', '-30s', '+30s x1.001'):
         with tempfile.TemporaryDirectory() as folder, Rig(Path(folder), clock) as rig:
-            rig.relay.tell('delay 0.005')
-            rig.relay.tell('loss 0.05')
+            rig.relay.send_line('delay 0.005')
+            rig.relay.send_line('loss 0.05')
             times = []
             for _ in range(presses):
                 times.append(rig.press())
@@ -299,11 +308,11 @@ def measure_clocks(presses: int) -> None:
             run(rig, 'go', '0.3', '1.2', '0.3', '0.3', '--tolerance', '0.05')
             error = np.abs(rig.state()[0] - [0.3, 1.2, 0.3, 0.3]).max()
             begin = time.monotonic()
-            rig.ground.tell('diagnostics')
+            rig.ground.send_line('diagnostics')
             when = rig.ground.wait(lambda row: 'offset' in row, begin)
             found = next(r for r in rig.ground.rows() if r['time'] == when)
-            row(clock or 'as the drone\'s', presses, f'{np.median(times):.3f} s',
-                f'{max(times):.3f} s', f'{found["offset"]:+.1f} ms', f'{error:.3f} rad away',
+            row(clock or "equal to the drone's", presses, f'{np.median(times):.3f} s',
+                f'{max(times):.3f} s', f'{found["offset"]:+.1f} ms', f'{error:.3f} rad',
                 f'{found["latency"]} us')  # fmt: skip
 
 
@@ -342,11 +351,12 @@ def main() -> int:
     """Measure and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add = parser.add_argument
-    add('--presses', type=int, default=100, help='e-stops per loss (default: 100)')
-    add('--starts', type=int, default=10, help='starts of a process per loss (default: 10)')
-    add('--listeners', type=int, default=200, help='new local listeners (default: 200)')
-    add('--seconds', type=float, default=8.0, help='per radio (default: 8)')
-    add('--cuts', type=float, nargs='+', default=[0.5, 5.0, 60.0], help='[s] (default: 0.5 5 60)')
+    add('--presses', type=int, default=100, help='number of e-stops per loss rate (default: 100)')
+    add('--starts', type=int, default=10, help='process starts per loss rate (default: 10)')
+    add('--listeners', type=int, default=200, help='new local subscribers (default: 200)')
+    add('--seconds', type=float, default=8.0, help='duration per radio [s] (default: 8)')
+    add('--cuts', type=float, nargs='+', default=[0.5, 5.0, 60.0],
+        help='durations of the cuts [s] (default: 0.5 5 60)')  # fmt: skip
     add('--only', nargs='+', choices=PARTS, default=PARTS, help='parts to measure (default: all)')
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what was started

@@ -1,4 +1,4 @@
-"""Tool position error in the world while wind moves the drone, over topics.
+"""Position error of the tool in the world frame while wind moves the drone.
 
 `fake_hardware`, `world_control`, `base_reaction` and `flight_control` run as processes in lockstep,
 so the figures do not depend on the host. Wind of 1.5 N RMS below 0.5 Hz pushes a drone of 3 kg. The
@@ -79,7 +79,7 @@ def main() -> int:
     parser.add_argument('--cases', nargs='*', default=[*CASES, *PUSHES], choices=[*CASES, *PUSHES])
     parser.add_argument('--model', choices=('identified', 'true'), default='identified')
     parser.add_argument('--arm-seed', type=int, default=7, help='seed of the identified arm')
-    parser.add_argument('--seconds', type=float, default=12.0, help='duration of each flight')
+    parser.add_argument('--seconds', type=float, default=12.0, help='duration of each flight [s]')
     parser.add_argument('--out', type=Path, help='folder for the page')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)

@@ -1,6 +1,6 @@
-"""Bags: rosbag2 directories of MCAP files, written crash-safe, and read in any storage format.
+"""Writer and readers of bags (rosbag2 directories).
 
-The package writes serialized messages and topic descriptions to a bag. The package reads a bag as
-blocks of messages, as arrays of joint states, and as other topics of a motion. Reading does not
-need ROS.
+The writer stores serialized messages and topic descriptions in an MCAP file that stays readable
+after a crash. The readers accept MCAP, SQLite and ROS 1 bags. They return blocks of messages,
+arrays of joint states, or series of poses. Reading does not need ROS.
 """

@@ -1,4 +1,4 @@
-"""Recorded bag with its files and topics."""
+"""Access to the files and topics of a recorded bag."""
 
 import re
 import warnings
@@ -39,14 +39,14 @@ _OF_A_TAG = (TypeError, AttributeError, LookupError, RecursionError, OverflowErr
 
 @dataclass(frozen=True)
 class BagInformation:
-    """Content of metadata.yaml that readers need.
+    """Entries of a bag's metadata.yaml that the bag reader needs.
 
     Attributes
     ----------
     files
         Names of the bag's files, without directories.
     compression_mode
-        'message' if every message is compressed separately; other values have no meaning.
+        'message' if every message is compressed separately; the reader ignores other values.
     counts
         Number of messages of each topic; None if unknown.
     """
@@ -67,12 +67,12 @@ def read_information(path: Path) -> BagInformation:
         If the file cannot be read, is too large, is not plain YAML or not metadata of a bag.
     """
     if path.exists() and not path.is_file():
-        raise ValueError('not a regular file')  # Reading a pipe would never end.
+        raise ValueError('the file is not a regular file')  # Reading a pipe would never end.
     try:
         with path.open('rb') as stream:
             content = stream.read(_LARGEST + 1)
         if len(content) > _LARGEST:
-            raise ValueError(f'larger than {_LARGEST} bytes')
+            raise ValueError(f'the file is larger than {_LARGEST} bytes')
         text = content.decode()
         _check_plain(text)
         document = yaml.load(text, _LOADER)
@@ -80,33 +80,34 @@ def read_information(path: Path) -> BagInformation:
         raise
     except (OSError, yaml.YAMLError, ValueError, *_OF_A_TAG) as error:
         if 'nesting depth' in str(error):  # The limit of libyaml is smaller than ours.
-            raise ValueError(f'nested more than {_DEEPEST} levels deep') from None
+            raise ValueError(f'the YAML is nested more than {_DEEPEST} levels deep') from None
         raise ValueError(' '.join(str(error).split())[:200]) from None
     try:
         return _information(document['rosbag2_bagfile_information'])
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f'not the metadata of a bag ({error})') from None
+        raise ValueError(f'the file is not the metadata of a bag ({error})') from None
 
 
 def _check_plain(text: str) -> None:
-    """Reject YAML that becomes large or slow: aliases, deep nesting, long numbers."""
+    """Reject YAML that is slow to parse or large in memory: aliases, deep nesting, long numbers."""
     depth = 0
     for event in yaml.parse(text, _LOADER):
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
-            raise ValueError('the file has YAML anchors or aliases, which no recorder writes')
+            raise ValueError('the file contains YAML anchors or aliases, which no recorder writes')
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
-            raise ValueError(f'nested more than {_DEEPEST} levels deep')
+            raise ValueError(f'the YAML is nested more than {_DEEPEST} levels deep')
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
             raise ValueError(
-                f'the file contains a number that is {len(event.value)} characters long'
+                f'the file contains a number that is {len(event.value)} characters long, more than '
+                f'{_LONGEST_NUMBER}'
             )
 
 
 def _is_long_number(event: Any) -> bool:
-    """Return whether a text may be a number that takes long to read, by its form or tag.
+    """Return whether a YAML value has the form or tag of a number that takes long to parse.
 
-    Reading a number in base 60 takes a time proportional to the square of its length.
+    The time to parse a number in base 60 is proportional to the square of its length.
     """
     long = len(event.value) > _LONGEST_NUMBER
     return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
@@ -129,7 +130,7 @@ def _is_file_name(name: str) -> bool:
 
 
 def _counts(document: Any) -> dict[str, int] | None:
-    """Return the message counts, None if one is invalid."""
+    """Return the number of messages of each topic; None if a number is invalid."""
     counts: dict[str, int] = {}
     for name, count in _entries(document):
         if not isinstance(name, str) or isinstance(count, bool) or not isinstance(count, int):
@@ -150,12 +151,12 @@ def _entries(document: Any) -> Iterator[tuple[Any, Any]]:
 
 
 class RecordedMessage(NamedTuple):
-    """Serialized message with its topic and times.
+    """Serialized message with its topic, its times and its sequence number.
 
     Attributes
     ----------
     topic
-        Index of the topic in the writer's list.
+        Index of the topic in the `topics` of the bag writer.
     payload
         Serialized message.
     log_time
@@ -179,7 +180,7 @@ _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 
 @dataclass(frozen=True)
 class RecordedTopic:
-    """Description of a topic in a bag.
+    """Name, message type and quality of service of a topic in a bag.
 
     Attributes
     ----------
@@ -218,7 +219,7 @@ _LONGEST_NAME = 100  # characters of a topic's name in a message
 
 
 class Bag:
-    """A rosbag2 directory, or a single file of messages.
+    """Reader of a bag, which is a rosbag2 directory or a single bag file.
 
     `metadata.yaml` is not required, because a killed recorder may have left no such file, or an
     outdated one.
@@ -233,7 +234,7 @@ class Bag:
     Attributes
     ----------
     budget
-        Memory and time that remain of the limits.
+        Memory and time that the reader may still use.
 
     Raises
     ------
@@ -244,7 +245,7 @@ class Bag:
     def __init__(self, path: Path | str, limits: ReadLimits | None = None) -> None:
         self.path = Path(path)
         if not self.path.exists():
-            raise BagError(f'the bag {self.path} does not exist: check the path')
+            raise BagError(f'the bag {self.path} does not exist: check its path')
         self._unused = ''  # reason why metadata.yaml is not used
         self._information = self._read_information()
         paths = self._find_paths()
@@ -253,9 +254,10 @@ class Bag:
         self._files = [_opened(file, self.budget) for file in paths]
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of given topics (None: all topics), about a megabyte at a time.
+        """Yield the messages in blocks of about a megabyte.
 
-        If the bag's message count exceeds the messages found, a warning states the difference.
+        `topics` selects the topics; None selects all. If the bag states more messages than the
+        reader finds, a warning states the difference.
 
         Raises
         ------
@@ -274,7 +276,7 @@ class Bag:
             expected = self.recorded_count(topic) or 0
             if (missing := expected - found.get(topic, 0)) > 0:
                 warnings.warn(
-                    f'{self.path}: {missing} of the {expected} messages of {topic} are missing',
+                    f'bag {self.path}: {missing} of the {expected} messages of {topic} are missing',
                     BagWarning,
                     stacklevel=2,
                 )
@@ -289,21 +291,22 @@ class Bag:
                 yield block
 
     def messages(self, topic: str, message_type: str) -> Iterator[MessageBlock]:
-        """Yield the messages of one topic of known type.
+        """Yield the messages of a topic, which must have the given message type.
 
         Raises
         ------
         BagError
-            If a file cannot be read, or the bag lacks the topic, its messages or its type.
+            If a file cannot be read, or if the topic is missing, has no messages or another type.
         """
         yield from self.messages_and(topic, message_type, ())
 
     def messages_and(
         self, topic: str, message_type: str, others: Collection[str]
     ) -> Iterator[MessageBlock]:
-        """Yield the messages of one required topic of known type, and of optional topics.
+        """Yield the messages of a required topic, and those of optional topics.
 
-        Raises the errors of `messages` for the required topic only.
+        The required topic must have the given message type. Raises the errors of `messages` for the
+        required topic only.
         """
         name = '/' + topic.lstrip('/')
         empty = True
@@ -324,7 +327,7 @@ class Bag:
     def _check_type(self, topic: str, found: str, expected: str) -> None:
         if found != expected:
             raise BagError(
-                f'topic {topic} of {self.path} has the type {found or "(unknown)"}, not '
+                f'topic {topic} of the bag {self.path} has the type {found or "(unknown)"}, not '
                 f'{expected}: choose another topic'
             )
 
@@ -335,26 +338,29 @@ class Bag:
     def _why_empty(self, topic: str) -> str:
         types = self.types()
         if topic in types and (self.recorded_count(topic) or self.damaged):
-            return f'no message of topic {topic} of {self.path} can be read: copy the bag again'
+            return (
+                f'no message of topic {topic} of the bag {self.path} can be read: copy the bag '
+                'again'
+            )
         if topic in types:
             return (
-                f'topic {topic} of {self.path} contains no messages: check that its '
-                'publisher was running'
+                f'topic {topic} of the bag {self.path} contains no messages: check that its '
+                'publisher was running during the recording'
             )
         names = sorted(types)
         listed = [f'{n[:_LONGEST_NAME]} ({types[n][:_LONGEST_NAME]})' for n in names[:_MOST_NAMED]]
         if len(names) > _MOST_NAMED:
             listed.append(f'{len(names) - _MOST_NAMED} more')
         return (
-            f'{self.path} has no topic {topic}: choose one of '
+            f'the bag {self.path} has no topic {topic}: choose one of '
             f'{", ".join(listed) or "no topics at all"}'
         )
 
     def recorded_count(self, topic: str) -> int | None:
-        """Return the number of a topic's messages according to the bag, None if unknown.
+        """Return the number of messages of a topic that the bag states; None if unknown.
 
-        The number comes from metadata.yaml, for a single file from that in its directory. Without
-        metadata.yaml, the number comes from the summaries of the files read so far.
+        metadata.yaml contains this number; for a single file, the metadata.yaml in its directory.
+        Without metadata.yaml, the number is that in the summaries of the files read so far.
         """
         if self._information.counts is not None:
             return self._information.counts.get(topic, 0)
@@ -362,14 +368,14 @@ class Bag:
         return None if None in own else sum(c.get(topic, 0) for c in own if c is not None)
 
     def _read_information(self) -> BagInformation:
-        """Return the content of metadata.yaml, empty if it is missing or damaged."""
+        """Return the content of metadata.yaml; an empty one if it is missing or damaged."""
         folder = self.path.parent if self.path.is_file() else self.path
         try:
             information = read_information(folder / FILE)
         except FileNotFoundError:
             return BagInformation()
         except ValueError as error:
-            self._unused = f'{folder / FILE} is ignored: {error}'
+            self._unused = f'the reader ignores {folder / FILE}: {error}'
             return BagInformation()
         mine = folder == self.path or information.files == (self.path.name,)
         return information if mine else BagInformation()
@@ -379,7 +385,7 @@ class Bag:
         if path.is_file():
             if path.name == FILE:
                 raise BagError(
-                    f"{path} is one file of a bag: pass the bag's directory {path.parent}"
+                    f"{path} is the metadata file of a bag: pass the bag's directory {path.parent}"
                 )
             return [path]
         present = _files_in(path)
@@ -387,18 +393,18 @@ class Bag:
         missing = [file.name for file in listed if not file.is_file()]
         if not present and missing:
             raise BagError(
-                f'{path} lacks {", ".join(missing[:_MOST_NAMED])}, which {FILE} lists: copy '
-                'the whole directory again'
+                f'the bag {path} lacks the files {", ".join(missing[:_MOST_NAMED])}, which {FILE} '
+                'lists: copy the whole directory again'
             )
         if not present:
             raise BagError(
-                f'{path} is not a bag (it contains neither a .mcap file nor a {FILE}): '
-                'check the path'
+                f'the directory {path} is not a bag (it contains neither a .mcap file nor a '
+                f'{FILE}): check the path'
             )
         if missing:
             warnings.warn(
-                f'{path} lacks {len(missing)} of the {len(listed)} files that {FILE} lists, '
-                f'first {missing[0][:_LONGEST_NAME]}',
+                f'the bag {path} lacks {len(missing)} of the {len(listed)} files that {FILE} '
+                f'lists; the first missing file is {missing[0][:_LONGEST_NAME]}',
                 BagWarning,
                 stacklevel=3,
             )
@@ -407,12 +413,13 @@ class Bag:
 
 
 def _files_in(folder: Path) -> list[Path]:
-    """Return the files of a bag with one storage format, in natural order."""
+    """Return the files of the bag in a folder, all of one storage format, in natural order."""
     try:
         names = [file for file in folder.iterdir() if file.is_file()]
     except OSError as error:
         raise BagError(
-            f'{folder} cannot be read ({error.strerror}): check the path and its permissions'
+            f'the bag {folder} cannot be read ({error.strerror}): check the path and its '
+            'permissions'
         ) from error
     for suffixes in (('.mcap',), _OTHER_STORAGES):
         found = [file for file in names if file.name.endswith(suffixes)]
@@ -436,7 +443,7 @@ def _size(paths: list[Path]) -> int:
         return sum(path.stat().st_size for path in paths)
     except OSError as error:
         raise BagError(
-            f'{paths[0].parent} cannot be read ({error.strerror}): check the path and its '
+            f'the bag {paths[0].parent} cannot be read ({error.strerror}): check the path and its '
             'permissions'
         ) from error
 

@@ -24,16 +24,16 @@ from aerarm_msgs_py.storage.read_limits import (
 
 @dataclass(frozen=True)
 class JointStateSeries:
-    """Series of M JointState messages of n joints, in recorded order.
+    """Arrays of M recorded JointState messages of n joints, in recorded order.
 
     Attributes
     ----------
     names
         Names of the n joints, in column order.
     stamp
-        (M,) `header.stamp` [s]; equal or jumping stamps are kept.
+        (M,) `header.stamp` [s], also where stamps repeat or jump.
     log_time
-        (M,) receipt time at the recorder [s].
+        (M,) time at which the recorder received the message [s].
     position, velocity, effort
         (M, n) values of the joints [rad], [rad/s], [Nm]; NaN where a message lacks the joint or the
         field.
@@ -53,7 +53,7 @@ class JointStateSeries:
         return len(self.stamp)
 
     def columns(self, names: Sequence[str]) -> 'JointStateSeries':
-        """Return the series with joints selected and ordered by name.
+        """Return the series of the given joints, in the order of `names`.
 
         Raises
         ------
@@ -64,7 +64,8 @@ class JointStateSeries:
         missing = [name for name in names if name not in index]
         if missing:
             raise KeyError(
-                f'joints {missing} are missing from {list(self.names)}: check the joint names'
+                f'joints {missing} are missing from the recorded joints {list(self.names)}: check '
+                'the joint names'
             )
         order = [index[name] for name in names]
         return JointStateSeries(
@@ -100,30 +101,30 @@ class TopicSummary:
 
 _GROWTH = 1.125  # small, because numpy fills with zeros, so unused memory counts too
 _FIRST = 4096  # messages
-_SINGLE_BYTES = 3000  # charged for a message that is decoded separately, because that takes time
+_SINGLE_BYTES = 3000  # counted for a message that is decoded separately, which takes time
 
 
 class JointStateBuilder:
-    """Arrays of joint states that grow with every block.
+    """Collector of JointState messages in arrays that grow with every block.
 
     Large arrays grow in place without copying, so the messages are never in memory twice.
 
     Parameters
     ----------
     most
-        Number of messages to keep; later ones are omitted and counted.
+        Number of messages to keep, from the start; later messages are only counted.
     thinned
-        Number of messages that suffice for plots; at most twice as many are kept, evenly spread
-        over the bag.
+        Number of messages that suffice for plots. At most twice this number is kept, evenly spread
+        over the bag. None keeps all messages.
     budget
-        Limits for the arrays, and for the time to fill them.
+        Limits of memory for the arrays, and of the time to fill them.
 
     Attributes
     ----------
     left_out
-        Number of omitted messages beyond `most`.
+        Number of messages beyond `most`, which are not in the arrays.
     irregular
-        Number of omitted fields whose length was neither 0 nor that of the names.
+        Number of ignored fields whose length was neither 0 nor that of the names.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class JointStateBuilder:
 
     @property
     def irregular(self) -> int:
-        """Number of omitted fields with a wrong length."""
+        """Number of position, velocity and effort fields ignored because of a wrong length."""
         return self._decoder.irregular
 
     def add(self, block: MessageBlock) -> None:
@@ -183,7 +184,7 @@ class JointStateBuilder:
         self._count = last
 
     def series(self) -> JointStateSeries:
-        """Return the collected series in order of reception; no further messages can be added."""
+        """Return the collected messages in order of reception; ends the collection."""
         for array in (self._times, self._sequence, *self._fields):
             array.resize((self._count, *array.shape[1:]), refcheck=False)
         self._sort()
@@ -198,7 +199,7 @@ class JointStateBuilder:
         )
 
     def _sort(self) -> None:
-        """Sort messages by reception, if the file's order differs."""
+        """Sort the messages by time of reception, if the order in the file differs."""
         log_time = self._times[:, 1]
         if (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind='stable')
@@ -206,7 +207,7 @@ class JointStateBuilder:
             self._fields = [numbers[order] for numbers in self._fields]
 
     def _kept(self, block: MessageBlock) -> tuple[Payloads, NDArray[np.int64], NDArray[np.int64]]:
-        """Return every k-th message of a block, with its reception time and sequence number."""
+        """Return every k-th message of a block (k = `_stride`), with time and sequence number."""
         part = slice(-self._seen % self._stride, None, self._stride)
         self._seen += len(block.payloads)
         if self._stride == 1:
@@ -214,7 +215,7 @@ class JointStateBuilder:
         return block.payloads[part], block.log_time[part], block.sequence[part]
 
     def _thin_out(self, limit: int) -> None:
-        """Omit every second message, including later ones, once there are too many."""
+        """If `limit` messages are kept, remove every second one, and double the stride."""
         if self._count < limit:
             return
         before, self._count = self._count, (self._count + 1) // 2
@@ -244,7 +245,7 @@ _ENOUGH = 50_000  # messages of an optional topic
 
 @dataclass
 class BagContents:
-    """Joint states of a bag, with the bridge's modes and diagnostics.
+    """Joint states, texts (for example arm modes) and missed cycles read from a bag.
 
     Attributes
     ----------
@@ -259,7 +260,7 @@ class BagContents:
     expected
         Number of messages of the required topic according to the bag; None if unknown.
     left_out
-        Number of messages of the required topic beyond the requested number.
+        Number of messages of the required topic beyond `most`, which were not read.
     """
 
     joint_states: dict[str, JointStateSeries] = field(default_factory=dict)
@@ -277,7 +278,7 @@ def read_contents(
     most: int | None = None,
     limits: ReadLimits | None = None,
 ) -> BagContents:
-    """Read several topics of a bag in one pass, each by its type.
+    """Read a required JointState topic and optional topics of a bag in one pass.
 
     Parameters
     ----------
@@ -286,9 +287,9 @@ def read_contents(
     required
         Name of a JointState topic.
     others
-        Optional topics: JointState, String or DiagnosticArray; topics of other types are ignored.
-        Of an optional topic with very many JointStates only some are kept, evenly spread over the
-        bag.
+        Optional topics of type JointState, String or DiagnosticArray; topics of other types are
+        ignored. If an optional JointState topic has very many messages, only some of them are kept,
+        evenly spread over the bag.
     most
         Number of messages of the required topic to keep, from the start, to limit the memory.
     limits
@@ -325,8 +326,8 @@ def read_contents(
     irregular = builders[name].irregular
     if irregular:
         warnings.warn(
-            f'{irregular} fields of topic {name} of {path} were ignored: they do not have one '
-            'value per joint name',
+            f'{irregular} fields of topic {name} of the bag {path} were ignored: they do not have '
+            'one value per joint name',
             BagWarning,
             stacklevel=2,
         )
@@ -341,7 +342,7 @@ def read_contents(
 
 
 def lost_messages(sequence: NDArray[np.int64]) -> int | None:
-    """Return the number of gaps in (M,) publication sequence numbers.
+    """Return the number of messages that are missing between (M,) publication sequence numbers.
 
     The result is None if the recorder stored no sequence numbers.
     """
@@ -353,11 +354,11 @@ def lost_messages(sequence: NDArray[np.int64]) -> int | None:
 
 
 def _warn_lost(states: JointStateSeries, topic: str, path: Path | str) -> None:
-    """Warn about gaps in the sequence numbers, if the bag does not state the number of messages."""
+    """Warn if sequence numbers are missing between the first and the last message."""
     if lost := lost_messages(states.sequence):
         warnings.warn(
-            f'{path}: by their sequence numbers, {lost} messages of {topic} are missing between '
-            'the first and the last; the recorder lost them, or the bag is damaged',
+            f'bag {path}: according to the sequence numbers, {lost} messages of {topic} are '
+            'missing between the first and the last; the recorder lost them, or the bag is damaged',
             BagWarning,
             stacklevel=3,
         )
@@ -368,8 +369,8 @@ def _add(builder: JointStateBuilder, block: MessageBlock, path: Path | str) -> N
         builder.add(block)
     except ValueError as error:
         raise BagError(
-            f'topic {block.topic} of {path} cannot be decoded ({error}): check that the bag '
-            'is complete'
+            f'topic {block.topic} of the bag {path} cannot be decoded ({error}): check that the '
+            'bag is complete'
         ) from error
 
 
@@ -388,7 +389,7 @@ def _text(payload: bytes) -> str:
 
 
 def _missed_between(diagnostics: list[bytes]) -> int | None:
-    """Return the increase of the bridge's count of missed cycles over the recording."""
+    """Return how many cycles the bridge missed during the recording; None if unknown."""
     counts = []
     for payload in diagnostics:
         try:
@@ -440,7 +441,7 @@ def read_joint_states(
 def joint_state_blocks(
     path: Path | str, topic: str = '/joint_states'
 ) -> Iterator[JointStateSeries]:
-    """Yield the messages of a JointState topic in parts, for bags larger than memory.
+    """Yield the messages of a JointState topic in parts, for bags that do not fit into memory.
 
     Later parts may have more columns: the names of a part begin with those of the previous part.
     For parameters and errors see `read_joint_states`.
@@ -451,8 +452,8 @@ def joint_state_blocks(
             stamp_ns, values = decoder.decode(block.payloads)
         except ValueError as error:
             raise BagError(
-                f'topic {topic} of {path} cannot be decoded ({error}): check that the bag is '
-                'complete'
+                f'topic {topic} of the bag {path} cannot be decoded ({error}): check that the bag '
+                'is complete'
             ) from error
         yield JointStateSeries(
             names=tuple(decoder.names),
@@ -465,8 +466,8 @@ def joint_state_blocks(
         )
     if decoder.irregular:
         warnings.warn(
-            f'{decoder.irregular} fields of topic {topic} of {path} were ignored: they do not '
-            'have one value per joint name',
+            f'{decoder.irregular} fields of topic {topic} of the bag {path} were ignored: they do '
+            'not have one value per joint name',
             BagWarning,
             stacklevel=2,
         )

@@ -1,4 +1,4 @@
-"""Recording into a rosbag2 directory that stays readable if the recorder is killed."""
+"""Writer of a rosbag2 directory that stays readable if the recorder is killed."""
 
 import fcntl
 import io
@@ -25,7 +25,7 @@ _VERSION = 9  # the version that ROS 2 Jazzy writes
 
 @dataclass
 class BagMetadata:
-    """Metadata of a bag, as shown by `ros2 bag info`.
+    """Metadata of a bag that `ros2 bag info` displays.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class BagMetadata:
         self.counts = [0] * len(self.topics)
 
     def add(self, topic: int, log_time: int) -> None:
-        """Count a message of a topic, with its receipt time [ns]."""
+        """Count a stored message of a topic, and update the first and last time of reception."""
         self.counts[topic] += 1
         if self.start is None or self.end is None:
             self.start = self.end = log_time
@@ -62,7 +62,7 @@ class BagMetadata:
         return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)
 
     def serialized(self) -> str:
-        """Return the text that rosbag2 also stores in the MCAP file."""
+        """Return the metadata text that rosbag2 stores inside the MCAP file."""
         return yaml.dump(self._information(), Dumper=_NoAliases, sort_keys=False)
 
     def _information(self) -> dict[str, object]:
@@ -107,7 +107,7 @@ def _topic_metadata(topic: RecordedTopic) -> dict[str, object]:
 
 
 class _TimedFile(io.FileIO):
-    """A file that measures how long its writes take."""
+    """File that adds up the time that its writes take."""
 
     seconds = 0.0
 
@@ -127,11 +127,11 @@ _LOG_TIME = attrgetter('log_time')
 
 
 class BagWriter:
-    """A rosbag2 directory with one MCAP file and metadata.yaml, as in ROS 2 Jazzy.
+    """Writer of a rosbag2 directory with one MCAP file and metadata.yaml, as in ROS 2 Jazzy.
 
-    `write` only queues the message; a thread compresses and stores the messages of the last 0.2 s
-    in order of reception. A killed process loses little more than the last 0.2 s. `ros2 bag info`,
-    `ros2 bag play` and every MCAP reader can open the bag of a killed process.
+    `write` only queues the message. Every 0.2 s a thread compresses the queued messages and stores
+    them in order of reception. If the process is killed, little more than the last 0.2 s is lost.
+    `ros2 bag info`, `ros2 bag play` and every MCAP reader can open the bag of a killed process.
     While a bag is being written, its MCAP file is locked (`flock`), see `is_being_written`.
 
     Parameters
@@ -167,7 +167,7 @@ class BagWriter:
             self._store_metadata()
         except OSError as error:
             raise BagError(
-                f'{self.directory} cannot be written ({error.strerror}): check permissions '
+                f'the bag {self.directory} cannot be written ({error.strerror}): check permissions '
                 'and free space'
             ) from error
         self._queue: deque[RecordedMessage] = deque()
@@ -179,17 +179,17 @@ class BagWriter:
 
     @property
     def counts(self) -> list[int]:
-        """Number of stored messages of each topic."""
+        """Number of messages stored so far, one entry per topic."""
         return list(self._metadata.counts)
 
     @property
     def waiting(self) -> int:
-        """Messages that are queued and not stored."""
+        """Number of messages that are queued but not stored yet."""
         return len(self._queue)
 
     @property
     def disk_time(self) -> float:
-        """Time that writing to the disk has taken so far [s]."""
+        """Total time [s] of all writes to the disk so far."""
         return self._stream.seconds
 
     def fileno(self) -> int:
@@ -241,17 +241,21 @@ class BagWriter:
         if self._failure is not None:
             reason = getattr(self._failure, 'strerror', None) or self._failure
             raise BagError(
-                f'{self.directory} cannot be written ({reason}): check permissions and free space'
+                f'the bag {self.directory} cannot be written ({reason}): check permissions and '
+                'free space'
             ) from self._failure
 
     def _make_directory(self) -> None:
         try:
             self.directory.mkdir(parents=True)
         except FileExistsError:
-            raise BagError(f'{self.directory} already exists: choose another directory') from None
+            raise BagError(
+                f'the directory {self.directory} already exists: choose another directory'
+            ) from None
         except OSError as error:
             raise BagError(
-                f'{self.directory} cannot be created ({error.strerror}): check path and permissions'
+                f'the directory {self.directory} cannot be created ({error.strerror}): check path '
+                'and permissions'
             ) from error
 
     def _work(self) -> None:
@@ -296,7 +300,7 @@ class BagWriter:
 
 
 def is_being_written(directory: Path) -> bool:
-    """Return whether a `BagWriter` of a live process writes the bag."""
+    """Return whether a `BagWriter` of a running process still writes the bag."""
     for path in directory.glob('*.mcap'):
         with path.open('rb') as stream:
             try:
@@ -309,7 +313,7 @@ def is_being_written(directory: Path) -> bool:
 
 
 def _chunks(messages: Sequence[RecordedMessage]) -> Iterator[Sequence[RecordedMessage]]:
-    """Yield the messages in parts of about a megabyte."""
+    """Split the messages into parts of about a megabyte, one per chunk."""
     start, size = 0, 0
     for stop, message in enumerate(messages, 1):
         size += len(message.payload)

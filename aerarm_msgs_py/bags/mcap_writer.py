@@ -1,10 +1,10 @@
-"""Writer of MCAP files that are complete after every chunk.
+"""Writer of MCAP files that are complete and readable after every chunk.
 
-The writer of the mcap package ends a chunk by size only. A slow topic could stay in memory for
-minutes, and the file lacks its closing records until it is closed. This writer builds the same
-records with the package's classes, but ends a chunk on request. After every chunk it writes short
-closing records, which the next chunk overwrites. So any MCAP reader opens the file of a killed
-recorder. Format: https://mcap.dev/spec.
+The writer of the mcap package ends a chunk only when the chunk has a certain size. Messages of a
+slow topic could stay in memory for minutes, and the file lacks its closing records until it is
+closed. The writer of this module uses the record classes of the mcap package, but ends a chunk on
+request. After every chunk it writes short closing records, which the next chunk overwrites. Any
+MCAP reader can therefore open the file of a killed recorder. Format: https://mcap.dev/spec.
 """
 
 import struct
@@ -39,12 +39,12 @@ from aerarm_msgs_py.bags.bag import RecordedMessage, RecordedTopic
 
 @dataclass(frozen=True)
 class MessageDefinition:
-    """Definition of one message type.
+    """Definition of a ROS message type, as MCAP files contain it.
 
     Attributes
     ----------
     text
-        The .msg text with those of all nested types; '' for an unknown type.
+        Text of the .msg file and of those of all nested types; '' for an unknown type.
     hash
         Type hash (REP 2016), '' for an unknown type.
     """
@@ -55,7 +55,7 @@ class MessageDefinition:
 
 @lru_cache
 def message_definition(message_type: str) -> MessageDefinition:
-    """Look up a type of the ROS 2 Jazzy distribution, for example 'std_msgs/msg/String'."""
+    """Return the definition of a message type of ROS 2 Jazzy, for example 'std_msgs/msg/String'."""
     # Imported here, because it takes 0.1 s and readers do not need it.
     from rosbags.typesys import Stores, get_typestore
 
@@ -79,7 +79,7 @@ COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
 
 
 class McapWriter:
-    """Write chunks of messages to a stream.
+    """Writer of chunks of messages to an MCAP file.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class McapWriter:
         self._append(builder.end())
 
     def add_chunk(self, messages: Sequence[RecordedMessage]) -> None:
-        """Write messages as one chunk; after this call they survive a kill of the process."""
+        """Write messages as one chunk, which stays readable even if the process is killed."""
         records, indices = self._records(messages)
         data = self._compress(records)
         start = min(message.log_time for message in messages)
@@ -146,7 +146,7 @@ class McapWriter:
         self._append(builder.end())
 
     def finish(self, metadata: str) -> None:
-        """Write rosbag2's metadata, and the summary with which readers seek."""
+        """Write the metadata of rosbag2, and the summary by which readers find the chunks."""
         builder = RecordBuilder()
         Metadata('rosbag2', {'serialized_metadata': metadata}).write(builder)
         index = MetadataIndex(offset=self._end, length=builder.count, name='rosbag2')
@@ -187,7 +187,7 @@ class McapWriter:
         return b''.join(parts), list(indices.values())
 
     def _append(self, data: bytes) -> None:
-        """Append data to the file, followed by new closing records."""
+        """Append data to the file, replacing the previous closing records by new ones."""
         builder = RecordBuilder()
         DataEnd(0).write(builder)
         Footer(0, 0, 0).write(builder)

@@ -30,12 +30,12 @@ _ROW = 8 * 12  # bytes of a sample
 
 @dataclass(eq=False)
 class PoseSeries:
-    """Samples of one topic or frame.
+    """Poses or inertial measurements of one topic or frame, as arrays over T samples.
 
     Attributes
     ----------
     name : str
-        Topic; for a TFMessage the child frame.
+        Name of the topic; for a TFMessage, of the child frame.
     kind : str
         Message type.
     stamp, log_time : (T,) ndarray
@@ -74,23 +74,23 @@ def read_poses(
     frames: Collection[str] = (),
     limits: ReadLimits | None = None,
 ) -> dict[str, PoseSeries]:
-    """Read points, poses, transforms, odometry and inertial measurements.
+    """Read points, poses, transforms, odometry and inertial measurements from a bag.
 
     Parameters
     ----------
     path
         rosbag2 directory, .mcap or .db3 file.
     topics
-        Names of topics of these types; empty for all such topics in the bag.
+        Names of the topics to read; if empty, all topics of the types in `KINDS`.
     frames
-        Child frames that are read from TFMessages; all if empty.
+        Child frames to read from TFMessages; if empty, all frames.
     limits
         Limits of memory and time for reading.
 
     Returns
     -------
     dict of str to PoseSeries
-        Series by topic, for TFMessages by child frame, each in the order of its stamps.
+        Series by topic, for TFMessages by child frame, each ordered by its stamps.
 
     Raises
     ------
@@ -115,12 +115,13 @@ def read_poses(
                     series.rows.append([row[0], time, *row[1:]])
             except ValueError as error:
                 raise BagError(
-                    f'topic {block.topic} of {path} cannot be decoded ({error}): check '
+                    f'topic {block.topic} of the bag {path} cannot be decoded ({error}): check '
                     'that the bag is complete'
                 ) from error
         if sum(len(series.rows) for series in found.values()) > _MOST:
             raise BagError(
-                f'{path} contains more than {_MOST} poses: cut the bag to the motion that you need'
+                f'the bag {path} contains more than {_MOST} poses: shorten it to the motion that '
+                'you need'
             )
     return {name: _series(name, rows) for name, rows in found.items()}
 

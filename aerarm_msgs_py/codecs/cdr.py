@@ -1,4 +1,4 @@
-"""Reader and writer parts for CDR, the wire format of ROS messages."""
+"""Readers and writers for CDR, the serialization format of ROS messages."""
 
 import struct
 from collections.abc import Iterable, Iterator, Sequence
@@ -10,21 +10,21 @@ from numpy.typing import ArrayLike, NDArray
 ENCAPSULATION_SIZE = 4
 """Bytes before the message: representation (2) and options (2)."""
 LITTLE_ENDIAN = b'\x00\x01'
-"""Representation identifier of plain CDR, little-endian; the options may have any value."""
+"""First two bytes of a little-endian CDR message."""
 
 
 class CdrPrefix:
-    """Known bytes of a message, except the alignment padding.
+    """Comparison of messages with constant first fields, which ignores the alignment padding.
 
-    Fast CDR does not clear the padding after a string. So two messages with equal content can
-    differ in those bytes, and a plain comparison would sometimes reject valid messages. Offsets
-    count from the start of the payload, encapsulation included; alignment counts from the end of
-    the encapsulation.
+    Fast CDR does not clear the padding after a string. Two messages with equal content can
+    therefore differ in the padding, and a comparison of all bytes would sometimes reject a valid
+    message. Offsets are relative to the start of the payload, alignment to the end of the
+    encapsulation.
 
     Parameters
     ----------
     start
-        Offset of the first known byte.
+        Offset of the first constant byte.
 
     Attributes
     ----------
@@ -43,11 +43,11 @@ class CdrPrefix:
 
     @property
     def content(self) -> bytes:
-        """The bytes, with zero padding."""
+        """Bytes of the prefix, with zeros as padding."""
         return bytes(self._bytes)
 
     def add_uint32(self, value: int) -> None:
-        """Append an aligned unsigned 32-bit number."""
+        """Append an unsigned 32-bit number, aligned to 4 bytes."""
         self.align(4)
         self._append(struct.pack('<I', value))
 
@@ -58,18 +58,18 @@ class CdrPrefix:
         self._append(encoded)
 
     def add_strings(self, texts: Sequence[str]) -> None:
-        """Append a sequence of strings."""
+        """Append a sequence of strings: its length, then each string."""
         self.add_uint32(len(texts))
         for text in texts:
             self.add_string(text)
 
     def align(self, size: int) -> None:
-        """Add padding up to a multiple of `size` bytes."""
+        """Append padding up to a multiple of `size` bytes."""
         padding = -(self.end - ENCAPSULATION_SIZE) % size
         self._append(bytes(padding), known=False)
 
     def matches(self, payload: bytes) -> bool:
-        """Return whether a payload is little-endian CDR and has this prefix at its offset."""
+        """Return whether a payload is little-endian CDR and contains this prefix at `start`."""
         if not payload.startswith(LITTLE_ENDIAN):
             return False
         found = payload[self.start : self.end]
@@ -79,12 +79,12 @@ class CdrPrefix:
             return False
         if int.from_bytes(found, 'little') & self._mask_value != self._value:
             return False
-        # One publisher's padding seldom changes, so this avoids most comparisons.
+        # The padding of a publisher seldom changes, so this avoids most masked comparisons.
         self._recent = found
         return True
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return a mask (M,) of the (M, size) rows that match."""
+        """Return which of M payloads, the rows of an (M, size) array, contain this prefix."""
         if rows.shape[1] < self.end:
             return np.zeros(len(rows), bool)
         parts = rows[:, : len(LITTLE_ENDIAN)], rows[:, self.start : self.end]
@@ -107,7 +107,7 @@ class CdrPrefix:
 
 
 class CdrReader:
-    """Cursor over one plain CDR payload.
+    """Reader of the fields of one CDR message, in order.
 
     Parameters
     ----------
@@ -136,11 +136,11 @@ class CdrReader:
         return self._number('I')
 
     def octet(self) -> int:
-        """Read one byte from the payload."""
+        """Read one byte."""
         return self._take(1)[0]
 
     def string(self) -> str:
-        """Read a string from the payload."""
+        """Read a string."""
         length = self.uint32()
         return self._take(length)[:-1].decode(errors='replace')
 
@@ -149,14 +149,14 @@ class CdrReader:
         return [self.string() for _ in range(self._count(4))]
 
     def doubles(self) -> NDArray[np.float64]:
-        """Read a sequence of doubles."""
+        """Read a sequence of doubles, which begins with its length."""
         count = self._count(0)
         if count:
             self._align(8)
         return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
 
     def fixed_doubles(self, count: int) -> NDArray[np.float64]:
-        """Read a fixed number of doubles without a length."""
+        """Read an array of `count` doubles, which has no length field."""
         self._align(8)
         return np.frombuffer(self._take(8 * count), f'{self._order}f8').astype(np.float64)
 
@@ -183,18 +183,18 @@ class CdrReader:
 
 _WORDS = np.dtype('<u8')
 _HALF, _ODD = np.uint64(32), np.uint64(1)
-_WEIGHT = np.uint64(0x9E3779B97F4A7C15)  # arbitrary; the weights of neighbours differ in all bits
+_WEIGHT = np.uint64(0x9E3779B97F4A7C15)  # arbitrary; weights of adjacent words differ in all bits
 
 
 class Payloads(Sequence[bytes]):
-    """K serialized messages in a buffer, sliced only on access.
+    """Sequence of K serialized messages in one buffer, which copies a message only on access.
 
     Parameters
     ----------
     buffer
-        Buffer with the messages, and possibly other bytes in between.
+        Buffer with the messages, and possibly other bytes between them.
     starts, sizes
-        (K,) offset and length of each message [bytes]; all inside the buffer.
+        (K,) offset and length of each message in the buffer [bytes].
     """
 
     def __init__(self, buffer: bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> None:
@@ -204,7 +204,7 @@ class Payloads(Sequence[bytes]):
 
     @classmethod
     def of(cls, messages: Iterable[bytes]) -> 'Payloads':
-        """Concatenate messages to a buffer."""
+        """Return the given messages, concatenated in one buffer."""
         messages = list(messages)
         sizes = np.fromiter(map(len, messages), np.int64, len(messages))
         return cls(b''.join(messages), np.cumsum(sizes) - sizes, sizes)
@@ -219,7 +219,7 @@ class Payloads(Sequence[bytes]):
     def __getitem__(self, index: slice) -> 'Payloads': ...
 
     def __getitem__(self, index: int | slice) -> 'bytes | Payloads':
-        """Return one message, or a selection of them."""
+        """Return one message, or the messages of a slice."""
         if isinstance(index, slice):
             return Payloads(self._buffer, self._starts[index], self.sizes[index])
         start = int(self._starts[index])
@@ -231,7 +231,7 @@ class Payloads(Sequence[bytes]):
             yield buffer[start : start + size]
 
     def chosen(self, which: NDArray[np.bool_]) -> 'Payloads':
-        """Return the messages that a (K,) mask selects."""
+        """Return the messages that are selected by a mask (K,)."""
         return Payloads(self._buffer, self._starts[which], self.sizes[which])
 
     def rows(self, index: NDArray[np.intp]) -> NDArray[np.uint8]:
@@ -253,7 +253,7 @@ class Payloads(Sequence[bytes]):
         return taken.view(np.uint8).reshape(len(index), size)
 
     def groups_of_size(self) -> Iterator[NDArray[np.intp]]:
-        """Yield the indices of the messages of each size, in order."""
+        """Yield for each message size the indices of the messages with this size."""
         sizes = self.sizes
         if not len(sizes):
             return
@@ -265,13 +265,13 @@ class Payloads(Sequence[bytes]):
         yield from sorted(np.split(order, firsts[1:]), key=lambda index: int(index[0]))
 
     def hashes(self) -> NDArray[np.uint64]:
-        """Return a hash (K,) of each message: the weighted sum of its words and its size."""
+        """Return a hash of each message, (K,): the weighted sum of its words plus its size."""
         found = self.sizes.astype(np.uint64)
         for index in self.groups_of_size():
             rows = self.rows(index)
             words = np.zeros((len(rows), -(-rows.shape[1] // _WORDS.itemsize)), _WORDS)
             words.view(np.uint8)[:, : rows.shape[1]] = rows
-            # Without this, sign bits, the highest of a word, would cancel each other in the sum.
+            # Otherwise sign bits, the highest bits of the words, would cancel out in the sum.
             words ^= words >> _HALF
             weights = np.arange(1, words.shape[1] + 1, dtype=np.uint64) * _WEIGHT
             weights ^= weights >> _HALF
@@ -280,12 +280,12 @@ class Payloads(Sequence[bytes]):
 
 
 def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -> NDArray[Any]:
-    """Return the (K,) elements of a type at arbitrary byte offsets of a buffer.
+    """Return (K,) elements of type `kind` from arbitrary byte offsets of a buffer.
 
     Raises
     ------
     IndexError
-        If an element would extend beyond the end.
+        If an element would extend beyond the end of the buffer.
     """
     places = len(buffer) - kind.itemsize + 1
     if places < 1:
@@ -297,7 +297,7 @@ def elements_at(buffer: bytes, kind: np.dtype[Any], starts: NDArray[np.int64]) -
 
 
 def diagnostic_values(payload: bytes) -> dict[str, dict[str, str]]:
-    """Return the values of each status, by the status' name.
+    """Return the key-value pairs of each status in a DiagnosticArray, by name of the status.
 
     Raises
     ------
@@ -323,7 +323,7 @@ _NO_OFFSET = 0
 
 
 class Float64ArrayCdr:
-    """Pack and unpack Float64MultiArray payloads of n numbers without layout labels.
+    """Codec of Float64MultiArray messages with n numbers and without layout labels.
 
     Parameters
     ----------
@@ -338,24 +338,23 @@ class Float64ArrayCdr:
 
     def __init__(self, n: int) -> None:
         if n < 1:
-            raise ValueError(f'an array needs at least one number, but {n} was given')
+            raise ValueError(f'n is {n}: an array needs at least one number')
         self.n = n
         self._buffer = bytearray(_HEADER.size + 8 * n)
         _HEADER.pack_into(self._buffer, 0, LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, n)
         self._data = np.frombuffer(self._buffer, '<f8', n, _HEADER.size)
 
     def pack(self, data: ArrayLike) -> bytes:
-        """Serialize (n,) numbers; raises ValueError for another length."""
+        """Serialize n numbers; raises ValueError if `data` has another length."""
         if np.shape(data) != self._data.shape:
             raise ValueError(
-                f'an array of {self.n} numbers is needed, but the given one has the shape '
-                f'{np.shape(data)}'
+                f'data has the shape {np.shape(data)}: an array of {self.n} numbers is needed'
             )
         self._data[:] = data
         return bytes(self._buffer)
 
     def unpack(self, payload: bytes) -> NDArray[np.float64] | None:
-        """Return the (n,) numbers as a read-only view, or None for another layout."""
+        """Return the n numbers as a read-only view; None if the message has another layout."""
         if len(payload) < len(self._buffer):
             return None
         expected = (LITTLE_ENDIAN, _NO_DIMENSIONS, _NO_OFFSET, self.n)

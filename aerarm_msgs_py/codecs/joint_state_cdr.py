@@ -1,7 +1,7 @@
-"""Codec of serialized sensor_msgs/JointState messages at fixed offsets.
+"""Fast codec of serialized sensor_msgs/JointState messages, for constant joint names.
 
-With constant joint names the CDR of a JointState has a fixed layout. A 1 kHz loop therefore packs
-and unpacks the numbers in place instead of building message objects, in 2 us instead of 30 us.
+With constant joint names, a serialized JointState has a fixed layout. A 1 kHz loop therefore reads
+and writes the numbers at fixed offsets, which takes 2 us instead of 30 us with message objects.
 Standard: OMG DDSI-RTPS 2.3, section 10 (CDR, little-endian).
 """
 
@@ -24,7 +24,7 @@ from aerarm_msgs_py.codecs.cdr import (
 
 
 class JointSample(NamedTuple):
-    """Numbers of one JointState, in the joint order of the publisher.
+    """Stamp and numbers of one JointState message, in the joint order of its publisher.
 
     Attributes
     ----------
@@ -49,15 +49,15 @@ _EMPTY = np.empty(0)
 
 
 class JointStateLayout:
-    """Offsets of position, velocity and effort for one combination of empty fields.
+    """Offsets of position, velocity and effort in a serialized JointState.
 
-    Each field is a count (4 bytes) and, unless empty, the numbers, aligned to 8 bytes from the end
-    of the encapsulation.
+    The offsets depend on which of the three fields are empty. A field consists of a count (4 bytes)
+    and the numbers, which are aligned to 8 bytes from the end of the encapsulation.
 
     Parameters
     ----------
     start
-        Offset of the first count.
+        Offset of the count of the first field.
     n
         Number of joints.
     full
@@ -66,7 +66,7 @@ class JointStateLayout:
     Attributes
     ----------
     size
-        Size in bytes up to the end of the last field.
+        Size of the message up to the end of the last field [bytes].
     """
 
     def __init__(self, start: int, n: int, full: tuple[bool, ...]) -> None:
@@ -87,8 +87,7 @@ class JointStateLayout:
         self.size = offset
         self._numbers = struct.Struct('<' + numbers)
         self._counts = tuple(n * is_full for is_full in full)
-        # The bytes between two full fields are whole doubles, so both fields are slices of one
-        # array.
+        # Two full fields are separated by a multiple of 8 bytes, so both are slices of one array.
         self._first = self._data_offsets[full.index(True)] if any(full) else self.size
         self._span = (self.size - self._first) // _DOUBLE
         places = [(offset - self._first) // _DOUBLE for offset in self._data_offsets]
@@ -98,7 +97,7 @@ class JointStateLayout:
         ]
 
     def stamp_of(self, payload: bytes) -> int | None:
-        """Return the stamp [ns] of a payload, None if its counts differ from this layout's."""
+        """Return the stamp [ns] of a payload; None if its fields do not have this layout."""
         if len(payload) < self.size:
             return None
         numbers = self._numbers.unpack_from(payload)
@@ -107,7 +106,7 @@ class JointStateLayout:
         return int(numbers[0] * _NANOSECONDS + numbers[1])
 
     def matching_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return a mask (M,) of the (M, size) rows whose counts match this layout."""
+        """Return which of M payloads, the rows of an (M, size) array, have this layout."""
         if rows.shape[1] < self.size:
             return np.zeros(len(rows), bool)
         same = np.ones(len(rows), bool)
@@ -119,7 +118,7 @@ class JointStateLayout:
     def fields(
         self, payload: bytes
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, NDArray[np.float64] | None]:
-        """Return position, velocity, effort as (n,) views of a payload with this layout."""
+        """Return position, velocity and effort (n,) of a payload with this layout, as views."""
         numbers = np.frombuffer(payload, _DOUBLES, self._span, self._first)
         position, velocity, effort = self._parts
         return (
@@ -129,7 +128,7 @@ class JointStateLayout:
         )
 
     def values_of_rows(self, rows: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return (M, 3, n) numbers of rows with this layout, NaN for an empty field."""
+        """Return the numbers (M, 3, n) of M payloads with this layout; NaN for an empty field."""
         values = np.full((len(rows), 3, self.n), np.nan)
         for k, (offset, is_full) in enumerate(zip(self._data_offsets, self.full, strict=True)):
             if is_full:
@@ -138,12 +137,12 @@ class JointStateLayout:
         return values
 
     def write_counts(self, buffer: bytearray) -> None:
-        """Write the counts of position, velocity and effort into a payload."""
+        """Write the numbers of positions, velocities and efforts into the buffer of a payload."""
         for offset, count in zip(self._count_offsets, self._counts, strict=True):
             _COUNT.pack_into(buffer, offset, count)
 
     def views(self, buffer: bytearray) -> list[NDArray[np.float64]]:
-        """Return writable views of position, velocity, effort; (0,) for an empty field."""
+        """Return writable views of position, velocity and effort; (0,) for an empty field."""
         return [
             np.frombuffer(buffer, '<f8', self.n, offset) if is_full else _EMPTY
             for offset, is_full in zip(self._data_offsets, self.full, strict=True)
@@ -156,11 +155,11 @@ _PREFIX_OFFSET = _STAMP_OFFSET + _STAMP.size
 
 
 class JointStateCdr:
-    """Pack and unpack JointState payloads of one arm.
+    """Codec of the JointState messages of one arm.
 
-    Position, velocity and effort may each be empty or full, which gives eight layouts. For any
-    other message (other names, order, frame, length or byte order) `unpack` returns None, and the
-    caller uses the general codec.
+    Position, velocity and effort may each be empty or have one number per joint, which gives eight
+    layouts. If a message has other names, another order, frame, length or byte order, `unpack`
+    returns None, and the caller must use `decode_joint_state`.
 
     Parameters
     ----------
@@ -178,7 +177,7 @@ class JointStateCdr:
     def __init__(self, names: Sequence[str], frame_id: str = '') -> None:
         self.names = tuple(names)
         if not self.names or len(set(self.names)) != len(self.names):
-            raise ValueError(f'joint names must not be empty and must differ: check {list(names)}')
+            raise ValueError(f'joint names must not be empty or repeated: check {list(names)}')
         self.frame_id = frame_id
         self._prefix = CdrPrefix(_PREFIX_OFFSET)
         self._prefix.add_string(frame_id)
@@ -188,7 +187,7 @@ class JointStateCdr:
             full: JointStateLayout(self._prefix.end, len(self.names), full)
             for full in product((False, True), repeat=3)
         }
-        # Most streams keep one layout, so the last layout is tried first.
+        # In most streams the layout does not change, so the last layout is tried first.
         self._recent = self._layouts[(True, True, True)]
         self._buffers = {full: self._template(layout) for full, layout in self._layouts.items()}
 
@@ -225,8 +224,8 @@ class JointStateCdr:
             if values is not None:
                 if getattr(values, 'shape', None) != view.shape and np.shape(values) != view.shape:
                     raise ValueError(
-                        f'values has the shape {np.shape(values)}: pass {len(self.names)} '
-                        f'values, one per joint {self.names}'
+                        f'position, velocity or effort has the shape {np.shape(values)}: pass '
+                        f'{len(self.names)} values, one per joint of {self.names}'
                     )
                 view[:] = values
         return bytes(buffer)
@@ -237,7 +236,8 @@ class JointStateCdr:
         Returns
         -------
         JointSample or None
-            The numbers as read-only views of `payload`; None for another layout.
+            Stamp, and numbers as read-only views of `payload`; None if the message has another
+            layout.
         """
         if not self._prefix.matches(payload):
             return None
@@ -252,7 +252,7 @@ class JointStateCdr:
     def unpack_rows(
         self, rows: NDArray[np.uint8]
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]:
-        """Decode many messages of equal size at once.
+        """Decode M messages of equal size at once.
 
         Parameters
         ----------
@@ -261,7 +261,7 @@ class JointStateCdr:
 
         Returns
         -------
-        mine : (M,) whether each row has one of these layouts; K rows have
+        mine : (M,) whether each row has a layout of this codec; true for K rows
         stamp_ns : (K,) [ns]
         values : (K, 3, n) position, velocity and effort [rad, rad/s, Nm]; NaN where empty
         """
@@ -285,7 +285,7 @@ class JointStateCdr:
     def _layouts_of(
         self, rows: NDArray[np.uint8], index: NDArray[np.intp]
     ) -> Iterator[JointStateLayout]:
-        """Yield the possible layouts of rows, first that of the first row."""
+        """Yield all layouts, beginning with the layout of the first of the given rows."""
         if not len(index):
             return
         first = self._find_layout(rows[index[0]].tobytes())
@@ -298,7 +298,7 @@ class JointStateCdr:
         return next((x for x in layouts if x.stamp_of(payload) is not None), None)
 
     def _template(self, layout: JointStateLayout) -> tuple[bytearray, list[NDArray[np.float64]]]:
-        """Return a payload without numbers, and views for the numbers."""
+        """Return the buffer of a payload, and writable views of its numbers."""
         buffer = bytearray(layout.size)
         buffer[:2] = LITTLE_ENDIAN
         buffer[self._prefix.start : self._prefix.end] = self._prefix.content
@@ -307,7 +307,7 @@ class JointStateCdr:
 
 
 def _stamps(rows: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the (M,) stamps [ns] of rows."""
+    """Return the stamps [ns] of M payloads, the rows of an (M, size) array."""
     stamp = np.ascontiguousarray(rows[:, _STAMP_OFFSET:_PREFIX_OFFSET])
     seconds = stamp.view('<i4')[:, 0].astype(np.int64)
     return np.asarray(seconds * _NANOSECONDS + stamp.view('<u4')[:, 1])
@@ -318,23 +318,23 @@ _Decoded = tuple[NDArray[np.intp], NDArray[np.float64], list[int]]
 
 _KNOWN_LAYOUTS = 8
 _LEARNT_LAYOUTS = 64  # in total, because learning one takes time
-_MOST_JOINTS = 256  # of one topic: more than any robot has; memory is limited
+_MOST_JOINTS = 256  # limit per topic, more than any robot has, because memory is limited
 _LONGEST_NAME = 255  # characters
 _LONGEST_PREFIX = 2**14  # longest names prefix to learn, in bytes
 
 
 class JointStateDecoder:
-    """Decode blocks of payloads, and keep joint names between blocks.
+    """Decoder of JointState messages with any joint names, block by block.
 
-    Messages with equal names, frame and size are decoded together by `JointStateCdr`, others one
-    by one. Each joint name has a column; a new joint gets a new column.
+    Messages with equal names, frame and size are decoded together by `JointStateCdr`, other
+    messages one by one. Each joint name has a column in the result, also in later blocks.
 
     Attributes
     ----------
     names
-        Joint names so far, in the order of the columns.
+        Joint names of all messages so far, in the order of the columns.
     irregular
-        Number of omitted fields whose length was neither 0 nor that of the names.
+        Number of ignored fields whose length was neither 0 nor that of the names.
     singly
         Number of messages that were decoded one by one, which takes a hundred times as long.
     """
@@ -359,8 +359,7 @@ class JointStateDecoder:
         Raises
         ------
         ValueError
-            If a payload is not a JointState, names a joint twice, or has more joints than any
-            robot.
+            If a payload is not a JointState, contains a joint name twice, or has too many joints.
         """
         stamp_ns = np.zeros(len(payloads), np.int64)
         decoded: list[_Decoded] = []
@@ -376,7 +375,7 @@ class JointStateDecoder:
     def _decode_group(
         self, payloads: Payloads, index: NDArray[np.intp], stamp_ns: NDArray[np.int64]
     ) -> Iterator[_Decoded]:
-        """Decode messages of equal size, in groups."""
+        """Decode messages of equal size, and yield them in groups of equal layout."""
         rows = payloads.rows(index)
         left = np.arange(len(rows))  # indices of undecoded rows
         for codec, columns in self._codecs:
@@ -401,7 +400,7 @@ class JointStateDecoder:
         index: NDArray[np.intp],
         stamp_ns: NDArray[np.int64],
     ) -> Generator[_Decoded, None, NDArray[np.intp]]:
-        """Decode the remaining rows that fit a codec; return the others."""
+        """Decode those rows of `left` that have a layout of the codec; return the other rows."""
         if not len(left):
             return left
         mine, stamps, numbers = codec.unpack_rows(rows if len(left) == len(rows) else rows[left])
@@ -412,7 +411,7 @@ class JointStateDecoder:
         return left[~mine]
 
     def _decode_one(self, payload: bytes) -> tuple[int, NDArray[np.float64], list[int]]:
-        """Return stamp [ns], (3, m) numbers and their m columns."""
+        """Return the stamp [ns], the numbers (3, m) and their m columns of one message."""
         self.singly += 1
         reader = CdrReader(payload)
         stamp_ns = reader.int32() * 1_000_000_000 + reader.uint32()
@@ -434,7 +433,7 @@ class JointStateDecoder:
         if len(names) > _MOST_JOINTS:
             raise ValueError(f'a message names {len(names)} joints, more than {_MOST_JOINTS}')
         if any(len(name) > _LONGEST_NAME for name in names):
-            raise ValueError(f'a joint has a name of more than {_LONGEST_NAME} characters')
+            raise ValueError(f'a message has a joint name of more than {_LONGEST_NAME} characters')
         repeated = [name for name, count in Counter(names).items() if count > 1]
         if repeated:
             raise ValueError(
@@ -462,22 +461,21 @@ class JointStateDecoder:
 
 
 def decode_joint_state(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
-    """Return names and numbers of a serialized JointState of any layout and byte order.
+    """Return joint names and numbers of a serialized JointState with any layout and byte order.
 
     Raises
     ------
     ValueError
-        If the payload is not a JointState, or a field that is not empty does not have one number
-        per name.
+        If the payload is not a JointState, or if a field is neither empty nor has one number per
+        name.
     """
     return _checked(*decode_as_sent(payload))
 
 
 def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
-    """Return names and numbers of a JointState, including fields of a wrong length.
+    """Return joint names and numbers of a JointState, without a check of the fields' lengths.
 
-    For callers that check the lengths themselves. Raises ValueError if the payload is not a
-    JointState.
+    Raises ValueError if the payload is not a JointState.
     """
     reader = CdrReader(payload)
     stamp_ns = reader.int32() * _NANOSECONDS + reader.uint32()
@@ -487,7 +485,7 @@ def decode_as_sent(payload: bytes) -> tuple[tuple[str, ...], JointSample]:
 
 
 def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -> JointSample:
-    """Return the numbers of selected joints in a given order.
+    """Return the numbers of the joints `wanted`, in this order.
 
     Raises
     ------
@@ -496,7 +494,10 @@ def in_order(names: Sequence[str], sample: JointSample, wanted: Sequence[str]) -
     """
     missing = [name for name in wanted if name not in names]
     if missing:
-        raise ValueError(f'joints {missing} are missing from {list(names)}: check the joint names')
+        raise ValueError(
+            f'joints {missing} are missing from the message with the joints {list(names)}: check '
+            'the joint names'
+        )
     order = [list(names).index(name) for name in wanted]
     return JointSample(
         sample.stamp_ns, *(None if field is None else field[order] for field in sample[1:])

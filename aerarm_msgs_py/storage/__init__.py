@@ -1,6 +1,6 @@
-"""Files of messages (MCAP, SQLite, ROS 1), read within limits of memory and time.
+"""Readers of bag files (MCAP, SQLite, ROS 1) with limits of memory and time.
 
-A file may come from any source, and may be truncated or damaged. The result is blocks of messages,
-one warning per missing part, and the file's own message counts. Reading stays within the limits,
-and returns no message twice.
+A file may be malicious, truncated or damaged. The readers return blocks of messages, one warning
+per missing part, and the number of messages that the file states. They stay within the limits and
+return no message twice.
 """

@@ -1,4 +1,4 @@
-"""Readers of bags that rosbag2 compressed per file or per message."""
+"""Readers of bags in which rosbag2 compressed each file or each message."""
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
@@ -24,11 +24,11 @@ COMPRESSIONS = ('', 'lz4', 'zstd')
 
 
 class DecompressionError(ValueError):
-    """The data is damaged, or its size differs from the declared size."""
+    """Compressed data is damaged, or its content does not have the declared size."""
 
 
 def check_claim(data: bytes, compression: str, size: int) -> None:
-    """Check, before decompression, that data can have its declared size.
+    """Check before decompression whether the declared size of the content is possible.
 
     Raises
     ------
@@ -46,11 +46,13 @@ def check_claim(data: bytes, compression: str, size: int) -> None:
         content = content_size(data)
         possible = content is None or content == size
     if not possible:
-        raise DecompressionError(f'the stated size of {size} bytes is impossible')
+        raise DecompressionError(
+            f'its stated size of {size} bytes is impossible for {len(data)} compressed bytes'
+        )
 
 
 def content_size(data: bytes) -> int | None:
-    """Return the declared content size of a zstd frame, None without a declaration.
+    """Return the declared size of the content of a zstd frame; None if it declares none.
 
     Raises
     ------
@@ -65,12 +67,12 @@ def content_size(data: bytes) -> int | None:
 
 
 def decompress(data: bytes, compression: str, size: int) -> bytes:
-    """Decompress data with a declared size of `size` bytes, and no more.
+    """Decompress data whose content has the declared size of `size` bytes.
 
     Raises
     ------
     DecompressionError
-        If the data is damaged or has another size.
+        If the data is damaged, or its content has another size.
     """
     check_claim(data, compression, size)
     if not compression or not size:
@@ -85,12 +87,14 @@ def decompress(data: bytes, compression: str, size: int) -> bytes:
         except _FAILURES as error:
             raise DecompressionError(str(error)) from None
     if len(records) != size:
-        raise DecompressionError(f'{len(records)} bytes after decompression instead of {size}')
+        raise DecompressionError(
+            f'it has {len(records)} bytes after decompression instead of {size}'
+        )
     return bytes(records)
 
 
 def beginning(data: bytes, compression: str, most: int) -> bytes:
-    """Decompress the readable start of truncated or damaged data, up to `most` bytes."""
+    """Decompress the start of truncated or damaged data, up to the damage or `most` bytes."""
     if not compression:
         return data[:most]
     parts: list[bytes] = []
@@ -133,33 +137,33 @@ _LARGEST_WINDOW = 2**27  # bytes
 
 
 class BagFile(Protocol):
-    """Interface of a file of messages."""
+    """Interface of the readers of bag files."""
 
     @property
     def types(self) -> dict[str, str]:
-        """Message type of every topic read so far."""
+        """Message type of every topic found so far."""
 
     @property
     def damaged(self) -> bool:
-        """Whether reading found a truncated end or damage."""
+        """Whether the reader has found damage or a truncated end."""
 
     @property
     def counts(self) -> dict[str, int] | None:
-        """Number of messages of every topic according to the file, None if unknown."""
+        """Number of messages per topic that the file states; None if unknown."""
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of given topics."""
+        """Yield blocks of messages of `topics`; None selects all topics."""
 
 
 class CompressedFile:
-    """Reader of one file that was compressed as a whole; interface as `McapFile`.
+    """Reader of one bag file that was compressed as a whole; implements `BagFile`.
 
     Parameters
     ----------
     path
         Path of the .zstd file.
     budget
-        Limits for reading; the decompressed temporary file counts too.
+        Limits for reading, which include the decompressed temporary file.
     opened
         Function that returns the reader of the decompressed file.
     """
@@ -175,21 +179,21 @@ class CompressedFile:
 
     @property
     def types(self) -> dict[str, str]:
-        """Message type of every topic read so far."""
+        """Message type of every topic found so far."""
         return self._inner.types if self._inner else {}
 
     @property
     def damaged(self) -> bool:
-        """Whether reading found a truncated end or damage."""
+        """Whether the reader has found damage or a truncated end."""
         return bool(self._inner and self._inner.damaged)
 
     @property
     def counts(self) -> dict[str, int] | None:
-        """Number of messages of every topic according to the file, None if unknown."""
+        """Number of messages per topic that the file states; None if unknown."""
         return self._inner.counts if self._inner else None
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of given topics (None: all topics).
+        """Yield blocks of messages of `topics`; None selects all topics.
 
         Raises
         ------
@@ -202,7 +206,7 @@ class CompressedFile:
                 self._decompress(file)
             except (OSError, zstandard.ZstdError, MemoryError) as error:
                 raise BagError(
-                    f'{self.path} cannot be decompressed ({error}): copy the file again'
+                    f'the file {self.path} cannot be decompressed ({error}): copy it again'
                 ) from error
             self._inner = self._opened(file, self._budget)
             yield from self._inner.blocks(topics)
@@ -222,9 +226,9 @@ class CompressedFile:
 def decompressed(
     block: MessageBlock, report: DamageReport, budget: ReadBudget
 ) -> MessageBlock | None:
-    """Return a block of separately compressed messages, decompressed.
+    """Decompress a block whose messages are compressed one by one.
 
-    Damaged messages are left out and reported; the result is None if all are damaged.
+    Damaged messages are left out and reported. The result is None if all messages are damaged.
 
     Raises
     ------

@@ -1,8 +1,9 @@
-"""Files of ROS 1 and of SQLite, read with rosbags in a separate process.
+"""Reader of ROS 1 and SQLite bag files, which uses the library rosbags in a separate process.
 
-rosbags trusts the sizes that a file declares. The separate process therefore has limits of memory
-and processor time, which grow with the file; if it reaches a limit, reading ends with one error.
-The process writes blocks of messages to its standard output, which `ForeignFile` reads.
+rosbags does not check the sizes that a file declares. The separate process therefore has limits of
+memory and processor time, in proportion to the size of the file. If the process reaches a limit,
+reading ends with one error. The process writes blocks of messages to its standard output, from
+which `ForeignFile` reads them.
 """
 
 import contextlib
@@ -24,7 +25,7 @@ from aerarm_msgs_py.storage.mcap_records import MOST_TOPICS
 from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, MessageBlock, ReadBudget
 
 _BEGINNINGS = {
-    '.bag': (b'#ROSBAG V2.0\n', 'a bag of ROS 1, version 2.0'),
+    '.bag': (b'#ROSBAG V2.0\n', 'a ROS 1 bag of version 2.0'),
     '.db3': (b'SQLite format 3\0', 'an SQLite file'),
 }
 _REPAIRS = {'.bag': 'rosbag reindex', '.db3': 'sqlite3 FILE .recover'}
@@ -36,8 +37,8 @@ _BLOCK_BYTES = 2**20
 _LONGEST_NAME = 4096  # characters
 _LONGEST_ERROR = 200  # characters
 
-# Limits of the process beyond its start. Per MB a valid file needs 0.1 s and 1 MB. With empty
-# messages it needs ten times as much memory, because rosbags keeps the index of a ROS 1 file.
+# Limits of the process in addition to its start. Per MB a valid file needs 0.1 s and 1 MB. With
+# empty messages it needs ten times this memory, because rosbags keeps the index of a ROS 1 file.
 _SECONDS, _SECONDS_PER_BYTE = 2.0, 2e-6
 _MEMORY, _MEMORY_PER_BYTE = 100 * 2**20, 10.0
 _OF_LIMITS = ('NoMemError', 'IOError', 'FullError')  # SQLite's errors of memory and temporary file
@@ -45,10 +46,10 @@ _MOST_SECONDS, _MOST_MEMORY = 2**31, 2**62
 
 
 class ForeignFile:
-    """Reader of one .bag or .db3 file; interface as `McapFile`.
+    """Reader of one .bag or .db3 file; implements `BagFile`.
 
-    Messages are in order of reception. ROS 1 messages of standard types are converted to ROS 2.
-    Only data compressed by bz2 has checksums, so other damage inside a message cannot be detected.
+    The messages are in order of reception. ROS 1 messages of standard types are converted to ROS 2.
+    Only data compressed by bz2 has checksums; other damage inside a message is not detected.
 
     Parameters
     ----------
@@ -58,11 +59,12 @@ class ForeignFile:
     Attributes
     ----------
     types
-        Message type of every topic, once the file is open.
+        Message type of every topic; empty before the file is opened.
     counts
-        Number of messages of every topic by the file's index or tables, once it was opened.
+        Number of messages per topic, from the index or the tables of the file; None before it is
+        opened.
     damaged
-        Whether reading found damage.
+        Whether the reader has found damage.
     """
 
     def __init__(self, path: Path, budget: ReadBudget | None = None) -> None:
@@ -74,11 +76,11 @@ class ForeignFile:
 
     @property
     def damaged(self) -> bool:
-        """Whether reading found damage."""
+        """Whether the reader has found damage."""
         return self._report.places > 0
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of given topics (None: all topics).
+        """Yield blocks of messages of `topics`; None selects all topics.
 
         Raises
         ------
@@ -102,13 +104,15 @@ class ForeignFile:
             if not count:
                 repair = _REPAIRS[self.path.suffix]
                 raise BagError(
-                    f'{self.path} cannot be read: {error}; copy the file again, or '
+                    f'the file {self.path} cannot be read: {error}; copy it again, or '
                     f'repair it ({repair})'
                 )
-            self._report.add(f'is damaged ({error}): only its first {count} messages are read')
+            self._report.add(
+                f'is damaged ({error}): only the {count} messages before the damage are read'
+            )
         if missing := end['missing']:
             self._report.add(
-                f'is damaged: {missing} messages of another type, or without a topic or time, '
+                f'is damaged: {missing} messages with a wrong type, or without a topic or time, '
                 'are ignored'
             )
         self._report.finish()
@@ -121,12 +125,13 @@ class ForeignFile:
                 found = stream.read(len(beginning))
         except OSError as error:
             raise BagError(
-                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+                f'the file {self.path} cannot be read ({error.strerror}): check the path and its '
+                'permissions'
             ) from error
         if not size:
-            raise BagError(f'{self.path} is empty: record or copy the file again')
+            raise BagError(f'the file {self.path} is empty: record or copy it again')
         if found != beginning:
-            raise BagError(f'{self.path} is not {kind}: check the path')
+            raise BagError(f'the file {self.path} is not {kind}: check the path')
         return size
 
     def _started(
@@ -150,7 +155,7 @@ class ForeignFile:
     def _received(
         self, process: 'subprocess.Popen[bytes]', end: dict[str, Any]
     ) -> Iterator[MessageBlock]:
-        """Yield the blocks that the process writes; append its final report to `end`."""
+        """Yield the blocks that the process writes, and store its final report in `end`."""
         stream = process.stdout
         assert stream
         names: list[str] = []
@@ -179,8 +184,9 @@ class ForeignFile:
             end['limit'] = 'time' if process.wait() == -signal.SIGXCPU else 'memory'
         if end['limit']:
             raise BagError(
-                f'reading {self.path} takes more {end["limit"]} than the limit for its size. The '
-                "file may be damaged or malicious; if you trust it, raise the limit 'ratio'"
+                f'reading the file {self.path} takes more {end["limit"]} than the limit for its '
+                'size. The file may be damaged or malicious; if you trust it, raise the limit '
+                "'ratio'"
             )
 
 
@@ -192,7 +198,7 @@ def _write(index: int, count: int, *parts: bytes) -> None:
 
 
 class _Sender:
-    """Collect messages of each topic and write them block by block."""
+    """Queue of messages per topic, written to standard output block by block."""
 
     def __init__(self, names: list[str]) -> None:
         self._indexes = {name: index for index, name in enumerate(names)}
@@ -200,7 +206,7 @@ class _Sender:
         self._held = 0
 
     def add(self, topic: str, log_time: int, payload: bytes) -> None:
-        """Queue a message; raises for values of other types, which SQLite allows."""
+        """Queue a message; raises if a value has a wrong type, which SQLite allows."""
         index = self._indexes[topic]
         messages = self._waiting[index]
         _NUMBER.pack(log_time)
@@ -210,7 +216,7 @@ class _Sender:
             self._send(index)
 
     def finish(self) -> None:
-        """Write the queued messages."""
+        """Write all queued messages."""
         for index in range(len(self._waiting)):
             self._send(index)
 
@@ -226,12 +232,12 @@ class _Sender:
 
 
 def _read(path: Path, topics: Collection[str] | None, part_bytes: int) -> int:
-    """Write the whole file; return the number of omitted messages."""
+    """Write the messages of a file to standard output; return the number of unreadable ones."""
     from rosbags import rosbag1, rosbag2
     from rosbags.serde import SerdeError
     from rosbags.typesys import Stores, get_typestore
 
-    # Exceptions of a damaged message, or of a value with a wrong type.
+    # Exceptions that a damaged message or a value of a wrong type raises.
     damage = (SerdeError, AssertionError, TypeError, ValueError, LookupError, struct.error)
     of_ros1 = path.suffix == '.bag'
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -271,12 +277,12 @@ def _limit(seconds: float, memory: float) -> None:
 
 
 def main(arguments: str) -> None:
-    """Read the file that the arguments name, and write its content."""
-    asked = json.loads(arguments)
+    """Read a bag file and write its messages to standard output; `arguments` is a JSON object."""
+    values = json.loads(arguments)
     end = {'error': '', 'limit': '', 'missing': 0}
-    _limit(asked['seconds'], asked['memory'])
+    _limit(values['seconds'], values['memory'])
     try:
-        end['missing'] = _read(Path(asked['path']), asked['topics'], asked['part_bytes'])
+        end['missing'] = _read(Path(values['path']), values['topics'], values['part_bytes'])
     except MemoryError:
         end['limit'] = 'memory'
     except Exception as error:  # rosbags raises exceptions of Python and SQLite

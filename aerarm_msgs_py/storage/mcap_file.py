@@ -1,9 +1,9 @@
-"""Messages of one MCAP file, read chunk by chunk.
+"""Reader of one MCAP file, chunk by chunk.
 
-The mcap package reads a file message by message, 3 us each, and trusts the sizes that a file
-declares. This module finds the messages of a chunk with numpy by the index behind the chunk. A
-missing or damaged index is replaced by a short scan, and the summary is not needed. So files of
-killed recorders are read as well as complete ones. Format: https://mcap.dev/spec.
+The mcap package reads message by message (3 us each) and does not check the sizes that a file
+declares. This module finds the messages of a chunk with numpy, from the index behind the chunk. If
+the index is missing or damaged, it scans the chunk instead. It does not need the summary at the end
+of the file, so it also reads files of killed recorders. Format: https://mcap.dev/spec.
 """
 
 import contextlib
@@ -40,10 +40,10 @@ _MIX_TIME, _MIX_SEQUENCE = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27
 
 
 class RepeatedMessages:
-    """Find repeated messages of one topic: same receipt time, sequence number and bytes.
+    """Finder of messages that a file contains twice: same receipt time, number and bytes.
 
-    Eight bytes of each message are stored. The stored bytes are compared only if the time of
-    reception does not rise, as it does in every intact bag.
+    The finder stores a hash of eight bytes per message of one topic. It compares the hashes only if
+    the time of reception does not increase; it increases in every intact bag.
     """
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class RepeatedMessages:
     def first_ones(
         self, log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads
     ) -> NDArray[np.bool_] | None:
-        """Return which of (K,) messages are new; None if all are."""
+        """Return which of K messages are not repeated, as a mask (K,); None for all."""
         if not len(log_time):
             return None
         keys = _keys(log_time, sequence, payloads)
@@ -70,7 +70,7 @@ class RepeatedMessages:
         first = np.zeros(len(keys), bool)
         first[np.unique(keys, return_index=True)[1]] = True
         if not later:
-            # Sorting is quick, because most of the array is already sorted.
+            # Sorting is fast, because most of the array is already sorted.
             self._known = np.sort(np.concatenate([self._known, *self._recent]), kind='stable')
             self._recent.clear()
             place = np.searchsorted(self._known, keys)
@@ -79,18 +79,18 @@ class RepeatedMessages:
 
 
 def _keys(log_time: NDArray[np.int64], sequence: NDArray[np.int64], payloads: Payloads) -> Keys:
-    """Return a hash of each message; two messages share a hash with a probability of 2^-64."""
+    """Return a hash of each message; two messages have the same hash with probability 2^-64."""
     keys = log_time.astype(np.uint64) * _MIX_TIME ^ sequence.astype(np.uint64) * _MIX_SEQUENCE
     return keys ^ payloads.hashes()
 
 
-_LOOSE_LIMIT = 2**20  # bytes of messages outside chunks per block
+_LOOSE_LIMIT = 2**20  # bytes per block of messages outside chunks
 _LOOSE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 
 
 @dataclass(frozen=True)
 class RecordRun:
-    """Consecutive schema, channel and message records: a chunk, or records between chunks."""
+    """Consecutive schema, channel and message records, from one chunk or from between chunks."""
 
     records: bytes
     place: str
@@ -98,7 +98,7 @@ class RecordRun:
 
 
 class McapFile:
-    """Reader of one MCAP file of rosbag2, this suite or any other writer.
+    """Reader of one MCAP file of any writer; implements `BagFile`.
 
     Parameters
     ----------
@@ -108,11 +108,11 @@ class McapFile:
     Attributes
     ----------
     types
-        Message type of every topic read so far.
+        Message type of every topic found so far.
     damaged
-        Whether reading found a truncated end or damage.
+        Whether the reader has found damage or a truncated end.
     counts
-        Number of messages of every topic according to the file; None if unknown, as after its
+        Number of messages per topic that the file states; None if unknown, for example if the
         recorder was killed.
     """
 
@@ -129,26 +129,26 @@ class McapFile:
 
     @property
     def types(self) -> dict[str, str]:
-        """Message type of every topic read so far."""
+        """Message type of every topic found so far."""
         return self._topics.types
 
     @property
     def damaged(self) -> bool:
-        """Whether reading found a truncated end or damage."""
+        """Whether the reader has found damage or a truncated end."""
         return self._report.places > 0
 
     @property
     def counts(self) -> dict[str, int] | None:
-        """Number of messages of every topic according to the file, None if unknown."""
+        """Number of messages per topic that the file states; None if unknown."""
         counts = self._summary.counts
         return None if counts is None else self._topics.by_topic(counts)
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yield the messages of given topics (None: all topics) in file order.
+        """Yield blocks of messages of `topics` in file order; None selects all topics.
 
-        At most one chunk is in memory. If the file has message counts to compare with, chunks
-        without such messages are skipped. Damage and a truncated end cause warnings. All readable
-        messages are returned, each once.
+        At most one chunk is in memory. If the file states its numbers of messages, the reader skips
+        chunks that contain no message of `topics`. Damage and a truncated end cause warnings. The
+        reader returns each readable message once.
 
         Raises
         ------
@@ -165,18 +165,19 @@ class McapFile:
                     yield from self._blocks_of(run, budget, topics)
         except OSError as error:
             raise BagError(
-                f'{self.path} cannot be read ({error.strerror}): check the path and its permissions'
+                f'the file {self.path} cannot be read ({error.strerror}): check the path and its '
+                'permissions'
             ) from error
         self._report.finish()
 
     def _check_magic(self, found: bytes) -> None:
         if not found:
             raise BagError(
-                f'{self.path} is empty: record or copy the bag again (the recorder stopped '
-                'before it wrote anything, or the copy was interrupted)'
+                f'the file {self.path} is empty: record or copy the bag again (the recorder '
+                'stopped before it wrote anything, or the copy was interrupted)'
             )
         if found != MAGIC:
-            raise BagError(f'{self.path} is not an MCAP file: check the path')
+            raise BagError(f'the file {self.path} is not an MCAP file: check the path')
 
     def _runs(
         self, stream: BinaryIO, size: int, budget: ReadBudget, topics: Collection[str] | None
@@ -210,7 +211,7 @@ class McapFile:
         yield RecordRun(bytes(loose), '')
 
     def _take_counts(self, content: bytes) -> None:
-        """Read the message counts in place, if the file's end does not refer to them."""
+        """Read the numbers of messages from a statistics record that the footer does not list."""
         if self._summary.counts is None:
             with contextlib.suppress(ValueError):
                 self._summary.counts = read_counts(RecordFields(content))
@@ -231,8 +232,8 @@ class McapFile:
     def _report_orphan(self, record: McapRecord, indexes: ChunkIndexes) -> None:
         if indexes.messages or not indexes.complete:
             self._report.add(
-                f'is damaged: {indexes.messages or "some"} messages are lost; only their index '
-                f'at byte {record.start} is left'
+                f'is damaged: {indexes.messages or "some"} messages are lost; the file only '
+                f'contains their index at byte {record.start}'
             )
 
     def _chunk(
@@ -243,7 +244,7 @@ class McapFile:
         budget: ReadBudget,
         topics: Collection[str] | None,
     ) -> Iterator[RecordRun]:
-        """Yield the records of a chunk that passed its checks."""
+        """Yield the records of a chunk if the chunk is intact; report it otherwise."""
         if not self._is_wanted(indexes, topics):
             return
         place = f'the chunk at byte {record.start}'
@@ -257,16 +258,16 @@ class McapFile:
             if record.whole:  # otherwise the truncated end was reported
                 listed = f' with {indexes.messages} messages' if indexes.messages else ''
                 self._report.add(
-                    f'is damaged: {place}{listed} ({record.length} bytes) is ignored, '
-                    f'because: {error}',
+                    f'is damaged: {place}{listed} ({record.length} bytes) is ignored for this '
+                    f'reason: {error}',
                     record.length,
                 )
 
     def _is_wanted(self, indexes: ChunkIndexes, topics: Collection[str] | None) -> bool:
-        """Return whether a chunk may contain messages of some topics, or channel definitions.
+        """Return whether a chunk may contain messages of `topics`, or channel definitions.
 
-        The index has no checksum. Without message counts that would reveal a loss, the index is not
-        trusted.
+        The index has no checksum. The reader uses it to skip a chunk only if the file states its
+        numbers of messages, because they would reveal a loss.
         """
         if topics is None or self._summary.counts is None:
             return True
@@ -290,8 +291,8 @@ class McapFile:
             if not run.indexes.agree_with(starts):
                 self._report.add(
                     f'is damaged: the index behind {run.place} lists {run.indexes.messages} '
-                    f'messages, but the chunk has {len(starts)} at other places; the reader uses '
-                    'those'
+                    f'messages, but the chunk contains {len(starts)} messages at other places; '
+                    'the reader uses the messages in the chunk'
                 )
             headers = elements_at(records, MESSAGE_HEADER, starts)
         for index, own in self._topics.groups(headers['channel']):
@@ -305,7 +306,7 @@ class McapFile:
                 )
 
     def _check_walk(self, run: RecordRun, starts: list[int], unread: int) -> None:
-        """Report unknown records; the truncated end of a file was already reported."""
+        """Report unknown records in a chunk; a truncated end of the file is reported elsewhere."""
         if unread and run.place:
             self._report.add(
                 f'is damaged: in {run.place}, {unread} bytes after {len(starts)} messages are '
@@ -336,7 +337,7 @@ class McapFile:
                 continue
             self._report.add(
                 f'is damaged: {len(first) - int(first.sum())} messages of {topic} are stored '
-                'twice; each is read once'
+                'twice; the reader returns each message once'
             )
             if first.any():
                 yield part.chosen(first)

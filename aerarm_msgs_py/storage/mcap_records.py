@@ -1,4 +1,4 @@
-"""Records of an MCAP file: fields, chunks and topics."""
+"""Readers of the records of an MCAP file: fields of a record, chunks, topics."""
 
 import zlib
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from aerarm_msgs_py.storage.read_limits import BagError, DamageReport, ReadBudge
 
 
 class RecordFields:
-    """Cursor over the content of one little-endian record.
+    """Reader of the fields of one record (little-endian), in order.
 
     Every method raises ValueError if the record ends too early or a text is not UTF-8.
     """
@@ -29,7 +29,7 @@ class RecordFields:
 
     @property
     def left(self) -> int:
-        """Number of bytes after the cursor."""
+        """Number of bytes that have not been read yet."""
         return len(self._content) - self.position
 
     def number(self, size: int) -> int:
@@ -37,11 +37,11 @@ class RecordFields:
         return int.from_bytes(self.take(size), 'little')
 
     def text(self) -> str:
-        """Read a text: its length as a number of 4 bytes, then its UTF-8 bytes."""
+        """Read a UTF-8 text, which begins with its length as a number of 4 bytes."""
         return self.take(self.number(4)).decode()
 
     def take(self, size: int) -> bytes:
-        """Read `size` bytes."""
+        """Read the next `size` bytes."""
         if size > self.left:
             raise ValueError(f'the record is {size - self.left} bytes too short')
         self.position += size
@@ -49,25 +49,25 @@ class RecordFields:
 
 
 class ChunkError(ValueError):
-    """The chunk is damaged."""
+    """A chunk of an MCAP file is damaged."""
 
 
 @dataclass(frozen=True)
 class McapChunk:
-    """Chunk record of an MCAP file.
+    """Content of a chunk record of an MCAP file.
 
     Attributes
     ----------
     compression
-        'zstd', 'lz4' or '' for none.
+        'zstd', 'lz4', or '' for no compression.
     size
         Declared size of the uncompressed records [bytes].
     crc
-        Checksum of the records; 0 for none.
+        Checksum of the uncompressed records; 0 for none.
     data
-        The records, compressed; fewer than `data_size` bytes if the chunk is truncated.
+        Compressed records; fewer than `data_size` bytes if the chunk is truncated.
     data_size
-        Size of the compressed records [bytes].
+        Declared size of the compressed records [bytes].
     """
 
     compression: str
@@ -95,14 +95,15 @@ class McapChunk:
         return cls(compression, size, crc, fields.take(min(data_size, fields.left)), data_size)
 
     def records(self, budget: ReadBudget) -> bytes:
-        """Return the records of a complete chunk, decompressed within the limits.
+        """Return the decompressed records of a complete chunk.
 
         Raises
         ------
         ChunkError
-            If the size differs from the declared one, the data is damaged or the checksum wrong.
+            If the data is damaged, its size differs from the declared size, or the checksum is
+            wrong.
         BagError
-            If the limits of the bag are exceeded.
+            If the records exceed the remaining limits of the bag.
         """
         try:
             if len(self.data) < self.data_size:
@@ -110,7 +111,7 @@ class McapChunk:
             if self.size > budget.part_bytes:
                 raise ChunkError(
                     f'the chunk states a size of {self.size} bytes, above the limit of '
-                    f'{budget.part_bytes} bytes (limits part_bytes and ratio)'
+                    f'{budget.part_bytes} bytes (see the bag limits part_bytes and ratio)'
                 )
             check_claim(self.data, self.compression, self.size)
             if self.compression:
@@ -119,11 +120,11 @@ class McapChunk:
         except DecompressionError as error:
             raise ChunkError(str(error)) from None
         if self.crc and zlib.crc32(records) != self.crc:
-            raise ChunkError('wrong checksum')
+            raise ChunkError('the checksum of the chunk is wrong')
         return records
 
     def beginning(self, budget: ReadBudget) -> bytes:
-        """Return the readable start of a truncated chunk, possibly nothing."""
+        """Return the decompressed start of a truncated chunk, up to its end; may be empty."""
         most = min(self.size, budget.part_bytes)
         budget.spend(most if self.compression else 0)
         return beginning(self.data, self.compression, most)
@@ -131,29 +132,29 @@ class McapChunk:
 
 _CHANNELS = 2**16
 MOST_TOPICS = 4096
-"""Largest number of topics in a file, more than any robot has."""
+"""Largest accepted number of topics in a file, more than any robot has."""
 
 _NONE = -1
 _CONTRADICTED = -2
 
 
 class McapTopics:
-    """Schema and channel records read so far.
+    """Topics and message types, from the schema and channel records read so far.
 
     Parameters
     ----------
     channels
-        Topic of each channel by the file's summary. If the file contradicts the summary, neither
-        is trusted, and the channel's messages belong to no known topic.
+        Topic of each channel according to the summary of the file. If a channel record contradicts
+        the summary, the topic of this channel is unknown.
     report
-        Receives descriptions of damage.
+        Reporter of damage.
 
     Attributes
     ----------
     names
-        Names of the topics read so far.
+        Names of the topics found so far.
     types
-        Message type of each topic.
+        Message type of each topic, by name.
     """
 
     def __init__(self, channels: dict[int, str], report: DamageReport) -> None:
@@ -182,7 +183,7 @@ class McapTopics:
             schema = fields.number(2)
             topic = fields.text()
         except ValueError as error:
-            self._report.add(f'is damaged: the record of a topic is ignored, {error}')
+            self._report.add(f'is damaged: the record of a topic is ignored ({error})')
             return
         if self._claimed.setdefault(number, topic) != topic:
             self._contradict(number, topic)
@@ -190,7 +191,9 @@ class McapTopics:
             self._index[number] = self._place(topic, self._schemas.get(schema, ''))
 
     def groups(self, channels: NDArray[np.uint16]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-        """Yield the index in `names` of each topic, negative for none, and its messages.
+        """Yield for each topic its index in `names` and the indices of its messages.
+
+        The index is negative for messages of an unknown topic.
 
         Parameters
         ----------
@@ -205,12 +208,12 @@ class McapTopics:
         yield from zip(found.tolist(), np.split(order, firsts[1:]), strict=True)
 
     def name(self, channel: int) -> str | None:
-        """Return the topic of a channel, None if unknown."""
+        """Return the topic of a channel; None if it is unknown."""
         index = int(self._index[channel])
         return None if index < 0 else self.names[index]
 
     def by_topic(self, counts: dict[int, int]) -> dict[str, int]:
-        """Convert a count per channel to a count per topic."""
+        """Convert numbers of messages per channel to numbers of messages per topic."""
         found = dict.fromkeys(self.names, 0)
         for channel, count in counts.items():
             topic = self._claimed.get(channel, '')
@@ -220,8 +223,8 @@ class McapTopics:
     def _contradict(self, number: int, topic: str) -> None:
         if self._index[number] != _CONTRADICTED:
             self._report.add(
-                f'is damaged: channel {number} has the two names {self._claimed[number][:200]} '
-                f'and {topic[:200]}, its messages are ignored'
+                f'is damaged: channel {number} has the two topics {self._claimed[number][:200]} '
+                f'and {topic[:200]}; its messages are ignored'
             )
         self._index[number] = _CONTRADICTED
 

@@ -1,4 +1,4 @@
-"""Iteration over the records of an MCAP file, past damage if possible."""
+"""Iteration over the records of an MCAP file, which continues after damage if possible."""
 
 import struct
 import zlib
@@ -16,7 +16,7 @@ from aerarm_msgs_py.storage.mcap_records import RecordFields
 from aerarm_msgs_py.storage.read_limits import DamageReport, ReadBudget
 
 RECORD = struct.Struct('<BQ')
-"""Opcode and length before every record."""
+"""Opcode and length, with which every record begins."""
 MESSAGE_HEADER = np.dtype(
     [
         ('opcode', 'u1'),
@@ -27,25 +27,25 @@ MESSAGE_HEADER = np.dtype(
         ('publish_time', '<u8'),
     ]
 )
-"""Beginning of a message record, before the payload."""
+"""Fields of a message record that precede the payload."""
 
 _INDEX_HEADER = struct.Struct('<HI')  # channel, bytes of the entries
 _INDEX_ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])
 _DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
-_DEFINITION_COST = 500  # memory of a definition in bytes, and its reading time in bytes of messages
+_DEFINITION_COST = 500  # bytes counted per definition, for its memory and reading time
 
 
 class WalkedRecords(NamedTuple):
-    """Records and damage found by a scan of an MCAP file.
+    """Records and damage that a scan of consecutive records has found.
 
     Attributes
     ----------
     starts
-        (K,) offsets of complete messages.
+        (K,) offsets of the complete message records.
     definitions
         Opcode and content of the complete schema and channel records.
     unread
-        Bytes at the end that are not a complete record of a valid kind.
+        Number of bytes at the end that are not a complete record of a valid kind.
     """
 
     starts: NDArray[np.int64]
@@ -55,14 +55,14 @@ class WalkedRecords(NamedTuple):
 
 @dataclass
 class ChunkIndexes:
-    """Index records behind one chunk.
+    """Content of the index records that follow one chunk.
 
     Attributes
     ----------
     channels
         Channels with messages in the chunk.
     complete
-        Whether every index was readable.
+        Whether every index record was readable.
     """
 
     channels: set[int] = field(default_factory=set)
@@ -71,11 +71,11 @@ class ChunkIndexes:
 
     @property
     def messages(self) -> int:
-        """Number of messages that the indexes list."""
+        """Number of messages that the index records list."""
         return sum(map(len, self._offsets))
 
     def add(self, content: bytes) -> None:
-        """Process the content of a MessageIndex record."""
+        """Add the content of an index record."""
         if len(content) < _INDEX_HEADER.size:
             self.complete = False
             return
@@ -95,8 +95,8 @@ class ChunkIndexes:
 
         Returns
         -------
-        (K,) offsets and (K,) headers, or None if the index does not cover every byte of the chunk:
-        the index is damaged, or the chunk contains other records too.
+        (K,) offsets and (K,) headers, or None if the index does not cover every byte of the chunk.
+        Then the index is damaged, or the chunk also contains other records.
         """
         last = len(records) - MESSAGE_HEADER.itemsize
         if not (self.complete and self._offsets) or last < 0:
@@ -112,7 +112,7 @@ class ChunkIndexes:
         return (starts, headers) if whole.all() and _have_headers(headers) else None
 
     def agree_with(self, starts: NDArray[np.int64]) -> bool:
-        """Return whether the indexes list the messages at `starts`, or nothing at all."""
+        """Return whether the index records list exactly the messages at `starts`, or none."""
         if not self.complete:
             return False
         if not self._offsets:
@@ -121,12 +121,12 @@ class ChunkIndexes:
 
 
 def walk(records: bytes, budget: ReadBudget) -> WalkedRecords:
-    """Scan records one by one.
+    """Scan the consecutive schema, channel and message records of a chunk.
 
     Raises
     ------
     BagError
-        If their definitions exceed the limits.
+        If the schema and channel records exceed the remaining limits.
     """
     starts: list[int] = []
     definitions: list[tuple[int, bytes]] = []
@@ -158,14 +158,14 @@ def _have_headers(headers: NDArray[np.void]) -> bool:
 
 
 MAGIC = b'\x89MCAP0\r\n'
-"""First and last bytes of a file."""
+"""First and last bytes of an MCAP file."""
 FOOTER_SIZE = 20
-"""Bytes of the content of the footer record."""
+"""Size of the content of the footer record [bytes]."""
 
 
 @dataclass
 class McapSummary:
-    """Summary of a file; empty if it is missing or damaged.
+    """Summary at the end of an MCAP file; empty if it is missing or damaged.
 
     Attributes
     ----------
@@ -183,16 +183,16 @@ class McapSummary:
 
 
 def read_summary(stream: BinaryIO, size: int, most: int) -> McapSummary:
-    """Read the summary of a file from any position of the stream.
+    """Read the summary at the end of an MCAP file.
 
     Parameters
     ----------
     stream
-        Stream of the file.
+        Stream of the file, at any position.
     size
         Size of the file [bytes].
     most
-        Largest size of a summary [bytes]; a larger one is not read.
+        Largest size of a summary [bytes]; a larger summary is not read.
     """
     end = size - RECORD.size - FOOTER_SIZE - len(MAGIC)
     if end < len(MAGIC):
@@ -274,7 +274,7 @@ _SMALLEST = {Opcode.CHUNK: _SMALLEST_CHUNK, Opcode.MESSAGE: MESSAGE_HEADER.items
 
 
 class McapRecord(NamedTuple):
-    """One record of an MCAP file.
+    """Kind and place of one record of an MCAP file.
 
     Attributes
     ----------
@@ -293,10 +293,10 @@ class McapRecord(NamedTuple):
 
 
 class McapWalk:
-    """Iterator over the records of a file between its magic bytes, in order.
+    """Iterable over the records of an MCAP file, in order.
 
-    At an invalid record, the iteration continues at the next chunk that the file's summary lists,
-    or ends if there is no summary. McapWalk reports an invalid record and a missing summary.
+    At an invalid record, the iteration continues at the next chunk that the summary of the file
+    lists. If the file has no summary, the iteration ends there. McapWalk reports invalid records.
 
     Parameters
     ----------
@@ -305,9 +305,9 @@ class McapWalk:
     size
         Size of the file [bytes].
     chunks
-        Offsets of the chunks by the file's summary, in order; may be empty.
+        Offsets of the chunks that the summary lists, in order; may be empty.
     report
-        Receives descriptions of damage.
+        Reporter of damage.
     """
 
     def __init__(
@@ -346,7 +346,7 @@ class McapWalk:
             position = next_chunk
 
     def _is_sound(self, opcode: int, length: int, in_summary: bool) -> bool:
-        """Return whether a record of that kind and length is valid at the present offset."""
+        """Return whether a record of this kind and length is valid in this part of the file."""
         if opcode == Opcode.FOOTER:
             return length == FOOTER_SIZE
         if opcode == Opcode.DATA_END:
@@ -360,7 +360,7 @@ class McapWalk:
         return self._stream.read(len(MAGIC) + 1) == MAGIC
 
     def _chunk_behind(self, position: int) -> int | None:
-        """Return the offset of the next chunk by the file's summary, None without one."""
+        """Return the offset of the next chunk that the summary lists; None if it lists none."""
         index = bisect_right(self._chunks, position)
         if index == len(self._chunks) or self._chunks[index] >= self._size:
             return None
@@ -371,8 +371,8 @@ class McapWalk:
     def _report_cut(self, position: int) -> None:
         rest = self._size - position
         self._report.add(
-            f'is cut off at byte {position} (the recorder may have been killed): of its last '
-            f'{rest} bytes only complete messages are used',
+            f'is cut off at byte {position} (the recorder may have been killed): the reader uses '
+            f'only the complete messages in its last {rest} bytes',
             rest,
         )
 

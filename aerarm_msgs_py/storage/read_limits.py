@@ -1,4 +1,4 @@
-"""Limits of memory and time for reading a bag."""
+"""Limits of memory and time for reading a bag, and warnings about damaged bags."""
 
 import math
 import warnings
@@ -13,23 +13,23 @@ from aerarm_msgs_py.codecs.cdr import Payloads
 
 
 class BagError(ValueError):
-    """The bag cannot be read or written; the message states what to check."""
+    """A bag cannot be read or written; the message states what to check."""
 
 
 class BagWarning(UserWarning):
-    """Part of the bag could not be read."""
+    """A part of a bag cannot be read."""
 
 
-_TOLD = 5  # damages reported individually, because a file may have thousands
+_REPORTED = 5  # damages that are reported individually, because a file may have thousands
 
 
 class DamageReport:
-    """Warnings about damage in one file.
+    """Reporter of damage in one bag file.
 
     Parameters
     ----------
     path
-        Path of the file, for messages.
+        Path of the file, named in the warnings.
 
     Attributes
     ----------
@@ -43,35 +43,36 @@ class DamageReport:
         self._lost = 0
 
     def add(self, what: str, lost: int = 0) -> None:
-        """Warn of damage, and of the number of lost bytes."""
+        """Warn of a damage that `what` describes, with the number of bytes that are lost."""
         self.places += 1
         self._lost += lost
-        if self.places <= _TOLD:
-            warnings.warn(f'{self._path} {what}', BagWarning, stacklevel=2)
+        if self.places <= _REPORTED:
+            warnings.warn(f'the file {self._path} {what}', BagWarning, stacklevel=2)
 
     def finish(self) -> None:
-        """Warn once of the damages that were not reported individually."""
-        if self.places > _TOLD:
+        """Warn of the total damage if not every damage was reported individually."""
+        if self.places > _REPORTED:
             warnings.warn(
-                f'{self._path} is damaged at {self.places} places; {self._lost} bytes are ignored',
+                f'the file {self._path} is damaged at {self.places} places; {self._lost} bytes are '
+                'ignored',
                 BagWarning,
                 stacklevel=2,
             )
 
 
-_MOST = 8192  # messages of a block, which limits the size of results
+_MOST = 8192  # messages per block, which limits the size of results
 
 
 @dataclass(frozen=True)
 class MessageBlock:
-    """Serialized consecutive messages of one topic of a bag.
+    """Consecutive serialized messages of one topic of a bag.
 
     Attributes
     ----------
     topic, type
         Topic and message type, for example '/joint_states', 'sensor_msgs/msg/JointState'.
     log_time
-        (K,) time of each message's reception by the recorder [ns].
+        (K,) time at which the recorder received each message [ns].
     sequence
         (K,) publication sequence numbers, 0 where the recorder did not store them.
     payloads
@@ -85,7 +86,7 @@ class MessageBlock:
     payloads: Payloads
 
     def chosen(self, which: NDArray[np.bool_]) -> 'MessageBlock':
-        """Return the messages that a (K,) mask selects."""
+        """Return a block of the messages that are selected by a mask (K,)."""
         return replace(
             self,
             log_time=self.log_time[which],
@@ -94,7 +95,7 @@ class MessageBlock:
         )
 
     def parts(self) -> Iterator['MessageBlock']:
-        """Yield the messages as blocks of bounded length."""
+        """Split the block into blocks of at most `_MOST` messages."""
         if len(self.payloads) <= _MOST:
             yield self
             return
@@ -108,27 +109,27 @@ class MessageBlock:
             )
 
 
-_FREE = 2**22  # bytes permitted for any bag, because constant messages compress well
+_FREE = 2**22  # bytes allowed for any bag, because constant messages compress well
 _MIB = 2**20
 _PART_SHARE = 5  # reading a part temporarily takes up to nine times its bytes
 
 
 @dataclass(frozen=True)
 class ReadLimits:
-    """Bounds on memory and time, checked before decompression.
+    """Limits of memory and time for reading a bag, checked before decompression.
 
     Attributes
     ----------
     part_bytes
-        Largest size of one part: a chunk, a message, a run of messages [bytes]. At most a fifth of
-        the whole bag's limit.
+        Largest size of one part (a chunk, a message or consecutive messages) [bytes]. A part may
+        also not exceed a fifth of the limit for the whole bag.
     ratio
         Largest size of the whole bag in memory, as a multiple of its file size.
 
     Raises
     ------
     BagError
-        If a bound is not a positive number.
+        If a limit is not a finite number of at least 1.
     """
 
     part_bytes: float = 64 * _MIB
@@ -137,16 +138,16 @@ class ReadLimits:
     def __post_init__(self) -> None:
         for name, value in (('part_bytes', self.part_bytes), ('ratio', self.ratio)):
             if not (math.isfinite(value) and value >= 1):
-                raise BagError(f'limit {name} of a bag is {value}: set it to 1 or more')
+                raise BagError(f'the bag limit {name} is {value}: set it to 1 or more')
 
 
 class ReadBudget:
-    """Remaining limits while a bag is read.
+    """Memory and time that remain for reading a bag.
 
     Parameters
     ----------
     path
-        Path of the bag, for messages.
+        Path of the bag, named in error messages.
     size
         Size of the bag's files [bytes].
 
@@ -155,7 +156,7 @@ class ReadBudget:
     part_bytes
         Largest size of one part [bytes].
     scale
-        Ratio of the limits to the default limits.
+        Ratio of the limits to the default limits, at least 1.
     """
 
     def __init__(self, path: Path, size: int, limits: ReadLimits | None = None) -> None:
@@ -166,7 +167,7 @@ class ReadBudget:
         self.part_bytes = int(min(limits.part_bytes, max(_FREE, self._left / _PART_SHARE)))
 
     def spend(self, size: int) -> None:
-        """Subtract bytes that the bag is about to occupy from the remaining limits.
+        """Subtract the bytes that the next part of the bag will occupy in memory.
 
         Raises
         ------
@@ -176,7 +177,7 @@ class ReadBudget:
         self._left -= size
         if self._left < 0:
             raise BagError(
-                f'{self._path} would grow to more than {self._ratio:g} times its {self._size} '
-                'bytes when read. The file may be damaged or malicious; if you trust it, raise '
+                f'the bag {self._path} needs more than {self._ratio:g} times its {self._size} '
+                'bytes in memory. The bag may be damaged or malicious; if you trust it, raise '
                 "the limit 'ratio'"
             )

@@ -1,4 +1,4 @@
-"""Bridge, controller, planner and recorder as processes in lockstep, with energies of motions."""
+"""Test bench that plays motions with nodes in lockstep and measures their energies."""
 
 import json
 import time
@@ -47,7 +47,7 @@ Stamp = tuple[int, int]  # [s], [ns]
 
 @dataclass(frozen=True)
 class Played:
-    """Motion that was played: its description and start time [s]."""
+    """Name and start time [s] of a motion that was played."""
 
     pair: int
     shape: str

@@ -1,4 +1,4 @@
-"""Energy savings of planned motions, and accuracy of the predicted energy."""
+"""Energy that planned motions save, and accuracy of the predicted energy."""
 
 from dataclasses import dataclass
 from typing import Any

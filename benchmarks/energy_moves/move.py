@@ -1,4 +1,4 @@
-"""Random moves and their trajectories."""
+"""Random moves from rest to rest, and their trajectories."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -35,7 +35,7 @@ class Move:
 def draw_moves(
     planner: MotionPlanner, low: np.ndarray, high: np.ndarray, seed: int, durations: list[float]
 ) -> Any:
-    """Yield random moves without end, uniform over the joint ranges (n,) and two durations [s].
+    """Yield random moves, uniform over the joint ranges (n,) and between two durations [s].
 
     Only moves that are feasible as quintics in both directions are yielded, for comparison.
     """

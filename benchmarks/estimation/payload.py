@@ -1,4 +1,4 @@
-"""Payload estimates of `PayloadEstimator` after a pick-up in motion, compared with the truth.
+"""Errors of the payload that `PayloadEstimator` estimates after a pick-up in motion.
 
 Emulated arms with different seeds play a random excitation, pick up a ball of 0.2 kg and put it
 down. Several estimators process each recording. Their arm models have the errors of identified
@@ -44,7 +44,7 @@ def estimator(known: PlantParameters) -> PayloadEstimator:
 
 
 def nothing() -> None:
-    """Empty call, which measures the machine's overhead."""
+    """Empty call, whose duration shows the overhead of the machine."""
 
 
 def weigh(
@@ -158,7 +158,7 @@ def report_times(times: list[tuple[int, int]]) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--arms', type=int, default=2, help='number of recordings')
-    parser.add_argument('--models', type=int, default=2, help='number of models per arm')
+    parser.add_argument('--models', type=int, default=2, help='number of arm models per recording')
     parser.add_argument(
         '--steps', type=int, default=20_000, help='number of steps on damaged recordings'
     )

@@ -1,4 +1,4 @@
-"""Rate of false payload changes detected by `PayloadEstimator`.
+"""Rate of false payload changes that `PayloadEstimator` reports.
 
 Arms of 4 to 7 joints work for hours on the physics engine without payload: random excitation, and
 moves between random postures with rests. The estimator's model of each arm has the errors of
@@ -101,7 +101,7 @@ def example(name: str, fixed: str) -> Robot:
 
 
 class Plant(ArmPlant):
-    """Arm on the physics engine, whose load-dependent friction is updated once per cycle."""
+    """Simulated arm whose load-dependent friction is updated once per cycle."""
 
     def cycle(self, effort: Array) -> None:
         """Advance by one cycle with torques (n,) [Nm]."""
@@ -121,7 +121,7 @@ class Work:
         self.start = self._middle.copy()
 
     def play(self) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield motions without end, alternating between waves about a posture and moves."""
+        """Yield motions that alternate between waves about a posture and moves."""
         q = self.start
         while True:
             for target in self._middle + self._reach * self._random.uniform(-0.5, 0.5, (1, len(q))):
@@ -134,7 +134,7 @@ class Work:
                 yield from [(q, 0.0 * q, 0.0 * q)] * int(self._random.uniform(0.0, 1500.0))
 
     def _move(self, start: Array, end: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield a quintic from rest to rest."""
+        """Yield the samples of a quintic motion from rest to rest."""
         way, pace = end - start, self._random.uniform(0.2, 1.0)
         least = max(
             1.875 * np.abs(way).max() / SPEED, np.sqrt(5.774 * np.abs(way).max() / ACCELERATION)
@@ -147,7 +147,7 @@ class Work:
         yield from zip(q, dq, ddq, strict=True)
 
     def _waves(self, centre: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield five waves per joint, which fade in and out."""
+        """Yield the samples of a motion of five waves per joint, with smooth start and end."""
         n, random = len(centre), self._random
         rate = 2.0 * np.pi * random.uniform(0.1, 1.0, (5, n))
         size = random.uniform(0.2, 1.0, (5, n)) * 0.5 * self._reach
@@ -181,7 +181,7 @@ class Job(NamedTuple):
 
 
 class Session(NamedTuple):
-    """Times of false changes [s], delays of true ones [s], mass error before the put-down.
+    """Times of false changes [s], detection delays of true changes [s], and mass error.
 
     The delay of a missed change is NaN.
     """
@@ -243,7 +243,7 @@ def recorded(arm: Arm, truth: PlantParameters, job: Job) -> Array:
 
 
 def session(job: Job) -> Session:
-    """Simulate and estimate one arm with one model."""
+    """Simulate one arm, and estimate its payload with one model."""
     joints, seed, seconds, _, model_error = job
     arm = Arm.of(joints)
     truth = arm.drawn.perturbed(seed, MADE)
@@ -276,13 +276,15 @@ def session(job: Job) -> Session:
 def main() -> int:
     """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--hours', type=float, default=0.5, help='hours per number of joints')
+    parser.add_argument(
+        '--hours', type=float, default=0.5, help='simulated hours per number of joints'
+    )
     parser.add_argument('--joints', type=int, nargs='+', default=[4, 5, 6, 7], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=SESSION, help='duration of a session')
-    parser.add_argument('--jobs', type=int, default=1, help='processes')
+    parser.add_argument('--seconds', type=float, default=SESSION, help='duration of a session [s]')
+    parser.add_argument('--jobs', type=int, default=1, help='number of processes')
     parser.add_argument('--runs', type=Path, help='folder for the recordings')
     parser.add_argument(
-        '--model-error', type=float, default=EstimatorSettings().model_error, help='setting'
+        '--model-error', type=float, default=EstimatorSettings().model_error, help='model_error'
     )
     options = parser.parse_args()
     runs = max(round(3600.0 * options.hours / options.seconds), 1)

@@ -1,9 +1,9 @@
-"""Stick-slip at creeping speed, and what compensation of the identified friction leaves of it.
+"""Stick-slip of joints in slow motion, without and with compensation of the identified friction.
 
-The emulated arm has Stribeck friction (`ArmPlant`, a constraint of the physics engine). It is
-identified from a bag of its own motion. Then each joint moves at 0.02 rad/s, forth and back, and
-holds, under computed torque: without compensation of friction, with the identified viscous, dry and
-load-dependent friction, and with all identified terms. No disturbance is compensated.
+The emulated arm has Stribeck friction (`ArmPlant`, a constraint of the physics engine). Its model
+is identified from a bag of its motion. Then `ComputedTorque` moves each joint at 0.02 rad/s in both
+directions and holds it. The friction is not compensated, compensated by the identified viscous, dry
+and load-dependent friction, or by all identified terms. The last row adds the observer.
 """
 
 import argparse
@@ -38,7 +38,7 @@ Array = np.ndarray
 
 
 class Creep:
-    """A motion at constant speed, forth, back, and then a rest."""
+    """Motion at constant speed in both directions, followed by a rest."""
 
     def __init__(self) -> None:
         pace = np.array([0.0, SPEED, SPEED, -SPEED, -SPEED, 0.0, 0.0])
@@ -62,7 +62,7 @@ class Creep:
 
 
 class Result(NamedTuple):
-    """Of each joint (n,): tracking error RMS and largest, largest stair, motion while it holds."""
+    """RMS and largest error, largest stick-slip step and motion at rest of each joint (n,)."""
 
     rms: Array
     largest: Array
@@ -71,7 +71,7 @@ class Result(NamedTuple):
 
 
 def run(truth: PlantParameters, known: KnownArm, compensation: str, observed: float) -> Result:
-    """Creep with one compensation of friction."""
+    """Move slowly with one kind of friction compensation, and return the errors."""
     arm, _ = made(4, 0)
     limits = JointLimits.from_config(load_arm_config())
     dynamics = MovingBaseDynamics(known.robot, known.rotor_inertia)
@@ -102,7 +102,7 @@ def run(truth: PlantParameters, known: KnownArm, compensation: str, observed: fl
 
 
 def judged(rows: Array, ends: Array) -> Result:
-    """Return the figures of a run; rows are reference, position and velocity (k, 3, n)."""
+    """Return the errors of a run; rows are reference, position and velocity (k, 3, n)."""
     time = CYCLE * np.arange(1, len(rows) + 1)
     creeps = (time > 1.0) & (time < ends[5])
     wanted, q, dq = rows.transpose(1, 0, 2)
@@ -117,7 +117,7 @@ def judged(rows: Array, ends: Array) -> Result:
 
 
 def stair(q: Array, dq: Array) -> float:
-    """Return the largest way [rad] between two rests of at least 20 ms; 0 without two rests."""
+    """Return the largest motion [rad] between two rests of at least 20 ms; 0 without two rests."""
     sticks = np.abs(dq) < RESTING * SPEED
     edges = np.flatnonzero(np.diff(np.concatenate([[0], sticks.astype(int), [0]])))
     rests = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= 20]
@@ -126,16 +126,21 @@ def stair(q: Array, dq: Array) -> float:
 
 
 def main() -> int:
-    """Identify the arm, creep, and print a table."""
+    """Identify the arm, move it slowly, and print the table of errors."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seed', type=int, default=1, help='of the made arm')
-    parser.add_argument('--stribeck', type=float, default=0.5, help='static friction beyond dry')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the emulated arm')
+    parser.add_argument(
+        '--stribeck', type=float, default=0.5, help='static minus Coulomb friction, over Coulomb'
+    )
     parser.add_argument('--velocity', type=float, default=0.05, help='Stribeck velocity [rad/s]')
     options = parser.parse_args()
     arm, drawn = made(4, options.seed)
     truth = replace(drawn, stribeck=options.stribeck, stribeck_velocity=options.velocity)
     known, _ = identified(arm, truth, options.seed)
-    print('| compensation | error RMS [mrad] | largest [mrad] | largest stair [mrad] | held |')
+    print(
+        '| compensation | RMS error of joints 1 to 4 [mrad] | largest error [mrad] '
+        '| largest stick-slip step [mrad] | motion while holding [mrad] |'
+    )
     print('|---|---|---|---|---|')
     for name, observed in ((NONE, 0.0), (DRY, 0.0), (ALL, 0.0), (ALL, 0.2)):
         result = run(truth, known, name, observed)

@@ -1,4 +1,4 @@
-"""Detection rate, place error and false alarm rate of `ContactDetector`.
+"""Detection rate, position error and false alarm rate of `ContactDetector`.
 
 Emulated arms work for hours on the physics engine: random waves, moves between random postures,
 and rests. The identifier identifies each arm from a bag of 60 s of free motion, from which the
@@ -50,7 +50,7 @@ class Job(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """One touch.
+    """Result of one contact.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Touch(NamedTuple):
 
 @dataclass
 class Session:
-    """Touches and events of a session."""
+    """Contacts and detected events of a session."""
 
     job: Job
     touches: list[Touch] = field(default_factory=list)
@@ -93,7 +93,7 @@ class Session:
 
 
 def session(job: Job) -> Session:
-    """Identify one arm, learn its thresholds, then work."""
+    """Run a session: identify an arm, learn its thresholds, then move it."""
     arm, truth = made(job.joints, job.seed)
     learnt = learn(arm, truth, job.seed, GAIN)
     rig = TouchedArm(arm, truth, 1_000_000 + job.seed)
@@ -105,13 +105,13 @@ def session(job: Job) -> Session:
 
 
 def drift(rig: TouchedArm, now: float, joints: int) -> None:
-    """Let the dry friction of each joint drift with its own phase."""
+    """Change the dry friction of the joints slowly, with a different phase per joint."""
     phase = 2.0 * np.pi * (now / DRIFT_TIME + np.arange(joints) / joints)
     rig.plant.scale_friction((1.0 + DRIFT * np.sin(phase)).tolist())
 
 
 def touched(job: Job, rig: TouchedArm, learnt: Learnt, random: np.random.Generator) -> Session:
-    """Touch the arm now and then."""
+    """Move the arm, with contact forces at random times."""
     result, found = Session(job), ContactDetector(learnt.external(), learnt.bound, learnt.settings)
     plant, n, locator = rig.plant, job.joints, ContactLocator(learnt.model.robot)
     places = {'tool': plant.bodies - 1, 'link 2': plant.bodies - n + 1}
@@ -157,7 +157,7 @@ def located(
     touch: Touch, place: ContactPlace | None, links: tuple[str, ...], rig: TouchedArm, body: int,
     force: Array,
 ) -> Touch:  # fmt: skip
-    """Return a touch with the errors of its location."""
+    """Return a contact with the errors of its estimated location."""
     if place is None:
         return touch
     # Bodies are the world and the moving links.
@@ -168,7 +168,7 @@ def located(
 
 
 def felt(name: str, rig: TouchedArm, body: int, force: Array) -> Touch:
-    """Return a touch that begins, with the torque on the joints relative to friction."""
+    """Begin a contact; return it with the joint torques relative to friction."""
     torque = rig.plant.torque(body, rig.plant.end_of(body), force)
     speed = np.abs(rig.plant.velocity)
     band = np.where(speed < SLOW, 2.0, 2.0 * DRIFT) * rig.plant.dry_friction
@@ -184,7 +184,7 @@ def free(
     mass: float,
     random: np.random.Generator,
 ) -> Session:
-    """Work without touches, with changes of payload."""
+    """Move the arm without contacts, with changes of payload."""
     result, found = Session(job), ContactDetector(learnt.external(), learnt.bound, learnt.settings)
     now, changes, told = 0.0, list[float](), 0
     early = random.uniform(0.0, DECLARED)
@@ -221,12 +221,14 @@ def free(
 def main() -> int:
     """Run the sessions and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--hours', type=float, default=0.1, help='hours per number of joints')
+    parser.add_argument(
+        '--hours', type=float, default=0.1, help='simulated hours per number of joints'
+    )
     parser.add_argument('--joints', type=int, nargs='+', default=[4], choices=[4, 5, 6, 7])
-    parser.add_argument('--seconds', type=float, default=300.0, help='duration of a session')
-    parser.add_argument('--touches', action='store_true', help='touch the arm')
+    parser.add_argument('--seconds', type=float, default=300.0, help='duration of a session [s]')
+    parser.add_argument('--touches', action='store_true', help='apply contact forces to the arm')
     parser.add_argument('--seed', type=int, default=0, help='seed of the first session')
-    parser.add_argument('--jobs', type=int, default=1, help='processes')
+    parser.add_argument('--jobs', type=int, default=1, help='number of processes')
     options = parser.parse_args()
     runs = max(round(3600.0 * options.hours / options.seconds), 1)
     jobs = [
@@ -265,7 +267,7 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 
 def report(joints: int, results: list[Session]) -> None:
-    """Print the rates of one number of joints."""
+    """Print the rates of all sessions with a number of joints."""
     hours = sum(result.job.seconds for result in results) / 3600.0
     false, errors, contacts, changes = (
         sum(np.size(getattr(result, name)) if name == 'false' else getattr(result, name)
@@ -295,7 +297,7 @@ def report(joints: int, results: list[Session]) -> None:
 
 
 def line(name: str, touches: list[Touch]) -> None:
-    """Print the rate and the place error of some touches."""
+    """Print the detection rate and the position error of a group of contacts."""
     delays = np.array([touch.delay for touch in touches])
     in_time = int(np.sum(delays <= IN_TIME + 1e-6))
     low, high = wilson(in_time, len(delays))

@@ -1,11 +1,11 @@
-"""Time from touch to reaction, and force on what the arm meets, per reaction.
+"""Time from contact to reaction, and contact force, for each reaction of a controller to contact.
 
-The emulated arm under computed torque (host feedback, identified model) runs its tool into a wall
-at three speeds. Walls are springs as ISO/TS 15066 (2016, table A.3) gives for parts of the body:
-75 N/mm for hands and fingers, and for a face; 10 N/mm for an abdomen. As with its measuring
-instrument, the force counts as transient in the first 0.5 s after the touch and as quasi-static
-afterwards. It is taken at 4 kHz without a filter. The contact reaches the controller one cycle
-after the state that it follows from.
+The emulated arm under computed torque (host feedback, identified model) moves its tool into a wall
+at three speeds. The walls are springs with the stiffness of parts of the human body in ISO/TS 15066
+(2016, table A.3): 75 N/mm for hands, fingers and the face, 10 N/mm for the abdomen. As in this
+standard, the force counts as transient in the first 0.5 s of the contact and as quasi-static
+afterwards. The benchmark samples the force at 4 kHz without a filter. The controller receives the
+detected contact one cycle after the joint state from which it was detected.
 """
 
 import argparse
@@ -42,10 +42,10 @@ Array = np.ndarray
 
 
 class WalledPlant(TouchedPlant):
-    """An arm whose tool meets a wall that gives way like a spring."""
+    """Simulated arm, and a wall that acts on its tool like a spring."""
 
     def build_wall(self, place: Array, normal: Array, stiffness: float) -> None:
-        """Put a wall [N/m] through a place (3,) [m], whose normal (3,) points into it."""
+        """Place a wall of a stiffness [N/m] at a point (3,) [m]; the normal (3,) points into it."""
         self._wall, self._normal, self._stiffness = place, normal, stiffness
         self._wall_damping = 2.0 * DAMPING_RATIO * np.sqrt(0.5 * stiffness)
         self._tool = self.end_of(self.bodies - 1)
@@ -53,7 +53,7 @@ class WalledPlant(TouchedPlant):
         self.force = self.peak = 0.0
 
     def cycle(self, effort: Array) -> None:
-        """Advance by a cycle; `peak` is the largest force [N] in it."""
+        """Advance by a cycle; `peak` becomes the largest wall force [N] during the cycle."""
         self.apply_effort(effort)
         body, self.peak = self.bodies - 1, 0.0
         for _ in range(round(CYCLE / SUBSTEP)):
@@ -67,7 +67,7 @@ class WalledPlant(TouchedPlant):
 
 
 class Impact(NamedTuple):
-    """Times after the touch [s], NaN if never, and forces [N]."""
+    """Times [s] of detection and braking after the contact (NaN if never), and forces [N]."""
 
     detected: float
     slower: float  # the tool's reference has lost a tenth of its speed
@@ -76,7 +76,7 @@ class Impact(NamedTuple):
 
 
 class Controlled:
-    """The arm under computed torque with detector and reaction, and a wall in its way."""
+    """Arm under computed torque with contact detector and reaction, which moves into a wall."""
 
     def __init__(self, arm: Arm, truth: PlantParameters, learnt: Learnt) -> None:
         self.limits = JointLimits.from_config(load_arm_config())
@@ -98,7 +98,10 @@ class Controlled:
         self.now, self.known = 0.0, False
 
     def cycle(self) -> None:
-        """Control, detect and advance; the controller knows the contact of the cycle before."""
+        """Run one cycle of control, detection and simulation.
+
+        The controller receives the contact that was detected in the previous cycle.
+        """
         self.reacts.report(self.known, self.now)
         self.reacts.update(self._state.q, self.now)
         command = self.loop.update(self._state, self.now)
@@ -119,7 +122,7 @@ class Controlled:
 def impact(
     setup: tuple[Arm, PlantParameters, Learnt], reaction: Reaction, speed: float, stiffness: float
 ) -> Impact:
-    """Run the tool into a wall."""
+    """Move the tool into a wall."""
     run, kinematics = Controlled(*setup), Kinematics(setup[0].robot, 'tool0')
     middle = 0.5 * (START + END)
     way = kinematics.jacobian(middle)[:3] @ (END - START)
@@ -150,11 +153,14 @@ def impact(
 def main() -> int:
     """Run all impacts and print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seed', type=int, default=1, help='of the made arm')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the emulated arm')
     options = parser.parse_args()
     arm, truth = made(4, options.seed)
     setup = arm, truth, learn(arm, truth, options.seed, GAIN)
-    print('| wall | tool | reaction | detected | brakes | transient | after 0.5 s |')
+    print(
+        '| stiffness of the wall | tool speed | reaction | contact detected after '
+        '| braking after | largest force in the first 0.5 s | largest force after 0.5 s |'
+    )
     print('|---|---|---|---|---|---|---|')
     for wall, stiffness in WALLS.items():
         for speed in SPEEDS:

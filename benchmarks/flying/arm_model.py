@@ -1,4 +1,4 @@
-"""Arm model given to a controller: true parameters, or those identified from a bag."""
+"""Arm model for a controller: true parameters, or parameters identified from a bag."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +22,7 @@ _PATIENCE = 600.0  # [s]
 
 @dataclass(frozen=True)
 class ArmModel:
-    """Emulated arm with its known model.
+    """Emulated arm, and the model of it that the controllers use.
 
     Attributes
     ----------

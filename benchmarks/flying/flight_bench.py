@@ -1,4 +1,4 @@
-"""Bridge, controller and flight controller as processes in lockstep, with the arm's errors."""
+"""Test bench of a flight: bridge, arm controller and flight controller as processes in lockstep."""
 
 import json
 import time
@@ -40,7 +40,7 @@ FLYING = 'flying'  # status of a flying drone
 
 
 class FlightBench:
-    """Processes of one flight case, ready to move.
+    """Processes of one flight case, which are ready for an arm motion.
 
     Attributes
     ----------
@@ -143,9 +143,9 @@ class FlightBench:
         while now < begin + motion.duration and self.listener.farthest < LOST:
             now, _ = self.listener.next()
             if payloads and now > begin + payloads[0][0]:
-                self.tell_world('payload', payloads.pop(0)[1])
+                self.change_world('payload', payloads.pop(0)[1])
         for _, carried in payloads:
-            self.tell_world('payload', carried)
+            self.change_world('payload', carried)
         record = self.listener.record().shifted(begin)
         if not record.is_lost and (off := record.largest_joint_error(motion)) > FOLLOWED:
             raise ValueError(f'the arm is {off:.2f} rad off its motion: {self._bridge.tail(1)}')
@@ -161,13 +161,13 @@ class FlightBench:
         self.listener.forget()
         return begin
 
-    def tell_world(self, name: str, numbers: list[float]) -> None:
+    def change_world(self, name: str, numbers: list[float]) -> None:
         """Change a parameter of the emulated world without waiting."""
         kind = Parameter.Type.DOUBLE_ARRAY
         self._world.set_parameters([Parameter(name, kind, numbers)])
 
     def wait_until_still(self) -> float:
-        """Return the time [s] when the drone hovers still at its place, or the wait has ended."""
+        """Return the time [s] at which the drone hovers at its set point, or the wait has ended."""
         self.listener.forget()
         begin, _ = self.listener.next()
         now, looked = begin, begin

@@ -14,7 +14,7 @@ LATE = (('imu_delay', 0.01),)
 
 @dataclass(frozen=True)
 class FlightCase:
-    """Settings of one set of processes.
+    """Settings of the processes of one flight.
 
     Attributes
     ----------

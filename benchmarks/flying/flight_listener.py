@@ -22,7 +22,7 @@ _MANY = 125  # number of states in half a second
 
 
 class FlightListener:
-    """Received messages of arm and drone, with world time.
+    """Received messages of arm and drone, with simulated time.
 
     Parameters
     ----------

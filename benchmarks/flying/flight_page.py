@@ -41,7 +41,7 @@ def flight_page(results: FlightResults, note: str) -> str:
             for (name, part), limit in GOALS.items()
             if name == drone
         ]
-        ratios = [_told(row) for row in results.ratios(drone)]
+        ratios = [_without_missing(row) for row in results.ratios(drone)]
         body.append(section(f'{drone}: improvement by "{BEST}"', bullets(ratios + goals)))
         body.append(section(f'{drone}: figures', _table(results, drone)))
         places = {way: 1e3 * np.linalg.norm(x.places, axis=1) for way, x in flown.items()}
@@ -63,7 +63,7 @@ def flight_page(results: FlightResults, note: str) -> str:
     return page('Hover error caused by arm motion', plotting_script(), body, origin())
 
 
-def _told(row: tuple[str, ...]) -> str:
+def _without_missing(row: tuple[str, ...]) -> str:
     """Return a row without entries for flights that were not made."""
     return ', '.join(text for text in row if not text.startswith('-'))
 
@@ -76,7 +76,7 @@ def _table(results: FlightResults, drone: str) -> Html:
     order = list(results.program.windows)
     rows.sort(key=lambda row: order.index(row[0]))
     best = [k for k, row in enumerate(rows) if row[1] == BEST]
-    return table(('motion', 'relative to the arm', *COLUMNS), rows, best)
+    return table(('motion', 'method', *COLUMNS), rows, best)
 
 
 def _plot(

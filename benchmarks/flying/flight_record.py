@@ -1,4 +1,4 @@
-"""Recorded data of a flight, and its figures."""
+"""Recorded data of a flight, and the errors computed from them."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple

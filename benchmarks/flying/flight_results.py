@@ -1,4 +1,4 @@
-"""Figures of a flight campaign."""
+"""Table of the errors of all flights of a flight campaign."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from flying.flight_program import FlightProgram
 from flying.flight_record import FlightFigures, FlightRecord
 from flying.flight_way import load_drone
-from flying.lean_limit import lean_limit
+from flying.tilt_limit import tilt_limit
 
 COLUMNS = (
     'place RMS [mm]',
@@ -31,14 +31,14 @@ _HEADINGS = ('place mm', 'max', 'tilt deg', 'max', 'heading', 'tool mm', 'max', 
 
 
 class FlightResults:
-    """Flights of several drones with several methods, and their figures.
+    """Flights of several drones with several feed-forward methods, and their errors.
 
     Attributes
     ----------
     records : mapping
         Record by drone and method, or the reason of a failure.
-    leans : dict
-        Values of `lean_limit` by drone, for the arm of that URDF.
+    tilt_limits : dict
+        Values of `tilt_limit` by drone, for the arm of that URDF.
     figures : dict
         Figures by drone, method and part; None if the drone was lost.
     """
@@ -50,7 +50,7 @@ class FlightResults:
         urdf: Path | None = None,
     ) -> None:
         self.program, self.records = program, records
-        self.leans = {name: lean_limit(load_drone(name), program, urdf) for name in records}
+        self.tilt_limits = {name: tilt_limit(load_drone(name), program, urdf) for name in records}
         self.figures: dict[tuple[str, str, str], FlightFigures | None] = {}
         for drone, flights in records.items():
             config = load_drone(drone)
@@ -62,15 +62,15 @@ class FlightResults:
                     self.figures[drone, way, part] = found
 
     def ratio(self, drone: str, part: str, others: tuple[str, ...]) -> float | None:
-        """Return the error ratio of the best of other methods to the best method."""
+        """Return the smallest error of `others`, divided by that of full feed-forward."""
         best = self.figures.get((drone, BEST, part))
         found = [self.figures.get((drone, way, part)) for way in others]
         places = [figures.place for figures in found if figures is not None]
         return min(places) / best.place if best and places else None
 
     def text(self) -> str:
-        """Return a table with the improvement by the best method."""
-        lines = [_LINE.format('drone', 'against the arm', 'motion', *_HEADINGS)]
+        """Return the table of errors, with the improvement by full feed-forward."""
+        lines = [_LINE.format('drone', 'method', 'motion', *_HEADINGS)]
         lost = ['lost', *['-'] * (len(COLUMNS) - 1)]
         for (drone, way, part), figures in self.figures.items():
             shown = lost if figures is None else [f'{x:.2f}' for x in figures]
@@ -82,12 +82,18 @@ class FlightResults:
         return '\n'.join(lines)
 
     def ratios(self, drone: str) -> list[tuple[str, ...]]:
-        """Return the improvement by the best method for each part, with its limit."""
+        """Return for each part the improvement by full feed-forward, and its limit."""
         rows = []
         for part in list(self.program.windows)[1:]:
             over = [self.ratio(drone, part, ways) for ways in ((BASELINE,), OBSERVERS)]
             shown = ['-' if value is None else f'{value:.1f}' for value in over]
-            row = part, f'{shown[0]} times the integral', f'{shown[1]} times an observer'
-            lean = self.leans[drone].get(part)
-            rows.append(row if lean is None else (*row, f'the tilt alone costs {lean:.1f} mm'))
+            row = (
+                part,
+                f'{shown[0]} = error with integral / error with full feed-forward',
+                f'{shown[1]} = error with observer or INDI / error with full feed-forward',
+            )
+            limit = self.tilt_limits[drone].get(part)
+            rows.append(
+                row if limit is None else (*row, f'error caused by the tilt alone {limit:.1f} mm')
+            )
         return rows

@@ -13,7 +13,7 @@ RAMP = 2.0  # [s]
 
 
 class Course(Protocol):
-    """Motion without an end."""
+    """Motion of infinite duration."""
 
     def evaluate(self, time: ArrayLike) -> JointReference:
         """Return the reference (M, n) at times (M,) [s]."""

@@ -1,4 +1,4 @@
-"""Bridge, arm controller and flight controller as processes in lockstep, with tool errors."""
+"""Test bench of flights in which the arm holds its tool in the world, as processes in lockstep."""
 
 import time
 from contextlib import ExitStack
@@ -127,7 +127,7 @@ class HoldingBench:
         self._wait('the drone', lambda: self.said('drone') == 'flying')
 
     def said(self, name: str) -> str:
-        """Return the diagnostics of a node, '' without any."""
+        """Return the newest diagnostics of a node as text; '' if there are none."""
         return self._said.get(name, (b'', ''))[1]
 
     def fly(self, seconds: float) -> HoldingRecord:

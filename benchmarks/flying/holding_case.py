@@ -39,7 +39,7 @@ _LIGHT = 2.5  # [kg]
 
 @dataclass(frozen=True)
 class HoldingCase:
-    """Settings of one flight.
+    """Settings of one flight in which the arm holds its tool in the world.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Flights whose tool presses on a wall, over topics in lockstep."""
+"""Test bench of flights in which the tool presses on a wall, as processes in lockstep."""
 
 from dataclasses import dataclass
 

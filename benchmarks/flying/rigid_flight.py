@@ -26,7 +26,7 @@ NOISE = (0.002, 0.01, 0.01, 0.3)
 
 
 def _powers(turn: np.ndarray) -> np.ndarray:
-    """Return 1, the components (3,) of a vector, and their products."""
+    """Return the vector of 1, the components of a vector (3,), and their products."""
     x, y, z = turn
     return np.array([1.0, x, y, z, x * x, y * y, z * z, y * z, z * x, x * y])
 

@@ -1,4 +1,4 @@
-"""Tool error of emulated arms before and after calibration, on held-out postures.
+"""Tool position error of emulated arms before and after calibration, on held-out postures.
 
 Each arm deviates from its nominal geometry: joint zeros by 10 mrad, lengths by 1 mm, axes by 2
 mrad, and the mount is tilted by 20 mrad. In chosen postures the arm is measured by a motion capture

@@ -304,7 +304,7 @@ def design_other_arms() -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        '--no-peers', action='store_true', help='no comparison with other generators'
+        '--no-peers', action='store_true', help='do not compare with other generators'
     )
     options = parser.parse_args()
     arm, config = load_arm_config(), load_excitation_config()

@@ -1,4 +1,4 @@
-"""Trajectory of FIGAROH's generator for the same arm, evaluated by the same figures.
+"""Trajectory of FIGAROH's generator for the packaged arm, evaluated like those of this suite.
 
 It runs in a separate virtual environment, see peers/peer.py. pip builds cyipopt there, which
 requires IPOPT on the machine; without IPOPT a line names the packages to install.
@@ -68,7 +68,7 @@ def demands(setup: ExcitationSetup, states: JointReference) -> str:
     }
     text = ', '.join(f'{100 * np.abs(share).max():.0f} % of {k}' for k, share in shares.items())
     margin = min(setup.clearance.margin(q) for q in states.q)
-    return f'{text}, {margin:+.3f} m beyond the clearances asked for'
+    return f'{text}, {margin:+.3f} m beyond the required clearances'
 
 
 def figures(quality: Quality, random: Quality) -> str:

@@ -1,4 +1,4 @@
-"""Speed and accuracy of the identifier.
+"""Computing time, memory and accuracy of the identifier.
 
 Speed: 20 s at 1 kHz with 4 joints, from an MCAP bag to the estimate, and as a whole process. The
 bag contains all topics of the recorder: states, commands, motors, power, diagnostics.
@@ -252,7 +252,7 @@ def main() -> None:
     parser.add_argument(
         '--long', action='store_true', help='also measure the memory for half an hour of motion'
     )
-    parser.add_argument('--no-peers', action='store_true', help='no comparison with other tools')
+    parser.add_argument('--no-peers', action='store_true', help='do not compare with other tools')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         speed(Path(folder))

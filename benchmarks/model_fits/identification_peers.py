@@ -1,4 +1,4 @@
-"""Identification by other tools from the same motion: FIGAROH, and MuJoCo's system identification.
+"""Comparison of the identifier with FIGAROH and MuJoCo's system identification on one motion.
 
 All tools receive the identifier's conditioned samples, with the first 60 % of each bag to fit and
 the last 40 % held out, so models and solvers are compared independently of filters. Each tool runs

@@ -1,11 +1,11 @@
-"""Measure the bridge's 1 kHz loop on its own host, from the time at which each state was sent.
+"""Measure the period of the bridge's 1 kHz loop, on the host of the bridge.
 
 Usage: python benchmarks/radio/loop_watch.py
 
-A state carries the time at which the bridge's process published it, so how late this process reads
-it does not count. The line `mark` prints a JSON object about the time since the last one: states,
-the time that they span, the longest gap, gaps above 20 ms, messages that this process lost, and the
-cycles that the bridge's loop counts as missed, which it does on the monotonic clock.
+The program uses the time at which the bridge published each joint state, so a delay of this program
+has no effect. For each line `mark` on standard input, it prints a JSON object about the time since
+the previous `mark`: number of joint states, time span, longest gap, number of gaps above 20 ms,
+messages that this program lost, and missed cycles that the bridge reports.
 """
 
 import json
@@ -26,19 +26,19 @@ _BATCH = 0.02  # [s]
 
 
 class Account:
-    """What came since the last mark."""
+    """Statistics of the joint states since the last `mark`."""
 
     def __init__(self) -> None:
         self.last_ns = self.first_ns = 0
         self.clear()
 
     def clear(self) -> None:
-        """Start again at the newest state."""
+        """Reset the statistics; the newest state begins the next time span."""
         self.first_ns = self.last_ns
         self.states = self.longest_ns = self.gaps = 0
 
     def add(self, sent_ns: int) -> None:
-        """Count a state that was sent at a time [ns]."""
+        """Process a joint state that was published at a time [ns]."""
         if not self.last_ns:
             self.first_ns = self.last_ns = sent_ns
             return
@@ -49,7 +49,7 @@ class Account:
         self.gaps += gap > GAP_NS
 
     def row(self) -> dict[str, object]:
-        """Return the account."""
+        """Return the statistics."""
         span = 1e-9 * (self.last_ns - self.first_ns)
         return {
             'states': self.states,
@@ -60,7 +60,7 @@ class Account:
 
 
 def main() -> None:
-    """Listen on this host until standard input ends."""
+    """Receive joint states on this host until standard input ends."""
     stay_on_this_host()
     use_packaged_profile()
     rclpy.init()

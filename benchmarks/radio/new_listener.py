@@ -1,9 +1,10 @@
-"""New processes that listen to the bridge, one after the other, and how soon each has states.
+"""Start subscribers to the bridge one after the other, and measure when each receives states.
 
 Usage: python benchmarks/radio/new_listener.py COUNT
 
-Each one is forked from a process that has only imported rclpy, so it makes a participant of its own
-without the time that Python takes to start. Prints a JSON list of seconds.
+Each subscriber is a process that is forked from a process with rclpy already imported. It creates
+its own DDS participant; the start time of Python does not count. The program prints a JSON list of
+times [s].
 """
 
 import json
@@ -22,7 +23,7 @@ _PATIENCE = 20.0  # [s]
 
 
 def listen(result: int) -> None:
-    """Write to a file descriptor how long a new participant waits for states and mode [s]."""
+    """Write the time [s] until a new participant has received joint states and mode."""
     begin = time.monotonic()
     rclpy.init()
     node = rclpy.create_node('new_listener')

@@ -1,10 +1,10 @@
-"""Measures the browser page on its own host: time until it can be used, and how often it changes.
+"""Measure when the browser page can be used, and how often it is updated.
 
 Usage: python benchmarks/radio/page_watch.py ADDRESS SECONDS
 
-Prints a JSON object: seconds from the browser's start until the stop button and the states are
-shown, what the page says about the states, and per second the poses of the arm and the curves that
-the page receives, as a client of its own counts them.
+The program prints a JSON object. It contains the times [s] from the start of the browser until the
+stop button and the joint states are shown, and the text on the page about the joint states. It also
+contains the numbers of poses and curves per second that a separate client of the page receives.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The bench of two hosts: bridge, both ends of ground_link, a lossy relay and their watchers."""
+"""Test bench of two emulated hosts: bridge, both ends of ground_link, and a lossy relay."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENCE = 60.0  # [s] for anything to start
 
 
 class Speaker:
-    """A process that takes lines and prints JSON objects, see `stop_presser.py`."""
+    """Process that reads commands line by line and prints JSON objects, see `stop_presser.py`."""
 
     def __init__(self, process: subprocess.Popen[str], log: Path) -> None:
         self._process = process
@@ -30,14 +30,14 @@ class Speaker:
         self._read = 0
         self._rows: list[dict[str, object]] = []
 
-    def tell(self, line: str) -> None:
-        """Send a line."""
+    def send_line(self, line: str) -> None:
+        """Send a command line to the process."""
         assert self._process.stdin is not None
         self._process.stdin.write(f'{line}\n')
         self._process.stdin.flush()
 
     def rows(self) -> list[dict[str, object]]:
-        """Return what it has printed."""
+        """Return the JSON objects that the process has printed."""
         with self._log.open() as stream:
             stream.seek(self._read)
             for line in iter(stream.readline, ''):
@@ -56,22 +56,25 @@ class Speaker:
                 if float(str(row['time'])) >= since and found(row):
                     return float(str(row['time']))
             if time.monotonic() > deadline or self._process.poll() is not None:
-                raise TimeoutError(f'{self._log.name} never printed that: {self.rows()[-3:]}')
+                raise TimeoutError(
+                    f'{self._log.name} did not print the expected row; last rows: '
+                    f'{self.rows()[-3:]}'
+                )
             time.sleep(0.005)
 
 
 @dataclass(frozen=True)
 class Loop:
-    """What became of the 1 kHz loop within a time.
+    """Missed cycles and gaps of the bridge's 1 kHz loop within a time span.
 
     Attributes
     ----------
     lost
-        Share of the cycles that did not come, on the monotonic clock of this machine.
+        Fraction of missed cycles, by the monotonic clock of this machine.
     longest
-        Longest time between two states [s].
+        Longest time between two joint states [s].
     gaps
-        Times above 20 ms between two states.
+        Number of times above 20 ms between two joint states.
     """
 
     lost: float
@@ -80,7 +83,7 @@ class Loop:
 
     @classmethod
     def of(cls, row: dict[str, float], elapsed: float) -> Loop:
-        """Return the loop of an account that took `elapsed` [s]."""
+        """Return the loop statistics from a row of `loop_watch.py` about `elapsed` seconds."""
         states = row['states'] + row['unread']
         # Both clocks must agree that states are missing: a state more or less is at either end.
         lost = 1.0 - (states + 1) / (1000.0 * min(row['span'], elapsed))
@@ -133,15 +136,15 @@ class Rig:
             speaker.wait(lambda row: 'ready' in row)
 
     def press(self) -> float:
-        """Press the e-stop on the ground, and return after how long the arm was damped [s]."""
-        self.ground.tell('press')
+        """Send an e-stop on the ground; return the time [s] until the arm is damped."""
+        self.ground.send_line('press')
         begin = self.ground.wait(lambda row: row.get('called') == 'press', self._cleared)
         return self.drone.wait(is_fault, begin) - begin
 
     def clear(self) -> None:
         """Clear the fault, on the drone."""
         self._cleared = time.monotonic()
-        self.drone.tell('clear')
+        self.drone.send_line('clear')
         self.drone.wait(lambda row: row.get('mode') not in (None, 'fault'), self._cleared)
         # The ground receives the mode as well; a button is not pressed before that.
         time.sleep(0.1 + 0.1 * np.random.default_rng().random())
@@ -149,15 +152,15 @@ class Rig:
     _cleared = 0.0
 
     def mark(self) -> dict[str, float]:
-        """Return the account of the 1 kHz loop since the last mark, see `loop_watch.py`."""
+        """Return the statistics of the 1 kHz loop since the last mark, see `loop_watch.py`."""
         begin = time.monotonic()
-        self._watch.tell('mark')
+        self._watch.send_line('mark')
         when = self._watch.wait(lambda row: 'states' in row, begin)
         row = next(row for row in self._watch.rows() if row['time'] == when and 'states' in row)
         return {key: float(str(value)) for key, value in row.items()}
 
     def loop(self, seconds: float) -> Loop:
-        """Return what became of the 1 kHz loop within a time [s]."""
+        """Return the statistics of the 1 kHz loop over a time span [s]."""
         self.mark()
         begin = time.monotonic()
         time.sleep(seconds)
@@ -166,7 +169,7 @@ class Rig:
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Return position [rad] and velocity [rad/s] of the joints, on the drone."""
         begin = time.monotonic()
-        self.drone.tell('state')
+        self.drone.send_line('state')
         when = self.drone.wait(lambda row: 'position' in row, begin)
         row = next(row for row in self.drone.rows() if row['time'] == when)
         return np.array(row['position']), np.array(row['velocity'])
@@ -182,7 +185,7 @@ class Rig:
         )
 
     def start_controller(self, name: str = 'computed_torque') -> None:
-        """Start a controller on the drone, in place of the one started before."""
+        """Start a controller on the drone, and stop the previous controller."""
         if self._controller is not None:
             stop([self._controller])
         self._controller = self._node(self.hosts.drone, name, realtime_priority=45)
@@ -192,7 +195,7 @@ class Rig:
         return self._node(self.hosts.ground, name, **parameters)
 
     def restart_drone_link(self, **link: object) -> None:
-        """Start the drone's end of ground_link again, with other parameters."""
+        """Restart ground_link on the drone with other parameters."""
         stop([self._drone_link])
         begin = time.monotonic()
         self._drone_link = self._node(
@@ -202,7 +205,11 @@ class Rig:
         time.sleep(1.0)
 
     def restart_ground_link(self) -> tuple[float, float]:
-        """Start the ground's end again; return how long the process and its search took [s]."""
+        """Restart ground_link on the ground.
+
+        Return the time [s] until the drone is found, from the start of the process and from the
+        start of its search.
+        """
         stop([self._ground_link])
         time.sleep(0.5)
         begin = time.monotonic()
@@ -217,7 +224,7 @@ class Rig:
         return back - begin, stamps[-1] - stamps[0]
 
     def traffic(self, act: Callable[[], object]) -> tuple[float, float]:
-        """Return the radio's traffic while a function runs, both ways [kbit/s], [packets/s]."""
+        """Return the radio traffic [kbit/s], [packets/s] in both directions during a function."""
         hosts = self.hosts
         before = [hosts.traffic(host) for host in (hosts.drone, hosts.ground)]
         begin = time.monotonic()
@@ -228,12 +235,12 @@ class Rig:
         return 8e-3 * sums[0] / elapsed, sums[1] / elapsed
 
     def listen_on_ground(self) -> None:
-        """Start a recorder on the ground, as a tool that listens to everything."""
+        """Start a recorder on the ground, which subscribes to all topics."""
         self._node(self.hosts.ground, 'recorder', bag=self.folder / 'bag')
         time.sleep(3.0)
 
     def log(self, host: str, name: str) -> str:
-        """Return what a process has printed."""
+        """Return the output of a process."""
         return (self.folder / f'{host}_{name}.log').read_text()
 
     def __enter__(self) -> Rig:
@@ -285,7 +292,7 @@ class Rig:
 
 
 def is_fault(row: dict[str, object]) -> bool:
-    """Tell whether a row says that the arm is damped by an e-stop."""
+    """Return whether a row reports that an e-stop has damped the arm."""
     return row.get('mode') == 'fault'
 
 
@@ -312,7 +319,7 @@ def wait_for_text(log: Path, text: str) -> None:
 
 
 def run(rig: Rig, *words: str) -> str:
-    """Run `arm` on the ground, and return what it printed."""
+    """Run `arm` on the ground, and return its output."""
     process = rig.arm(*words)
     status = process.wait(PATIENCE)
     text = (rig.folder / f'arm_{words[0]}.log').read_text()

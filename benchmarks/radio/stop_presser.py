@@ -2,12 +2,12 @@
 
 Usage: python benchmarks/radio/stop_presser.py [watch]
 
-With `watch` it prints when states come again after a pause of 0.3 s. The lines `press` and `clear`
-call the bridge's services, `state` prints the newest joint states, `sweep` moves joint 1 by 1 rad
-within 6 s by a trajectory, `diagnostics` prints the offset of the drone's clock that ground_link
-estimates on the ground and the largest latency that a node reports. Each change of `arm_mode` and
-each answer is printed as a JSON object with its time on the machine's monotonic clock, which both
-hosts of `two_hosts.py` share.
+With `watch` the program prints when joint states return after a pause of 0.3 s. The lines `press`
+and `clear` on standard input call the bridge's services. `state` prints the newest joint states,
+and `sweep` moves joint 1 by 1 rad within 6 s by a trajectory. `diagnostics` prints the offset of
+the drone's clock that ground_link estimates, and the largest latency that a node reports. The
+program prints each change of `arm_mode` and each answer as a JSON object. The object contains the
+time on the machine's monotonic clock, which both hosts of `two_hosts.py` share.
 """
 
 import contextlib
@@ -75,7 +75,7 @@ def sweep(node: Node) -> topics.JointTrajectory:
 
 
 class StateWatch:
-    """Prints when states come again after a pause, and how long it was."""
+    """Monitor that prints when joint states return after a pause, with the length of the pause."""
 
     def __init__(self, node: Node) -> None:
         self._last = 0.0

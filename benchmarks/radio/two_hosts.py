@@ -29,7 +29,7 @@ _SET_UP = (
 
 
 def missing_rights() -> str:
-    """Return why this machine cannot emulate two hosts, '' if possible."""
+    """Return the reason why this machine cannot emulate two hosts; '' if it can."""
     absent = [tool for tool in _TOOLS if shutil.which(tool) is None]
     if absent:
         return f'{", ".join(absent)} is not installed: install util-linux and iproute2'

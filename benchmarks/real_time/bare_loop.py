@@ -1,8 +1,8 @@
-"""Timing accuracy of the machine itself: a bare periodic loop and cyclictest.
+"""Timing accuracy of the machine, measured by a periodic loop without work and by cyclictest.
 
-Benchmarks that measure time use this module, and it can be run alone. The bare loop only sleeps to
-its next deadline, at the priority of a bridge. cyclictest (package rt-tests) is a standard latency
-test of the operating system, used if installed.
+Benchmarks that measure time use this module; it can also be run alone. The loop only sleeps until
+its next deadline, with the priority of a bridge. cyclictest (package rt-tests) is a standard
+latency test of the operating system; it runs if it is installed.
 """
 
 import argparse
@@ -78,7 +78,7 @@ class BareLoops:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='duration of the run')
+    parser.add_argument('--seconds', type=float, default=10.0, help='duration of the run [s]')
     parser.add_argument('--json', action='store_true', help='run only the bare loop and print JSON')
     options = parser.parse_args()
     if options.json:

@@ -1,4 +1,4 @@
-"""Cost of the bridge's 1 kHz cycle, and its timing accuracy with a controller attached.
+"""Computing time of the bridge's 1 kHz cycle, and its timing accuracy with a running controller.
 
 The first part measures, in this process, the frame codec, the cycle with emulated boards, and
 100,000 cycles, whose memory and cost must not grow. The second part runs three processes over real
@@ -155,8 +155,10 @@ def report(diagnosed: Diagnosed, before: dict[str, str], answers: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=60.0, help='length of the run')
-    parser.add_argument('--pure-cycles', type=int, default=100_000, help='cycles without ROS')
+    parser.add_argument('--seconds', type=float, default=60.0, help='duration of the run [s]')
+    parser.add_argument(
+        '--pure-cycles', type=int, default=100_000, help='number of cycles without ROS'
+    )
     options = parser.parse_args()
     codec_costs()
     cycle_costs(options.pure_cycles)

@@ -156,9 +156,9 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        '--host', choices=HOSTS, action='append', help='hosts to run on (default: all)'
+        '--host', choices=HOSTS, action='append', help='kinds of busy host to run on (default: all)'
     )
-    parser.add_argument('--runs', type=int, default=1, help='number of runs on each host')
+    parser.add_argument('--runs', type=int, default=1, help='number of runs per kind of host')
     parser.add_argument('--logs', type=Path, help='directory for the output of the command')
     parser.add_argument(
         '--command', default='make demo', help='command to run (default: make demo)'

@@ -1,4 +1,4 @@
-"""Processor time of a node that responds to requests, by executor.
+"""Processor time per parameter request, for several executors of the node that responds.
 
 Each executor serves one node in a second thread of a separate process, as next to a control loop. A
 client repeatedly requests a parameter, and the node reports the processor time used. A subscription
@@ -87,7 +87,7 @@ def ask(node: Node, future: rclpy.Future) -> object:
 
 
 def measure(node: Node, kind: str, count: int) -> str:
-    """Return the processor time per request of a server with this executor, and its other work."""
+    """Return the processor time per request, and other results, of a server with an executor."""
     command = [sys.executable, __file__, '--serve', kind]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ros_environment()
@@ -134,7 +134,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 def main() -> None:
     """Measure all executors and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--count', type=int, default=1000, help='requests')
+    parser.add_argument('--count', type=int, default=1000, help='number of requests')
     parser.add_argument('--serve', choices=KINDS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve:

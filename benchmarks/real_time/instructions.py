@@ -64,7 +64,7 @@ class Counts:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        '--pieces', nargs='*', choices=PIECES, help='pieces to count (default: all)'
+        '--pieces', nargs='*', choices=PIECES, help='parts of the suite to count (default: all)'
     )
     options = parser.parse_args()
     if not shutil.which('valgrind'):

@@ -308,8 +308,8 @@ def report_nodes(seconds: float, repeats: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=10.0, help='duration of each run')
-    parser.add_argument('--repeats', type=int, default=3, help='number of runs')
+    parser.add_argument('--seconds', type=float, default=10.0, help='duration of each run [s]')
+    parser.add_argument('--repeats', type=int, default=3, help='number of runs per pair')
     parser.add_argument('--cycles', type=int, help=argparse.SUPPRESS)
     parser.add_argument('--pair', choices=ROLES, help=argparse.SUPPRESS)
     parser.add_argument('--part', type=int, help=argparse.SUPPRESS)

@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument(
         '--runs', type=int, default=3, help='number of times that the motion is played'
     )
-    parser.add_argument('--priority', type=int, default=80, help='SCHED_FIFO, 0 for none')
+    parser.add_argument('--priority', type=int, default=80, help='SCHED_FIFO priority; 0 for none')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

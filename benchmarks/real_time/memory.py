@@ -152,14 +152,14 @@ def watch(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--minutes', type=float, default=3.0, help='duration of the measurement')
+    parser.add_argument(
+        '--minutes', type=float, default=3.0, help='duration of the measurement [min]'
+    )
     parser.add_argument('--period', type=float, default=1e-3, help='period of the bridge [s]')
     parser.add_argument(
         '--priority', type=int, default=80, help='SCHED_FIFO priority of the bridge; 0 for none'
     )
-    parser.add_argument(
-        '--page-only', action='store_true', help='without recorder and base_reaction'
-    )
+    parser.add_argument('--page-only', action='store_true', help='omit recorder and base_reaction')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

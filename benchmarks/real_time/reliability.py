@@ -1,4 +1,4 @@
-"""Publisher cost of a reliable joint_states topic, compared with best effort in the same loop.
+"""Processor time of publishing joint_states reliably, compared with best-effort publishing.
 
 At 1 kHz a process publishes the same states on two topics in alternating order: best effort, and
 reliable with depth 1. Both have a subscriber of this package (best effort). The reliable topic may

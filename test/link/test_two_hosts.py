@@ -36,26 +36,26 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
 
 
 def test_a_press_on_the_ground_damps_the_arm(rig: Rig) -> None:
-    rig.relay.tell('loss 0.2')
+    rig.relay.send_line('loss 0.2')
     times = []
     for _ in range(10):
         times.append(rig.press())
         rig.clear()
-    rig.relay.tell('loss 0')
+    rig.relay.send_line('loss 0')
     assert sorted(times)[8] < 0.3, times  # one of ten: this machine may be busy
 
 
 def test_a_press_during_a_cut_is_kept_and_acts_afterwards(rig: Rig) -> None:
-    rig.relay.tell('cut 1')
+    rig.relay.send_line('cut 1')
     time.sleep(0.5)
     begin = time.monotonic()
-    rig.ground.tell('press')
+    rig.ground.send_line('press')
     answered = rig.ground.wait(lambda row: row.get('answer') is False, begin)
     texts = [row['text'] for row in rig.ground.rows() if row['time'] == answered]
     assert 'NOT DELIVERED YET' in str(texts[0])
     assert not any(r.get('mode') == 'fault' for r in rig.drone.rows() if r['time'] > begin)
     back = time.monotonic()
-    rig.relay.tell('cut 0')
+    rig.relay.send_line('cut 0')
     damped = rig.drone.wait(lambda row: row.get('mode') == 'fault', begin)
     assert damped - back < 0.5
     rig.clear()
@@ -79,17 +79,17 @@ def test_the_ground_moves_the_arm_and_a_lost_ground_stops_it(rig: Rig) -> None:
     assert 'arm_mode running' in arm(rig, 'enable', '--wait', 'running', '--timeout', '50')
     assert 'kp' in arm(rig, 'set', 'computed_torque', 'kp', '[400.0]')
     begin = rig.state()[0]
-    rig.ground.tell('sweep')
+    rig.ground.send_line('sweep')
     deadline = time.monotonic() + 30.0
     while abs(rig.state()[1][0]) < 0.1:
         assert time.monotonic() < deadline
-    rig.relay.tell('cut 1')
+    rig.relay.send_line('cut 1')
     time.sleep(3.0)
     position, velocity = rig.state()
     while np.any(np.abs(velocity) > 0.02):  # a busy machine brakes later
         assert time.monotonic() < deadline, velocity
         position, velocity = rig.state()
-    rig.relay.tell('cut 0')
+    rig.relay.send_line('cut 0')
     assert begin[0] - position[0] < 0.8, position  # it did not go on to the goal
     assert rig.drone.rows()[-1].get('mode') is None  # it is held, not damped
 
@@ -103,9 +103,9 @@ def flight(rig: Rig) -> Path:
     time.sleep(2.0)
     process.send_signal(signal.SIGINT)
     wait_for_text(log, 'fetching')
-    rig.relay.tell('cut 1')
+    rig.relay.send_line('cut 1')
     time.sleep(1.0)
-    rig.relay.tell('cut 0')
+    rig.relay.send_line('cut 0')
     assert process.wait(60.0) == 0, log.read_text()
     return rig.folder / 'flight'
 

@@ -1,8 +1,8 @@
-"""A made arm on the physics engine that is touched, as its encoders and currents show it.
+"""Emulated arm with contact forces, and the measurements of its encoders and current sensors.
 
-A position controller moves it at random. Encoders count 4096 per motor turn, velocities are
-low-passed at 100 Hz as on the boards, and currents are noisy. The model of the detector is the one
-that `identify` finds from a recording of the arm's own free motion.
+A position controller moves the arm at random. The encoders have 4096 counts per motor turn, the
+velocities are low-passed at 100 Hz as on the boards, and the currents are noisy. The contact
+detector uses the model that `identify` estimates from a recording of the arm without contact.
 """
 
 from collections.abc import Iterator
@@ -39,37 +39,37 @@ _NOISES = 8192
 
 
 class TouchedPlant(Plant):
-    """The arm with a force on one of its links; dry friction follows the load once per 5 ms."""
+    """Simulated arm with a contact force on a link; friction follows the load every 5 ms."""
 
     def cycle(self, effort: Array) -> None:
-        """Advance by a cycle under torques (n,) [Nm]."""
+        """Advance the simulation by a cycle, with joint torques (n,) [Nm]."""
         self._effort[:] = self._applied[:] = effort
         mujoco.mj_step(self._model, self._data, nstep=round(CYCLE / SUBSTEP))
 
     def follow_load(self) -> None:
-        """Let dry friction follow the load."""
+        """Update the dry friction of the joints to the present load."""
         self._set_friction()
 
     def touch(self, body: int, point: Array, force: Array) -> None:
-        """Apply a force [N] in world axes at a point of a body's frame [m] from now on."""
+        """Apply a constant force [N] in world axes at a point in a body's frame [m]."""
         self._data.xfrc_applied[:] = 0.0
         arm = self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ point
         moment = np.cross(arm - self._data.xipos[body], force)
         self._data.xfrc_applied[body] = [*force, *moment]
 
     def torque(self, body: int, point: Array, force: Array) -> Array:
-        """Return the torque on the joints (n,) [Nm] of such a force."""
+        """Return the joint torques (n,) [Nm] that a force at a point of a body causes."""
         jacobian = np.zeros((3, self.n))
         mujoco.mj_jac(self._model, self._data, jacobian, None, self.place(body, point), body)
         return np.array(jacobian.T @ force)
 
     @property
     def dry_friction(self) -> Array:
-        """Present dry friction (n,) [Nm]."""
+        """Present dry friction of the joints (n,) [Nm]."""
         return np.array(self._friction_limit)
 
     def place(self, body: int, point: Array) -> Array:
-        """Return where a point of a body is in the world (3,) [m]."""
+        """Return the world position (3,) [m] of a point of a body."""
         return np.array(self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ point)
 
     @property
@@ -78,7 +78,7 @@ class TouchedPlant(Plant):
         return int(self._model.nbody)
 
     def end_of(self, body: int) -> Array:
-        """Return where a body's child is attached (3,), in its frame [m]; the tool of the last."""
+        """Return the origin of a body's child in the body's frame (3,) [m]; or that of the tool."""
         children = [c for c in range(self._model.nbody) if self._model.body_parentid[c] == body]
         return np.array(self._model.body_pos[children[0]] if children else TOOL)
 
@@ -96,7 +96,7 @@ class Sensors:
         self.dq = np.zeros(n)
 
     def measure(self, position: Array, effort: Array) -> ArmState:
-        """Return the state at the end of a cycle under torques `effort` [Nm]."""
+        """Return the measured state at the end of a cycle with joint torques `effort` [Nm]."""
         q = self._counted(position)
         self.dq = self.dq + _LOW_PASS * ((q - self.q) / CYCLE - self.dq)
         self.q = q
@@ -108,7 +108,7 @@ class Sensors:
 
 
 class TouchedArm:
-    """One made arm that works under position control with feed-forward.
+    """Emulated arm that moves under position control with feed-forward.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ class TouchedArm:
         self._damping = 2.0 * self._stiffness / PURSUIT
 
     def cycles(self, count: int) -> Iterator[ArmState]:
-        """Advance by some cycles with one feed-forward and yield their states."""
+        """Advance by some cycles with constant feed-forward, and yield the measured states."""
         self.plant.follow_load()
         moves = [next(self._moves) for _ in range(count)]
         q, dq, ddq = moves[count // 2]
@@ -144,7 +144,7 @@ class TouchedArm:
             yield sensors.measure(self.plant._angle, tau)
 
     def record(self, seconds: float) -> Array:
-        """Return the states (k, 3, n) of free motion."""
+        """Return the states (k, 3, n) of a motion without contact."""
         count = 5
         return np.array(
             [state for _ in range(round(seconds / CYCLE / count)) for state in self.cycles(count)]
@@ -153,25 +153,25 @@ class TouchedArm:
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """What the detector knows of one made arm: model, thresholds and settings."""
+    """Model, thresholds and settings of the contact detector for one emulated arm."""
 
     model: KnownArm
     bound: ResidualBound
     settings: ContactSettings
 
     def external(self) -> ExternalTorque:
-        """Return a new observer."""
+        """Return a new observer of the external torque."""
         return ExternalTorque(self.model, self.bound.gain)
 
 
 def made(joints: int, seed: int) -> tuple[Arm, PlantParameters]:
-    """Return an arm and what the one of a seed is made of."""
+    """Return an arm, and the true parameters of the emulated arm with a seed."""
     arm = Arm.of(joints)
     return arm, arm.drawn.perturbed(seed, MADE)
 
 
 def identified(arm: Arm, truth: PlantParameters, seed: int) -> tuple[KnownArm, Recording]:
-    """Record a bag of free motion and identify the arm from it; return the recording too."""
+    """Record a motion without contact and identify the arm; return model and recording."""
     recording = _through_bag(arm, TouchedArm(arm, truth, seed).record(LEARNING))
     config = load_arm_config() if arm.robot.n == 4 else None
     options = IdentificationOptions()

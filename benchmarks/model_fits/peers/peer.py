@@ -1,4 +1,4 @@
-"""Runner of another tool in a separate virtual environment."""
+"""Runner of another identification tool in a separate virtual environment."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Boards with recorded answers, to run a bridge's cycle without the cost of the emulation."""
+"""Replay of recorded board answers, to run the bridge's cycle without emulated boards."""
 
 from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.robot import load_robot

@@ -1,4 +1,4 @@
-"""Separate parts of the nodes' work per cycle, for counting their instructions.
+"""Parts of the nodes' work per cycle that `instructions.py` runs separately to count instructions.
 
 In the folder `benchmarks/real_time`, `python -m counting.work PIECE CYCLES` runs one part for a
 number of cycles.

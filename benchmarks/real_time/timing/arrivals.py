@@ -70,7 +70,7 @@ def listen(seconds: float) -> list[float]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        '--seconds', type=float, default=10.0, help='duration from the first command'
+        '--seconds', type=float, default=10.0, help='duration from the first command [s]'
     )
     options = parser.parse_args()
     set_fifo(PRIORITY)

@@ -162,7 +162,7 @@ def test_a_wrong_path_raises_an_error_with_the_reason(tmp_path: Path, write_bag)
 def test_the_error_names_missing_files(write_bag) -> None:
     directory = write_bag()
     (directory / 'bag_0.mcap').unlink()
-    with pytest.raises(BagError, match=r'lacks bag_0.mcap, which metadata.yaml lists'):
+    with pytest.raises(BagError, match=r'lacks the files bag_0.mcap, which metadata.yaml lists'):
         read_joint_states(directory)
 
 

@@ -105,7 +105,7 @@ def test_messages_of_a_channel_with_two_names_are_ignored(file: Path) -> None:
     content = file.read_bytes().replace(b'/motor_states', b'/joint_states', 1)
     file.write_bytes(content)
     with pytest.warns(
-        BagWarning, match='channel 2 has the two names /motor_states and /joint_states'
+        BagWarning, match='channel 2 has the two topics /motor_states and /joint_states'
     ):
         found = read_joint_states(file)
     assert found.sequence.tolist() == list(range(1, COUNT + 1))

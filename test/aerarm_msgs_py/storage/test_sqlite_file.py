@@ -52,7 +52,7 @@ def test_wrong_topics_and_files_raise_errors_with_the_reason(tmp_path: Path, rec
     with pytest.raises(BagError, match='no topic /imu: choose one of /joint_states'):
         read_joint_states(directory, '/imu')
     next(directory.glob('*.db3')).unlink()
-    with pytest.raises(BagError, match=r'lacks bag.db3, which metadata.yaml lists'):
+    with pytest.raises(BagError, match=r'lacks the files bag.db3, which metadata.yaml lists'):
         read_joint_states(directory)
 
 
@@ -127,7 +127,7 @@ def test_values_of_other_types_are_ignored_with_a_warning(database: Path) -> Non
         connection.execute('UPDATE messages SET data = 3.5 WHERE id = 9')
         connection.execute('UPDATE messages SET topic_id = 77 WHERE id = 11')
     connection.close()
-    with pytest.warns(BagWarning, match='3 messages of another type, or without a topic'):
+    with pytest.warns(BagWarning, match='3 messages with a wrong type, or without a topic'):
         assert len(read_joint_states(database)) == 497
 
 
@@ -135,5 +135,5 @@ def test_a_damaged_page_ends_in_one_error(database: Path) -> None:
     content = bytearray(database.read_bytes())
     content[len(content) // 2 : len(content) // 2 + 4096] = bytes(4096)
     database.write_bytes(content)
-    with pytest.raises(BagError, match='malformed; copy the file again, or repair it'):
+    with pytest.raises(BagError, match='malformed; copy it again, or repair it'):
         read_joint_states(database)

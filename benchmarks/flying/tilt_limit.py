@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import JointReference
 _STEP = 0.02  # [s]
 
 
-def lean_limit(
+def tilt_limit(
     drone: DroneConfig, program: FlightProgram, urdf: Path | None = None
 ) -> dict[str, float]:
     """Return, for each part, the RMS body displacement [mm] at constant centre of mass.
