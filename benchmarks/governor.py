@@ -86,12 +86,14 @@ class Points:
         return JointReference(*(np.ravel(part) for part in self.motion.evaluate(time)))
 
 
-def governor_of(drone: DroneConfig, share: float, heading: HeadingControl) -> RotorGovernor:
+def governor_of(
+    drone: DroneConfig, share: float, heading: HeadingControl, unknown: float
+) -> RotorGovernor:
     """Return the governor of the nominal arm under a drone."""
     robot = load_robot(gravity_in_base=drone.gravity_in_base)
     rotors = load_arm_config().column('reflected_inertia')
     whole = WholeBodyDynamics(robot, rotors, carrier_parameters(drone))
-    return RotorGovernor(whole, drone, drone.gravity_in_base, share, heading)
+    return RotorGovernor(whole, drone, drone.gravity_in_base, share, heading, unknown)
 
 
 def governed(governor: RotorGovernor, part: str, motion: JointMotion) -> JointMotion:
@@ -170,6 +172,9 @@ def main() -> None:
         '--frequency', type=float, default=2.0, help='parameter heading_frequency [rad/s]'
     )
     parser.add_argument(
+        '--unknown', type=float, default=0.25, help='parameter unknown_payload [kg]'
+    )
+    parser.add_argument(
         '--carried', type=float, default=0.0, help='mass of an unknown payload [kg]'
     )
     parser.add_argument(
@@ -187,7 +192,7 @@ def main() -> None:
                 heading = HeadingControl(
                     np.radians(options.heading), options.frequency, WAYS[way] is not None
                 )
-                governor = governor_of(drone, options.share, heading)
+                governor = governor_of(drone, options.share, heading, options.unknown)
                 for word in ('off', 'on'):
                     motion = motions[part]
                     if options.stream:

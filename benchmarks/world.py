@@ -87,6 +87,7 @@ def main() -> int:
     rclpy.init(args=[])
     node = rclpy.create_node('world')
     records: dict[str, HoldingRecord | str] = {}
+    pushes: dict[str, PushingRecord | str] = {}
     print(LINE.format(*HEADINGS), flush=True)
     with tempfile.TemporaryDirectory() as folder:
         arm = ArmModel.true()
@@ -97,10 +98,11 @@ def main() -> int:
             print(line(name, records[name]), flush=True)
         print(PUSH_LINE.format(*PUSH_HEADINGS), flush=True)
         for name in filter(PUSHES.__contains__, options.cases):
-            print(push_line(name, push(node, name, arm, options.seconds)), flush=True)
+            pushes[name] = push(node, name, arm, options.seconds)
+            print(push_line(name, pushes[name]), flush=True)
     rclpy.shutdown()
     if options.out:
-        write_page(options.out / 'world.html', records, f'The arm model is {arm.name}.')
+        write_page(options.out / 'world.html', records, pushes, f'The arm model is {arm.name}.')
     return 0
 
 

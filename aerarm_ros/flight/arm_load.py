@@ -446,7 +446,7 @@ class ArmFeedForward:
         return fed._replace(wrench=fed.wrench + wrench, wrench_now=fed.wrench_now + wrench)
 
     def _motion_at(self, now: float) -> tuple[Array, Array, Array, Array] | None:
-        """Return both wrenches and the force's derivatives, None if unknown."""
+        """Return the wrenches of the arm's motion now and ahead, and the force's derivatives."""
         ahead, motion = now + self.lead, self._motion
         wrench = motion.at(ahead)
         if wrench is None:

@@ -292,7 +292,7 @@ class FlightControl:
         return self._thrusts(state, self._at_rest, force, wanted, np.zeros((2, 3)), dt)
 
     def _estimate(self, state: FlightState, arm: FeedForward, dt: float) -> None:
-        """Compare the known wrench of the last step with the drone's motion."""
+        """Update the estimate of the unmodelled wrench from the drone's motion."""
         wrench = self._rotors.advance(dt)
         if self._disturbance is None:
             return
@@ -393,7 +393,7 @@ def _attitude(up: Array, yaw: float) -> Array:
 
 
 def _turning(force: Array, rate: Array, curvature: Array) -> Array:
-    """Return angular velocity and acceleration (2, 3) in the world of a force's direction.
+    """Return angular velocity and acceleration (2, 3) of a force's direction, in the world.
 
     The result is of first order in the force's rate and has no rotation about the force.
     """

@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class FreezeWatch:
-    """Measure the time for which a reading has not changed by a single bit.
+    """Measure how long a sensor has repeated exactly the same value.
 
     Parameters
     ----------

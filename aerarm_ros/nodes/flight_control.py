@@ -23,7 +23,7 @@ from aerarm_ros.autopilot.px4_flight import FirmwareFlight
 from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.flight.flight_estimator import FlightEstimator
 from aerarm_ros.flight.flight_state import FlightPath, FlightTarget, OdometrySample
-from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, rejection
 from aerarm_ros.ros.executors import BackgroundExecutor, create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone, to_path, to_target
 from aerarm_ros.ros.flight.flight_parameters import (
@@ -119,7 +119,7 @@ class FlightControlNode:
         self.node.destroy_node()
 
     def _is_settling(self) -> bool:
-        """Let the autopilot's firmware settle before flight; return True until it has."""
+        """Start the autopilot's firmware before flight; return whether it is still starting."""
         law = self._law
         if not isinstance(law, FirmwareFlight) or not law.is_settling:
             return False
@@ -146,7 +146,7 @@ class FlightControlNode:
         self._fly(stamp_ns)
 
     def _wait_for_arm(self) -> None:
-        """Wait for a late forecast of the arm; after a time-out, only after a forecast in time."""
+        """Wait for a late arm forecast; after a time-out, skip the wait until one is on time."""
         if not self._is_forecast_late():
             self._waits_for_arm = True
             return
@@ -239,7 +239,7 @@ class FlightControlNode:
         missing = self._estimator.missing()
         problem = self._doing
         if not problem and time.monotonic() - self._rejected_at < _REMEMBERED:
-            problem = f'rejected: {self._rejection}'
+            problem = rejection(self._rejection)
         if not problem and missing:
             problem = f'{" and ".join(missing)} silent'
         problem = problem or self._forecast_problem()
@@ -254,7 +254,7 @@ class FlightControlNode:
         self._diagnostics.report(problem, values)
 
     def _forecast_problem(self) -> str:
-        """Return why most forecasts since the last report could not be used; empty if they were."""
+        """Return why most arm forecasts since the last report were unusable, or an empty text."""
         answers, late = self._reported
         self._reported = self._answers, self._late
         if not self._late - late > 0.5 * (self._answers - answers):
@@ -274,7 +274,7 @@ class FlightControlNode:
     def _reject(self, reason: str) -> None:
         self._rejections += 1
         self._rejection, self._rejected_at = reason, time.monotonic()
-        self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+        self.node.get_logger().warning(rejection(reason), throttle_duration_sec=1.0)
 
     def _on_stop(self) -> None:
         self._stopping = True

@@ -14,6 +14,11 @@ PERIOD = 1.0
 """[s] Reporting period of a node without changes."""
 
 
+def rejection(reason: str) -> str:
+    """Return the text of a rejected input, for log and diagnostics."""
+    return reason if ' rejected' in reason else f'rejected: {reason}'
+
+
 class DiagnosticsPublisher:
     """Create and publish diagnostic statuses in a node's name.
 

@@ -23,9 +23,10 @@ class HeadingControl:
     """Model of a drone's heading control, with limited moment, and the accepted deviation.
 
     The vertical angular momentum p of drone and arm changes only by the rotors' moment u. With the
-    arm's own momentum L and the inertia I of drone and arm about the vertical, the heading psi is::
+    momentum L of the arm, that of an unknown payload L_p, and the inertia I of drone and arm about
+    the vertical, the heading psi is::
 
-        dpsi = (p - L) / I
+        dpsi = (p - L - L_p) / I
         dp   = u = 0.8 dL (if fed forward) - I_0 (2 zeta w dpsi + w^2 psi),    low <= u <= high
 
     Without a moment of the rotors the heading depends on the path of the arm alone and not on its
@@ -63,7 +64,13 @@ class HeadingControl:
         return 2.0 * turn_max if self._is_fed else turn_max
 
     def excursion(
-        self, times: Array, momentum: Array, inertia: Array, low: Array, high: Array
+        self,
+        times: Array,
+        momentum: Array,
+        inertia: Array,
+        low: Array,
+        high: Array,
+        carried: Array | float = 0.0,
     ) -> float:
         """Return the largest deviation of the heading during a motion and after it [rad].
 
@@ -79,6 +86,8 @@ class HeadingControl:
         low, high : (M,) ndarray
             Smallest and largest moment of the rotors about the vertical, beside hovering and the
             other moments of the motion [Nm].
+        carried : (M,) ndarray
+            Angular momentum of the unknown payload [Nms].
         """
         w = self._frequency
         end = float(times[-1]) + _TAIL / w
@@ -87,6 +96,7 @@ class HeadingControl:
         rows = [np.interp(grid, times, row) for row in (momentum, inertia, low, high)]
         known = _FED if self._is_fed else 0.0
         fed = known * np.diff(rows[0], append=rows[0][-1]) / grid[1]
+        rows[0] = rows[0] + np.interp(grid, times, np.broadcast_to(carried, times.shape))
         least = float(inertia.min())
         return _largest(grid[1], least * w * w, 2.0 * _DAMPING * least * w, [*rows, fed])
 

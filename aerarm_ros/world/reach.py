@@ -28,7 +28,7 @@ DIRECTIONS = np.vstack([np.eye(3), -np.eye(3)])
 
 
 class ReachMargin(NamedTuple):
-    """Distances that the base can move while the tool stays in place.
+    """Distances [m] that the drone can move while the tool stays in place.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Slow a motion of the arm to the capacity of the drone's rotors."""
+"""Slow a motion of the arm down so that the rotors of its drone can follow."""
 
 from typing import NamedTuple, Protocol
 
@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from aerarm_ros.control.base.rotor_wrench import wrench_per_thrust
-from aerarm_ros.control.checks import RejectedInputError, positive
+from aerarm_ros.control.checks import RejectedInputError, non_negative_number, positive
 from aerarm_ros.control.references.reference_chase import MotionLimit
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.model.inertia import cross
+from aerarm_ros.model.kinematics import Kinematics
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import Array, JointReference
@@ -44,12 +45,13 @@ class PacedMotion(Protocol):
 
 
 class _Course(NamedTuple):
-    """A motion at M times [s], with the needs of its points.
+    """Samples of a motion at M times [s], with the thrusts that each sample needs.
 
     At the pace r with its rate r' the thrusts [N] are `along r' + across r^2 + still`, from the
     middle of each rotor's range, (M, m) each. `sideways` (2, M, 3) is the horizontal force [N] for
     which a drone with rotors in one plane tilts, along and across. `inertia` (M, 3, 3) is that of
-    drone and arm [kg m^2], and `momentum` (M,) the arm's about the vertical [Nms].
+    drone and arm [kg m^2], and `momentum` and `carried` (M,) those of the arm and of
+    the unknown payload about the vertical [Nms].
     """
 
     times: Array
@@ -60,10 +62,11 @@ class _Course(NamedTuple):
     sideways: Array
     inertia: Array
     momentum: Array
+    carried: Array
 
 
 class RotorGovernor:
-    """Slow a motion along its own path until rotors keep a margin and the heading stays.
+    """Slow a motion along its path until rotor thrusts and heading respect their limits.
 
     The pace r is the speed relative to the given motion, and r' [1/s] is its rate. At a point of
     the motion, a level, hovering drone needs these thrusts::
@@ -91,6 +94,9 @@ class RotorGovernor:
         Used fraction of the rotors' thrust range [-].
     heading : HeadingControl, optional
         Model of the heading with its limit; without it only the thrusts are limited.
+    unknown_payload : float
+        Mass at the tool [kg] that `whole` does not contain; the limit of the heading applies to
+        the arm with this mass.
 
     Attributes
     ----------
@@ -105,8 +111,11 @@ class RotorGovernor:
         gravity_in_base: npt.ArrayLike,
         share: float = 0.7,
         heading: HeadingControl | None = None,
+        unknown_payload: float = 0.0,
     ) -> None:
         self.whole = whole
+        self._unknown = non_negative_number('unknown_payload', unknown_payload)
+        self._tool = Kinematics(whole.robot)
         self._share = min(positive('share', share), 1.0)
         self._heading = heading
         self._felt = np.concatenate([-np.array(gravity_in_base, dtype=float), np.zeros(3)])
@@ -123,7 +132,7 @@ class RotorGovernor:
         self.last_stretch = 1.0
 
     def thrusts(self, motion: JointReference) -> tuple[Array, Array, Array]:
-        """Return the thrusts `along`, `across` and `still`, (m,) [N] each, of a point of a motion.
+        """Return the thrusts (m,) [N] that a point of a motion needs: along, across and still.
 
         At the pace r with its rate r' the thrusts are `along r' + across r^2 + still`.
         """
@@ -148,6 +157,17 @@ class RotorGovernor:
         """
         force = self._project @ wrench[:3]
         return np.concatenate([force, wrench[3:] + cross(com, force - wrench[:3])])
+
+    def _carried(self, motion: JointReference, com: Array, linear: Array) -> float:
+        """Return the momentum of the unknown payload about the vertical [Nms].
+
+        The momentum is about the centre of mass and relative to its velocity; `linear` (3,) is the
+        linear momentum of the arm [Ns].
+        """
+        q, dq, _ = motion
+        lever = cross(self._up, self._tool.position(q) - com)
+        velocity = self._tool.position_jacobian(q) @ dq - linear / self.whole.mass
+        return self._unknown * float(lever @ velocity)
 
     def usage(self, motion: JointReference, pace: float = 1.0, change: float = 0.0) -> float:
         """Return the rotors' largest usage: 0 in the middle of the range, 1 at the limit."""
@@ -216,7 +236,7 @@ class RotorGovernor:
         return high
 
     def limited(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return an acceleration (n,) [rad/s^2], shortened until the thrusts are in their share.
+        """Return a joint acceleration (n,) [rad/s^2] reduced to the allowed rotor thrusts.
 
         If the thrusts are beyond their share without acceleration, a fraction of it stays, with
         which the arm can brake.
@@ -291,12 +311,12 @@ class RotorGovernor:
         return coupling, com, inertia, self._mixer @ self._given(wrench, com) - self._middle
 
     def _course(self, motion: PacedMotion, most: int | None = None) -> _Course:
-        """Return the motion at points every 20 ms, `most` at most; checks that the drone hovers."""
+        """Return samples of a motion every 20 ms, `most` at most; check that the drone hovers."""
         count = max(2, int(np.ceil(motion.duration / _STEP)) + 1)
         times = np.linspace(0.0, motion.duration, count if most is None else min(count, most))
         points = [motion.evaluate(min(time, motion.duration)) for time in times.tolist()]
         rows = [self._row(point) for point in points]
-        along, across, still, sideways, inertia, momentum = map(np.array, zip(*rows, strict=True))
+        along, across, still, sideways, *turning = map(np.array, zip(*rows, strict=True))
         still = still - self._middle
         left = (self._share * self._half - np.abs(still)).min(axis=1)
         if np.any(left < 0.0):
@@ -306,16 +326,17 @@ class RotorGovernor:
                 "rotors' range: choose another posture"
             )
         sideways = np.swapaxes(sideways, 0, 1)
-        return _Course(times, points, along, across, still, sideways, inertia, momentum)
+        return _Course(times, points, along, across, still, sideways, *turning)
 
-    def _row(self, point: JointReference) -> tuple[Array, Array, Array, Array, Array, float]:
-        """Return the entries of one point of a `_Course`."""
+    def _row(self, point: JointReference) -> tuple[Array | float, ...]:
+        """Return the values of one sample of a `_Course`."""
         _, com, inertia = self.whole.composite_inertia(point.q)
         wrenches = self._wrenches(point)
         along, across, still = (self._mixer @ self._given(wrench, com) for wrench in wrenches)
         left_out = np.array([wrench[:3] - self._project @ wrench[:3] for wrench in wrenches[:2]])
         momentum = wrenches[0][3:] - cross(com, wrenches[0][:3])  # M_bj dq about the centre
-        return along, across, still, left_out, inertia, float(self._up @ momentum)
+        carried = self._carried(point, com, wrenches[0][:3])
+        return along, across, still, left_out, inertia, float(self._up @ momentum), carried
 
     def _static_pace(self, course: _Course) -> Array:
         """Return the highest pace (M,), at most 1, with `across r^2 + still` within limits."""
@@ -328,7 +349,7 @@ class RotorGovernor:
         return pace
 
     def _factor(self, course: _Course, pace: Array) -> float:
-        """Return 1 if the limits are respected at a pace (M,), otherwise a factor to try."""
+        """Return 1 if a pace (M,) respects the limits, otherwise a factor to try."""
         times = _stretched(course.times, pace)
         change = np.gradient(pace, times)
         motion = course.along * change[:, None] + course.across * (pace**2)[:, None]
@@ -344,13 +365,16 @@ class RotorGovernor:
         momentum = pace * course.momentum
         low, high = self._moments(wanted, np.gradient(momentum, times))
         inertia = course.inertia @ self._up @ self._up
-        turned = self._heading.excursion(times, momentum, inertia, low, high)
+        turned = max(
+            self._heading.excursion(times, momentum, inertia, low, high, carried)
+            for carried in ((0.0, pace * course.carried) if course.carried.any() else (0.0,))
+        )
         if turned <= self._heading.limit:
             return 1.0
         return _factor_of(self._heading.limit / turned)
 
     def _moments(self, wanted: Array, moment: Array) -> tuple[Array, Array]:
-        """Return the moments (M,) [Nm] about the vertical that other thrusts leave available.
+        """Return the smallest and largest moment (M,) [Nm] about the vertical that remain.
 
         `wanted` (M, m) are all thrusts from the middle of their range, including those for the
         `moment` (M,) about the vertical. Other thrusts beyond the limits leave no range.
@@ -394,7 +418,7 @@ class RotorGovernor:
 
 
 class ReactionLimit:
-    """Limit the lasting part of a control law's reaction to the drone.
+    """Limit the joint acceleration with which a control law reacts to the drone.
 
     The drone itself moves against a short acceleration of the joints, without its rotors. So the
     mean over 0.1 s (first-order low-pass) must keep the thrusts within their share, and the
@@ -429,12 +453,12 @@ def _shared(room: Array, moved: Array, most: Array) -> Array:
 
 
 def _factor_of(square: float) -> float:
-    """Return a factor of the pace to try, for a need that falls with the square of the pace."""
+    """Return a factor to try for the pace, because thrusts decrease with the square of the pace."""
     return float(min(max(np.sqrt(square), _MOST_SLOWER), _LEAST_SLOWER))
 
 
 def _stretched(times: Array, pace: Array) -> Array:
-    """Return the times (M,) [s] at which a motion at a pace (M,) is at its own times."""
+    """Return the times (M,) [s] at which a slowed motion reaches its original times."""
     rates = 2.0 / (pace[1:] + pace[:-1])
     stretched: Array = np.concatenate([[0.0], np.cumsum(np.diff(times) * rates)])
     return stretched

@@ -95,7 +95,7 @@ class ToolForceObserver(MomentumObserver):
         self._prior = 1.0 / across**2
 
     def look(self, along: Array | None, now: float) -> None:
-        """Estimate the force along a direction (3,) in base axes from now on, None for not."""
+        """Start the force estimate along a direction (3,) in base axes, or stop it with None."""
         if along is None or self._along is None:
             self._touched.reset()
         self._along, self._now = along, now
@@ -290,7 +290,7 @@ class ToolForce:
     def update(
         self, reference: TaskReference, pose: BasePose, place: Array, now: float, dt: float
     ) -> TaskReference | None:
-        """Return the reference with its motion along the force replaced.
+        """Return the tool reference with its motion along the force replaced.
 
         The result is None if the contact has ended; `reason` then states why.
 
@@ -315,11 +315,15 @@ class ToolForce:
         if self.phase is Phase.CONTACT:
             self._observer.press(-self._commanded * along, pose.to_base(place))
         speed = self._speed if self.phase is Phase.APPROACH else 0.0
+        p, dp, ddp = self.across(reference)
+        n = self.direction
+        return TaskReference(p + (self._along - n @ p) * n, dp + speed * n, ddp)
+
+    def across(self, reference: TaskReference) -> TaskReference:
+        """Return a reference without its velocity and acceleration along the force."""
         p, dp, ddp = reference
         n = self.direction
-        return TaskReference(
-            p + (self._along - n @ p) * n, dp + (speed - n @ dp) * n, ddp - (n @ ddp) * n
-        )
+        return TaskReference(p, dp - (n @ dp) * n, ddp - (n @ ddp) * n)
 
     def _approach(self, measured: float, at: float, now: float, dt: float) -> None:
         settings = self.settings

@@ -325,12 +325,15 @@ class WorldToolReference:
     def ahead(self, times: Array) -> list[TaskReference] | None:
         """Return the planned motion at times (M,) [s], None while the arm is stopped.
 
-        The plan is only the goal's own motion. The plan excludes the base's motion and the tool's
-        return to its goal.
+        The plan is only the goal's own motion. The plan excludes the base's motion, the tool's
+        return to its goal, and during a contact the goal's motion along the force.
         """
         if self._goal is None or self.reason:
             return None
-        return [self._goal.at(time) for time in times.tolist()]
+        planned = [self._goal.at(time) for time in times.tolist()]
+        if self.force is not None and self.force.is_active:
+            planned = [self.force.across(motion) for motion in planned]
+        return planned
 
     def _next(self, pose: BasePose, now: float, dt: float) -> WorldReference:
         goal = self._goal

@@ -122,7 +122,10 @@ class HoldingBench:
         client.wait_for_mode(['idle'], PATIENCE)
         self._wait('flight_control', lambda: bool(node.count_publishers('rotor_command')))
         if case.law != HELD:
-            self._wait('world_control', lambda: bool(self._targets.get_subscription_count()))
+            inputs = self._targets, self._motions, self._pushes
+            self._wait(
+                'world_control', lambda: all(each.get_subscription_count() for each in inputs)
+            )
         client.call('enable')
         self._wait('the drone', lambda: self.said('drone') == 'flying')
 

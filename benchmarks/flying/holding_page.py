@@ -8,24 +8,39 @@ from flying.flight_record import FlightRecord
 from flying.flight_replay import replay
 from flying.holding_bench import HoldingRecord
 from flying.holding_case import CASES, HELD
+from flying.pushing_bench import PushingRecord
+from flying.pushing_case import PUSHES
 
 from aerarm_ros.description.resources import write_whole
 from aerarm_ros.pages.html_text import Html, origin, page, paragraph, section, table
 from aerarm_ros.pages.plots import figure_html, plotly_figure, plotting_script
 
+PUSH_COLUMNS = (
+    'flight', 'force error RMS [N]', 'peak [N]', 'tool error across RMS [mm]', 'stop [mm]',
+    'goal [N] or [mm]', 'status',
+)  # fmt: skip
 COLUMNS = 'flight', 'tool RMS [mm]', 'largest', 'drone RMS [mm]', 'largest', 'goal [mm]', 'status'
 _THINNED = 8
 _REPLAYED = 'tool at rest'
 
 
-def write_page(path: Path, records: Mapping[str, HoldingRecord | str], note: str) -> None:
+def write_page(
+    path: Path,
+    records: Mapping[str, HoldingRecord | str],
+    pushes: Mapping[str, PushingRecord | str],
+    note: str,
+) -> None:
     """Write the page, and print its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, holding_page(records, note))
+    write_whole(path, holding_page(records, pushes, note))
     print(f'Page      {path}')
 
 
-def holding_page(records: Mapping[str, HoldingRecord | str], note: str) -> str:
+def holding_page(
+    records: Mapping[str, HoldingRecord | str],
+    pushes: Mapping[str, PushingRecord | str],
+    note: str,
+) -> str:
     """Return the page as HTML; a failed flight is represented by its reason."""
     flown = {name: x for name, x in records.items() if isinstance(x, HoldingRecord)}
     errors = {name: 1e3 * np.linalg.norm(x.tools - x.targets, axis=1) for name, x in flown.items()}
@@ -44,6 +59,8 @@ def holding_page(records: Mapping[str, HoldingRecord | str], note: str) -> str:
     if shown:
         drawn = plotly_figure(replay(shown, CASES[_REPLAYED].flown, larger=1.0))
         body.append(section('Replay', drawn))
+    if pushes:
+        body += _pushes(pushes)
     return page(
         'The tool keeps its position while its drone moves', plotting_script(), body, origin()
     )
@@ -55,6 +72,31 @@ def _row(name: str, record: HoldingRecord | str) -> tuple[object, ...]:
     if isinstance(record, str):
         return name, *[None] * 4, asked, record
     return name, *record.figures(), asked, record.diagnostics
+
+
+def _pushes(pushes: Mapping[str, PushingRecord | str]) -> list[Html]:
+    """Return the sections about the force on a wall."""
+    flown = {name: x for name, x in pushes.items() if isinstance(x, PushingRecord)}
+    flights = {name: record.flight for name, record in flown.items()}
+    forces = {name: record.forces for name, record in flown.items()}
+    shown = {name: _flight(flights[name]) for name in list(flown)[-3:-2] or list(flown)[:1]}
+    rows = [_push_row(*item) for item in pushes.items()]
+    parts = [section('Force on a wall', table(PUSH_COLUMNS, rows, []))]
+    if flown:
+        parts.append(section('Force over time', _plot(flights, forces, 'force [N]', 'force')))
+    for name in shown:
+        drawn = plotly_figure(replay(shown, PUSHES[name].flown, larger=1.0))
+        parts.append(section(f'Replay: {name}', drawn))
+    return parts
+
+
+def _push_row(name: str, record: PushingRecord | str) -> tuple[object, ...]:
+    goal = PUSHES[name].goal
+    asked = goal if np.isfinite(goal) else None
+    if isinstance(record, str):
+        return name, *[None] * 4, asked, record
+    figures = [None if np.isnan(value) else round(value, 2) for value in record.figures()]
+    return name, *figures, asked, record.flight.diagnostics
 
 
 def _flight(record: HoldingRecord) -> FlightRecord:
@@ -82,7 +124,7 @@ def _plot(
         'height': 420,
         'margin': {'l': 60, 'r': 10, 't': 30, 'b': 90},
         'xaxis': {'title': {'text': 't [s]'}},
-        'yaxis': {'title': {'text': title}, 'type': 'log'},
+        'yaxis': {'title': {'text': title}, 'type': 'linear' if name == 'force' else 'log'},
         'legend': {'orientation': 'h', 'y': -0.18, 'yanchor': 'top'},
     }
     return figure_html(name, traces, layout)

@@ -12,6 +12,7 @@ from aerarm_ros.description.arm_config import load_arm_config
 from aerarm_ros.description.drone_config import DroneConfig, load_drone_config
 from aerarm_ros.description.resources import resource
 from aerarm_ros.description.robot import load_robot
+from aerarm_ros.model.inertia import parameters_of_body
 from aerarm_ros.model.whole_body_dynamics import WholeBodyDynamics
 from aerarm_ros.motion.polynomial_path import PolynomialPath
 from aerarm_ros.motion.signals import JointReference
@@ -27,12 +28,15 @@ BESIDE, TURNED = HANGING - [0.0, 0.6, 0.0, 0.0], HANGING + [1.5, -0.6, 0.0, 0.0]
 
 
 def governor_of(
-    drone: DroneConfig, share: float = 0.7, heading: HeadingControl | None = None
+    drone: DroneConfig,
+    share: float = 0.7,
+    heading: HeadingControl | None = None,
+    unknown: float = 0.0,
 ) -> RotorGovernor:
     robot = load_robot(gravity_in_base=drone.gravity_in_base)
     rotors = load_arm_config().column('reflected_inertia')
     whole = WholeBodyDynamics(robot, rotors, carrier_parameters(drone))
-    return RotorGovernor(whole, drone, drone.gravity_in_base, share, heading)
+    return RotorGovernor(whole, drone, drone.gravity_in_base, share, heading, unknown)
 
 
 @pytest.fixture(params=['drone.yaml', 'drones/tilted_hexarotor.yaml'])
@@ -185,6 +189,26 @@ def test_turning_is_the_rotation_of_a_free_drone(drone: DroneConfig) -> None:
     up = -drone.gravity_in_base / 9.81
     assert limit.turning @ dq == pytest.approx(up @ momentum / (up @ inertia @ up), rel=1e-6)
     assert limit.turn_max == HeadingControl(LIMIT).turn_max
+
+
+def test_an_unknown_payload_has_the_momentum_of_a_known_one(drone: DroneConfig) -> None:
+    motion = JointReference(BESIDE, np.array([0.3, -0.2, 0.5, 0.4]), np.zeros(4))
+    governor = governor_of(drone, heading=HeadingControl(LIMIT), unknown=1e-3)
+    *_, empty, carried = governor._row(motion)
+    at_tool = [0.1, 0.0, 0.0]  # [m] in the frame of the last joint
+    governor.whole.carry(parameters_of_body(1e-3, at_tool, np.zeros((3, 3))))
+    *_, loaded, _ = governor._row(motion)
+    assert abs(carried) > 1e-5
+    assert carried == pytest.approx(loaded - empty, rel=1e-2)
+
+
+def test_an_arm_that_may_carry_an_unknown_payload_moves_slower() -> None:
+    drone, motion = load_drone_config(), PolynomialPath.rest_to_rest(BESIDE, TURNED, 1.0)
+    durations = [
+        governor_of(drone, heading=HeadingControl(LIMIT), unknown=mass).govern(motion).duration
+        for mass in (0.0, 0.2)
+    ]
+    assert durations[1] > 1.05 * durations[0], durations
 
 
 def test_a_reaction_is_limited_only_if_it_lasts(drone: DroneConfig) -> None:

@@ -199,6 +199,10 @@ ROTOR_PARAMETERS = grouped(
     Parameter('heading_feedforward', False,
         "whether the drone's controller feeds the arm's motion forward, as flight_control does "
         'with base_reaction; motions about the vertical axis can then be faster'),
+    Parameter('unknown_payload', 0.25,
+        'mass at the tool that the arm may carry in addition to the known payload, in the '
+        'prediction of the heading; 0 for faster motions of an arm without unknown payload',
+        'kg', 0.0, 10.0),
 )  # fmt: skip
 
 FOLLOWER_PARAMETERS = ROTOR_PARAMETERS + grouped(
@@ -465,14 +469,15 @@ class ControlledArm:
         """Return the governor of the values of `ROTOR_PARAMETERS`; None without drone or check."""
         if self.drone is None or values.rotor_share == 0.0:
             return None
-        heading = None
+        heading, unknown = None, 0.0
         if getattr(values, 'heading_max', 0.0):
+            unknown = values.unknown_payload
             heading = HeadingControl(
                 values.heading_max, values.heading_frequency, values.heading_feedforward
             )
         whole = self.whole_body(values, self.drone)
         gravity = self.robot.gravity_in_base
-        return RotorGovernor(whole, self.drone, gravity, values.rotor_share, heading)
+        return RotorGovernor(whole, self.drone, gravity, values.rotor_share, heading, unknown)
 
 
 def payload_problem(changes: Mapping[str, Any]) -> str:

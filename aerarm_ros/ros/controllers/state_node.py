@@ -29,7 +29,7 @@ from aerarm_ros.ros.controllers.controller_parameters import (
     ControlledArm,
     payload_problem,
 )
-from aerarm_ros.ros.diagnostics import WaitingNotice
+from aerarm_ros.ros.diagnostics import WaitingNotice, rejection
 from aerarm_ros.ros.executors import BackgroundExecutor
 from aerarm_ros.ros.parameters.parameter import Parameter
 from aerarm_ros.ros.parameters.parameter_table import ParameterTable
@@ -266,7 +266,7 @@ class StateNode:
     def reject(self, reason: str) -> None:
         """Report a rejected input."""
         self.diagnostics.add_rejection(reason)
-        self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+        self.node.get_logger().warning(rejection(reason), throttle_duration_sec=1.0)
 
     # The loop.
 

@@ -1,4 +1,4 @@
-"""Topics of the tool in the world: targets, the tool's pose, its reach and a status request."""
+"""Topics of `world_control`: targets, tool pose, remaining reach and planned contact."""
 
 from __future__ import annotations
 

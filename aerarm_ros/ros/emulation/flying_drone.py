@@ -21,6 +21,7 @@ from aerarm_ros.description.drone_urdf import BODY_LINK, IMU_LINK
 from aerarm_ros.hardware.bridge_modes import HELD
 from aerarm_ros.hardware.emulation.emulated_transport import AnswerWatch
 from aerarm_ros.ros.bridge.bridge_diagnostics import Status
+from aerarm_ros.ros.diagnostics import rejection
 from aerarm_ros.ros.states.flight_stream import RotorCommands
 from aerarm_ros.ros.states.state_stream import base_header
 from aerarm_ros.simulation.flying_plant import FlyingPlant, FreeBasePlant, MovingBasePlant
@@ -179,7 +180,7 @@ class FlyingDrone(EmulatedDrone):
                 ('no rotor commands, so the rotors stop and the drone falls'),
             )
         if time.monotonic() - self._rejected_at < _REMEMBERED:
-            level, text = DiagnosticStatus.WARN, f'rejected: {self._rejection}'
+            level, text = DiagnosticStatus.WARN, rejection(self._rejection)
         values: dict[str, object] = {
             f'{name} thrust [N]': f'{thrust:.2f}'
             for name, thrust in zip(self._flight.drone.rotor_names, rotors.thrust, strict=True)
@@ -273,4 +274,4 @@ class FlyingDrone(EmulatedDrone):
     def _reject(self, reason: str) -> None:
         self._rejections += 1
         self._rejection, self._rejected_at = reason, time.monotonic()
-        self._logger.warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+        self._logger.warning(rejection(reason), throttle_duration_sec=1.0)

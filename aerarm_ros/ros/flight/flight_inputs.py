@@ -24,7 +24,7 @@ from aerarm_ros.ros.parameters.shared_parameters import load_arm, load_drone
 
 
 def load_flown_drone(values: SimpleNamespace) -> tuple[ArmConfig, DroneConfig, MassProperties]:
-    """Return the arm, the drone, and the mass properties of both with the arm at rest.
+    """Return the arm, the drone and their common mass properties in the home configuration.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from aerarm_ros.control.checks import RejectedInputError
 from aerarm_ros.description.drone_config import DroneConfig
 from aerarm_ros.flight.arm_load import HOLD, ArmFeedForward
 from aerarm_ros.motion.signals import Array
-from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, rejection
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.flight.flight_inputs import ArmTopics, load_flown_drone
 from aerarm_ros.ros.parameters.parameter import Parameter, grouped
@@ -258,7 +258,7 @@ class SetPointNode:
 
     def _reject(self, reason: str) -> None:
         self._rejection, self._rejected_at = reason, time.monotonic()
-        self.node.get_logger().warning(f'rejected: {reason}', throttle_duration_sec=1.0)
+        self.node.get_logger().warning(rejection(reason), throttle_duration_sec=1.0)
 
     def _report(self) -> None:
         now, values = time.monotonic(), self.values
@@ -271,7 +271,7 @@ class SetPointNode:
         elif ahead is not None and (late := time_problem(ahead, values.feed_lead)):
             problem = late
         elif now - self._rejected_at < _REMEMBERED:
-            problem = f'rejected: {self._rejection}'
+            problem = rejection(self._rejection)
         report = {'sent': self._sent, 'added [m/s^2]': f'{np.linalg.norm(self._added):.2f}'}
         self._diagnostics.report(problem, report)
 

@@ -19,6 +19,7 @@ from aerarm_msgs_py import topics
 from aerarm_msgs_py.topics import Topic
 from aerarm_ros.hardware.bridge_modes import HELD, to_switch_on
 from aerarm_ros.motion.signals import JointMotion
+from aerarm_ros.ros.diagnostics import rejection
 from aerarm_ros.ros.executors import spin_until, this_domain
 from aerarm_ros.ros.graph import endpoint_name
 from aerarm_ros.ros.requests.arm_client import ArmClientError
@@ -167,7 +168,7 @@ class _MotionRequest:
         """Return whether a motion ended in time; raises ArmClientError if it was rejected."""
         in_time = spin_until(self._node, lambda: ended() or self._rejections.reason(), timeout)
         if self._rejections.reason():
-            raise ArmClientError(f'rejected: {self._rejections.reason()}')
+            raise ArmClientError(rejection(self._rejections.reason()))
         return bool(in_time)
 
 

@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from aerarm_msgs_py import topics
 from aerarm_ros.realtime.periodic_loop import TimingStatistics
-from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, WaitingNotice
+from aerarm_ros.ros.diagnostics import PERIOD, DiagnosticsPublisher, WaitingNotice, rejection
 from aerarm_ros.ros.executors import create_steady_timer
 from aerarm_ros.ros.graph import DuplicatePublisherCheck
 from aerarm_ros.ros.states.state_stream import StateStream
@@ -116,7 +116,7 @@ class StateDiagnostics:
             self._say_waiting()
             return _SILENCE
         if time.monotonic() - self._rejected_at < _REMEMBERED:
-            return f'rejected: {self.last_rejection}'
+            return rejection(self.last_rejection)
         return self._sources.problem() or self._clocks() or self._warning()
 
     def _clocks(self) -> str:

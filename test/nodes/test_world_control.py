@@ -1,0 +1,47 @@
+"""world_control over topics in lockstep: hold the tool in the wind and press on a wall."""
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+
+from aerarm_ros.ros.executors import spin_until
+
+sys.path.append(str(Path(__file__).parents[2] / 'benchmarks'))
+from flying.arm_model import ArmModel
+from flying.pushing_bench import PushingBench
+from flying.pushing_case import FULL, PushingCase
+
+PATIENCE = 60.0  # [s] of the host, for diagnostics
+
+
+def test_the_tool_presses_on_a_wall_and_wrong_forces_are_reported(
+    ros_domain: dict[str, str], ros_node: Node, tmp_path: Path
+) -> None:
+    case = PushingCase(drone=FULL, gap=0.02)
+    with ExitStack() as stack:
+        bench = PushingBench(stack, ros_node, tmp_path, case, ArmModel.true())
+        record = bench.push(2.0)
+        error, peak, across, _ = record.figures()
+        assert error < 0.5, 'RMS force error [N]'
+        assert peak < 8.0, 'the impact must not exceed the set force by much [N]'
+        assert across < 2.5, 'RMS tool error across the force [mm]'
+        assert record.flight.diagnostics == 'in order'
+
+        def reported(force: list[float], frame: str, reason: str) -> bool:
+            message = WrenchStamped()
+            message.header.frame_id = frame
+            message.wrench.force.x, message.wrench.force.y, message.wrench.force.z = force
+            bench._pushes.publish(message)
+            return spin_until(ros_node, lambda: reason in bench.said('world_control'), PATIENCE)
+
+        assert reported([np.nan, 0.0, 0.0], 'odom', 'three finite numbers')
+        assert reported([5.0, 0.0, 0.0], 'nowhere', "'nowhere'")
+        assert reported([0.0, 2.0, 0.0], 'odom', 'the direction cannot change')
+        # The contact continues.
+        bench._forces.clear()
+        bench._seen(0.2)
+        assert abs(np.mean(bench._forces) - case.force) < 1.0
