@@ -27,7 +27,7 @@ class Line(Protocol):
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
 
     def send(self, frame: bytes) -> None:
         """Send a MAVLink frame, which is lost if no receiver is known."""
@@ -74,7 +74,7 @@ class UdpLine:
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
@@ -143,7 +143,7 @@ class SerialLine:
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
@@ -154,7 +154,13 @@ class SerialLine:
             return  # `messages` reports a missing device
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Wait up to `patience` [s]; return new messages; raise OSError without a device."""
+        """Wait up to `patience` [s] for a message; return all new messages.
+
+        Raises
+        ------
+        OSError
+            If the device is gone.
+        """
         found: list[Message] = []
         select.select([self._file], [], [], patience)
         while True:

@@ -100,7 +100,7 @@ class SimulatorLink:
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
         return self._reader.damaged
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:

@@ -20,7 +20,7 @@ class ControlLaw(Protocol[Followed]):
     """Interface of a control law, which computes a joint command from state and reference."""
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture (n,) [rad]."""
+        """Start the control law at the present joint positions q (n,) [rad]."""
 
     def update(
         self, state: ArmState, reference: Followed, dt: float, base: BaseMotion | None = None
@@ -36,7 +36,7 @@ class ReferenceSource(Protocol[Produced]):
     """Interface of an object that provides the reference of each control cycle."""
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture (n,) [rad]."""
+        """Start the references at the present joint positions q (n,) [rad]."""
 
     def update(self, q: Array, now: float, dt: float) -> Produced:
         """Return the reference at `now` [s], `dt` [s] after the last call."""

@@ -105,7 +105,7 @@ _STEP_MAX = 0.005  # [s] longest time over which a reference moves in one cycle
 
 
 class BridgeCycle:
-    """Once per cycle, converts the joint command to board references, and reads the joints.
+    """Converts the joint command to board references and reads the joints, once per cycle.
 
     `mode` is one of `bridge_modes.MODES`; the module `bridge_modes` describes each mode.
     Requests (`enable`, `disable`, `home`, ...) take effect at the next update.

@@ -94,7 +94,8 @@ PARAMETERS = ParameterTable(
         'Set points',
         Parameter('rate', 100.0, 'rate of set points', 'Hz', 10.0, 500.0),
         Parameter('set_point_timeout', 0.5, 'age after which the node stops sending a set point, '
-                                            'so that the autopilot detects the loss; 0: never', 's', 0.0, 60.0),
+                                            'so that the autopilot detects the loss; 0: never', 's',
+                  0.0, 60.0),
         Parameter('hold_heading', True, 'send the heading in set points; if false, the autopilot '
             'does not control the heading'),
     ),

@@ -143,7 +143,9 @@ class KeptZeros:
             host = HostClock(str(document['host']['boot']), _number(document['host']['suspended']))
             return KeptZeros(str(document['arm']), host, boards, _heat(document.get('heat')))
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-            raise KeptZerosError('is incomplete or was written by another program') from None
+            raise KeptZerosError(
+                'the file is incomplete or was written by another program'
+            ) from None
 
     def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
         """Return this state; raise KeptZerosError if arm or last host start differ.
@@ -159,16 +161,16 @@ class KeptZeros:
         """
         if self.arm != arm:
             raise KeptZerosError(
-                'belongs to another arm, or to another configuration of its drives'
+                'the file belongs to another arm, or to another configuration of its drives'
             )
         if self.host.boot != host.boot:
-            raise KeptZerosError('was written before the host was started')
+            raise KeptZerosError('the file was written before the host was started')
         if abs(self.host.suspended - host.suspended) > _SUSPENDED:
-            raise KeptZerosError('was written before the host was suspended')
+            raise KeptZerosError('the file was written before the host was suspended')
         times = [board.time for board in self.boards]
         times += [self.heat.time] if self.heat else []
         if any(time > now for time in times):
-            raise KeptZerosError('has a time in the future')
+            raise KeptZerosError('the file has a time in the future')
         return self
 
 
@@ -395,7 +397,7 @@ def host_clock() -> HostClock:
 def _text(path: Path) -> str:
     """Return the text of a regular file; raise an error for a pipe or device without opening it."""
     if path.exists() and not path.is_file():
-        raise KeptZerosError('is not a regular file')
+        raise KeptZerosError('the path is not a regular file')
     with path.open(encoding='utf-8') as file:
         return file.read(LONGEST + 1)
 
@@ -449,8 +451,8 @@ class ZeroFile:
         except (OSError, UnicodeDecodeError, KeptZerosError) as error:
             reason = getattr(error, 'strerror', None) or error
             if isinstance(error, UnicodeDecodeError):
-                reason = 'is not a text file'
-            return f'the state file {self._path} cannot be used, because it {reason}'
+                reason = 'the file is not a text file'
+            return f'the state file {self._path} cannot be used, because {reason}'
 
     def update(self, cycle: BridgeCycle, now: float) -> None:
         """Write the bridge's encoder zeros if they have changed or a second has passed."""

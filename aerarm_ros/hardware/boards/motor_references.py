@@ -396,7 +396,7 @@ class MotorReferences:
     def check_gains(
         self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0
     ) -> list[Array]:
-        """Return the three gains as (n,) arrays; raises ValueError if `set_gains` would."""
+        """Return the three gains as (n,) arrays; raise ValueError if a frame cannot carry one."""
         named = zip(('kp', 'kd', 'integral_gain'), (kp, kd, integral_gain), strict=True)
         gains = [self._checked(name, gain) for name, gain in named]
         # The gain is checked as rounded by the frame, because a frame field may be coarse.

@@ -111,7 +111,7 @@ class CommandPublishers:
         self._is_anonymous = False
 
     def look(self, nodes: Mapping[bytes, str]) -> None:
-        """Store the present publishers of the topic: full node name by GID."""
+        """Store the present publishers of joint_command: full node name of each GID."""
         self._nodes = nodes
         self.names = tuple(sorted(nodes.values()))
 

@@ -84,7 +84,7 @@ class JointLimiter:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the joint's last references; the next start from the measured position."""
+        """Discard the last references; later references start from the measured position."""
         self._last_position = nan
         self._last_effort = 0.0
 
@@ -246,7 +246,7 @@ class SafetyGate:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the last references; the next start from the arm's present position."""
+        """Discard the last references; later references start from the arm's position."""
         for joint in self._joints:
             joint.restart()
         # The barriers keep their state: they monitor the arm and not the commands.
