@@ -1,4 +1,4 @@
-"""Arguments, parameters and actions that the launch files share.
+"""Launch arguments, parameters and actions that several launch files use.
 
 Only launch files import this module, because not every host has ROS's launch.
 """
@@ -49,14 +49,14 @@ IMU_REMAPPING = ('imu', LaunchConfiguration('imu_topic'))
 def switch_argument(
     name: str, description: str, default: SomeSubstitutionsType = 'false'
 ) -> DeclareLaunchArgument:
-    """Return a launch argument that is true or false."""
+    """Return a launch argument whose value is true or false."""
     return DeclareLaunchArgument(
         name, default_value=default, choices=['true', 'false'], description=description
     )
 
 
 def drone_argument() -> DeclareLaunchArgument:
-    """Return the launch argument with the drone's file."""
+    """Return the launch argument that names the drone file."""
     return DeclareLaunchArgument(
         'drone_file',
         default_value='',
@@ -65,14 +65,14 @@ def drone_argument() -> DeclareLaunchArgument:
 
 
 def drone_parameter() -> dict[str, ParameterValue]:
-    """Return the node parameter with the drone's file, as a string also if it is empty."""
+    """Return the node parameter `drone_file` as a string, even if the string is empty."""
     return {'drone_file': ParameterValue(LaunchConfiguration('drone_file'), value_type=str)}
 
 
 def arm_parameters(
     *others: str, urdf: SomeSubstitutionsType | None = None
 ) -> dict[str, SomeSubstitutionsType | ParameterValue]:
-    """Return the parameters that describe the arm, plus those that launch arguments set.
+    """Return node parameters that describe the arm, plus those of further launch arguments.
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ def controller_argument(default: str = 'none') -> DeclareLaunchArgument:
 
 
 def base_motion_argument(default: str = 'none') -> DeclareLaunchArgument:
-    """Return the launch argument for a controller's use of the IMU."""
+    """Return the launch argument that selects the base motion for the controller."""
     return DeclareLaunchArgument(
         'base_motion',
         default_value=default,
         choices=['none', 'attitude', 'full', 'free'],
-        description='base motion that the controller uses: none; attitude or full, both from the '
-        'IMU; free, from the drone in drone_file',
+        description='motion of the base that the controller uses: none; attitude or full, both '
+        'from the IMU; free, predicted with the drone in drone_file',
     )
 
 
@@ -137,13 +137,14 @@ MOTION_ARGUMENTS = (
     DeclareLaunchArgument(
         'excitation_config',
         default_value=PathJoinSubstitution([SHARE, 'config', 'excitation.yaml']),
-        description='YAML file of obstacles and usable fractions of the limits',
+        description='YAML file of obstacles, and of the fractions of the limits that the motion '
+        'may use',
     ),
 )
 
 
 def check_first(*packages: str) -> OpaqueFunction:
-    """Return the action that checks all requirements before any process starts.
+    """Return the launch action that checks all requirements before any process starts.
 
     The action replaces the name of a packaged file by its path. Every process that starts
     afterwards ends when launch ends, even if launch is killed.
@@ -166,7 +167,7 @@ def check_first(*packages: str) -> OpaqueFunction:
 
 
 def _keep_launch_from_being_interrupted() -> None:
-    """Leave SIGINT to launch's event loop.
+    """Make Python ignore SIGINT, which launch's event loop handles.
 
     Launch reads signals from its wakeup file descriptor but keeps Python's own handler. Python's
     handler raises KeyboardInterrupt in any task of launch. Launch then waits for that task for
@@ -179,14 +180,14 @@ def _keep_launch_from_being_interrupted() -> None:
 
 
 def bringup() -> IncludeLaunchDescription:
-    """Include bringup.launch.py with the arguments that are set in the including launch file."""
+    """Return the action that includes bringup.launch.py with the arguments set so far."""
     return IncludeLaunchDescription(PathJoinSubstitution([SHARE, 'launch', 'bringup.launch.py']))
 
 
 def node(
     executable: SomeSubstitutionsType, parameters: Mapping[str, Any] | None = None, **options: Any
 ) -> Node:
-    """Return a node of this package with the parameter file's values, overridden by `parameters`.
+    """Return a node with the values of the parameter file, overridden by `parameters`.
 
     After `sigterm_timeout` [s] launch sends a second signal, which ends a node at once. The
     default of 5 s is too short for a recorder that completes its bag on a busy host.
@@ -202,19 +203,19 @@ def node(
 
 
 def arguments_as_parameters(*names: str) -> dict[str, LaunchConfiguration]:
-    """Return parameters with the values of the launch arguments of the same names."""
+    """Return node parameters whose values are those of launch arguments of the same name."""
     return {name: LaunchConfiguration(name) for name in names}
 
 
 def end(reason: str) -> EmitEvent:
-    """Return the action that shuts launch down with exit status 0."""
+    """Return the launch action that shuts launch down with exit status 0."""
     return EmitEvent(event=Shutdown(reason=reason))
 
 
 def after(
     process: Action, what: str, if_good: Action | None = None, condition: Condition | None = None
 ) -> RegisterEventHandler:
-    """Run an action after a process ends; if the process fails, launch ends with exit status 1.
+    """Run an action after a process succeeds; if the process fails, launch exits with status 1.
 
     A process that is stopped while launch shuts down has not failed. Exit status 255 is not a
     failure either: asyncio reports it if a Ctrl-C interrupts the task that awaits the process.

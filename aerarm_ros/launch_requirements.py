@@ -1,4 +1,4 @@
-"""Check the files, packages and modules that the arguments of a launch file need.
+"""Check of the files, packages and modules that the arguments of a launch file need.
 
 A launch file starts its processes in turn and keeps the first ones running if a later one cannot
 start. The bridge would then run alone with enabled motors. So all arguments are checked before any
@@ -55,7 +55,7 @@ _HOW = {
 
 
 def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[str]:
-    """Return one message for each file, package or module that the launch arguments lack.
+    """Return a message for each missing file, package or module of the launch arguments.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def missing(arguments: Mapping[str, str], packages: Sequence[str] = ()) -> list[
 
 
 def packaged_files(arguments: Mapping[str, str]) -> dict[str, str]:
-    """Return the path of each packaged file that an argument names, by argument.
+    """Return the paths of packaged files that launch arguments name, by argument.
 
     ROS reads the parameter file, and its launch the URDFs, only from a path.
     """

@@ -1,4 +1,4 @@
-"""Run one function many times, in processes of this computer or of a Ray cluster.
+"""Run a function for many arguments in parallel processes, on this computer or a Ray cluster.
 
 A run that raises, or whose process is killed, yields a `Failure` and does not affect other runs.
 Each result is yielded as soon as the run ends.
@@ -29,11 +29,11 @@ Item = TypeVar('Item')
 Result = TypeVar('Result')
 
 LOCAL = 'local'
-"""Ray's address of a cluster that is started on this computer for the runs."""
+"""Address that stands for a Ray cluster on this computer, started for the runs."""
 _TASKS = 25  # runs of a process before a new process replaces it, which bounds its memory
 _GIB = 2**30
 _unprepared: list[str] = []
-"""Reason why this worker process could not be prepared."""
+"""Error of `prepare` in this worker process; empty without an error."""
 _KILLED = (
     'a process was killed twice: check the free memory, and whether another program ends processes'
 )
@@ -41,7 +41,7 @@ _KILLED = (
 
 @dataclass(frozen=True)
 class Failure:
-    """Reason why a run has no result.
+    """Outcome of a run without result, with the reason.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def run_each(
     prepare: Callable[[], None] | None = None,
     leave: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, Result | Failure]]:
-    """Yield the number and the result of each run as soon as the run ends.
+    """Run a function for each argument; yield run number and result as soon as a run ends.
 
     If the caller leaves the iteration early, the processes end after their present runs.
 
@@ -123,7 +123,7 @@ def run_each(
 def run_in_order(
     function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], workers: int = 0
 ) -> Generator[Result, None, None]:
-    """Yield the result of each run, in the order of the arguments.
+    """Run a function for each argument; yield the results in the order of the arguments.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def run_in_order(
 def run_each_on_ray(
     function: Callable[[Item], Result], items: Sequence[Item], address: str = LOCAL
 ) -> Iterator[tuple[int, Result | Failure]]:
-    """Yield the number and the result of each run on a Ray cluster.
+    """Run a function for each argument on a Ray cluster; yield run number and result.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def run_each_on_ray(
 
 
 def _here() -> dict[str, Any]:
-    """Return Ray's runtime environment with this process's module search path."""
+    """Return a Ray runtime environment with the module search path of this process."""
     return {'env_vars': {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}}
 
 
@@ -253,7 +253,7 @@ def _prepare(memory: float, prepare: Callable[[], None] | None) -> None:
 
 @contextmanager
 def _surroundings_of_workers() -> Iterator[None]:
-    """Block SIGINT and use one thread of linear algebra in processes started in this context.
+    """Start processes in this context with SIGINT blocked and one thread of linear algebra.
 
     Ctrl-C sends SIGINT to every process of the terminal; only the parent handles it.
     """

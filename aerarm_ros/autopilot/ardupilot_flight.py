@@ -1,4 +1,4 @@
-"""Flight of a drone by ArduCopter's firmware (SITL), with feedforward of the arm's motion."""
+"""Simulated flight with ArduCopter's firmware (SITL), with feedforward of the arm's motion."""
 
 from collections.abc import Sequence
 from enum import Enum
@@ -29,7 +29,7 @@ _TEXTS = 50
 
 
 class ArduPilotStage(Enum):
-    """Progress of ArduPilot's start and take-off."""
+    """Stage of ArduPilot's start and take-off; the value is the text for the user."""
 
     BOOT = 'no answer from ArduPilot yet: start ArduPilot, with the same autopilot_instance'
     SETTLE = "ArduPilot's estimator is settling"
@@ -39,7 +39,9 @@ class ArduPilotStage(Enum):
 
 
 class ArduPilotFirmware:
-    """ArduCopter in lockstep: the simulation holds the drone until ArduCopter lifts it.
+    """Connection to ArduCopter, which runs in lockstep with the simulation.
+
+    The simulation holds the drone until the thrust of ArduCopter's rotors can carry it.
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ class ArduPilotFirmware:
 
     @property
     def problem(self) -> str:
-        """Reason why ArduPilot does not fly; empty if it flies."""
+        """Reason why ArduPilot does not fly the drone; empty if it does."""
         if self._simulator.is_lost:
             return 'ArduPilot has ended: restart ArduPilot and this node'
         if self.stage is not ArduPilotStage.FLY:
@@ -94,12 +96,12 @@ class ArduPilotFirmware:
 
     @property
     def is_flying(self) -> bool:
-        """Whether the drone has been released."""
+        """Whether the simulation has released the drone."""
         return self.stage is ArduPilotStage.FLY
 
     @property
     def wants_set_points(self) -> bool:
-        """False: while the simulation holds the drone, ArduCopter needs no set points."""
+        """Whether ArduCopter needs set points to arm while the drone is held: never."""
         return False
 
     @property
@@ -108,11 +110,11 @@ class ArduPilotFirmware:
         return round(1e3 * self._time)
 
     def send(self, name: str, **values: object) -> None:
-        """Send a message to ArduPilot."""
+        """Send a MAVLink message to ArduPilot."""
         self._companion.send(self._writer.pack(name, **values))
 
     def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
-        """Advance ArduPilot by `dt` [s]; return its rotors' thrust fractions (n,), or None.
+        """Advance ArduPilot by `dt` [s]; return the rotors' thrust fractions (n,), or None.
 
         ArduPilot reads its gyroscopes at 1 kHz, so it gets several equal samples per step.
         """
@@ -132,7 +134,7 @@ class ArduPilotFirmware:
         return answer
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance ArduPilot by one step while the drone is held; return its thrust fractions.
+        """Advance ArduPilot by a step while the drone is held; return its thrust fractions.
 
         `lift` is the sum of the rotors' thrust fractions that carries the drone.
         """
@@ -169,7 +171,7 @@ class ArduPilotFirmware:
             self.stage = ArduPilotStage.ARM
 
     def _ask(self) -> None:
-        """Request guided mode and then arming, repeatedly."""
+        """Request guided mode, then arming, every 0.5 s until ArduPilot is armed."""
         if self._flags & _ARMED and self._mode == _GUIDED:
             self.stage = ArduPilotStage.SPOOL
         elif self._is_due():
@@ -179,7 +181,7 @@ class ArduPilotFirmware:
                 self._command(_ARM, param1=1.0)
 
     def _is_due(self) -> bool:
-        """Return whether a request may be repeated."""
+        """Return whether 0.5 s have passed since the last request to ArduPilot."""
         if self._time - self._asked < _ASK_EVERY:
             return False
         self._asked = self._time

@@ -24,7 +24,7 @@ from aerarm_ros.flight.flight_state import FlightState
 from aerarm_ros.motion.signals import Array
 
 SIMULATOR_PORT, COMPANION_PORT, PORT_STEP = 9002, 14550, 10
-"""UDP ports of this program, and what ArduPilot's option -I adds per instance."""
+"""UDP ports of this program, and the increment of both per instance (ArduPilot's option -I)."""
 
 _HOST = '127.0.0.1'
 _MOTORS = struct.Struct('<HHI16H')
@@ -36,7 +36,7 @@ _PATIENCE = 2.0  # [s] after which a silent ArduPilot counts as ended
 
 
 def sensor_line(time_s: float, state: FlightState) -> bytes:
-    """Return the line of sensor data for a state: IMU, attitude, position and velocity.
+    """Return a line of sensor data for ArduPilot: IMU, attitude, position and velocity.
 
     Without a measured specific force the drone counts as resting.
     """
@@ -54,7 +54,7 @@ def sensor_line(time_s: float, state: FlightState) -> bytes:
 
 
 def motor_shares(packet: bytes) -> tuple[int, Array] | None:
-    """Return number and thrust fractions (16,) of a motor packet, None for another packet."""
+    """Return number and thrust fractions (16,) of a motor packet, None for other packets."""
     if len(packet) != _MOTORS.size:
         return None
     magic, _, number, *pulses = _MOTORS.unpack(packet)
@@ -64,19 +64,19 @@ def motor_shares(packet: bytes) -> tuple[int, Array] | None:
 
 
 class JsonSimulator(Protocol):
-    """Interface of the connection that sends sensor data to ArduPilot."""
+    """Interface of the connection by which this program acts as ArduPilot's simulator."""
 
     is_lost: bool
 
     def step(self, lines: Sequence[bytes]) -> Array | None:
-        """Send lines of sensor data; return the thrust fractions (16,) after the last one."""
+        """Send lines of sensor data; return the thrust fractions (16,) after the last line."""
 
     def close(self) -> None:
         """Close the connection."""
 
 
 class JsonLink:
-    """UDP server to which ArduPilot connects as to its simulator (`--model JSON`).
+    """UDP server to which ArduPilot connects, as to its JSON simulator (`--model JSON`).
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class JsonLink:
         self._line.close()
 
     def _receive(self, patience: float) -> bool:
-        """Wait for the next motor packet; ArduPilot repeats unanswered packets."""
+        """Wait for the next motor packet of ArduPilot, which repeats unanswered packets."""
         deadline = time.monotonic() + patience
         while select.select([self._line], [], [], max(deadline - time.monotonic(), 0.0))[0]:
             packet, sender = self._line.recvfrom(_CHUNK)

@@ -42,12 +42,12 @@ class ArduPilotLoop:
     velocity_i: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check that no gain is negative."""
+        """Check that no gain of the position loop is negative."""
         for name, value in vars(self).items():
             non_negative_number(name, value)
 
     def parameters(self) -> Mapping[str, float]:
-        """Return ArduPilot's parameters by name."""
+        """Return the parameters of the position loop by ArduPilot's names."""
         return {
             'PSC_POSXY_P': self.position_p,
             'PSC_VELXY_P': self.velocity_p,
@@ -59,7 +59,7 @@ class ArduPilotLoop:
 
 
 class LoopMotion(NamedTuple):
-    """Motion of a set point in the world's axes, z up.
+    """Motion that is added to the user's set point, in world axes with z up.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class LoopMotion(NamedTuple):
 
 
 class LoopOffset:
-    """Motion of the set point that makes ArduCopter command an acceleration.
+    """Computes a motion of the set point for which ArduCopter commands a given acceleration.
 
     ArduCopter takes position, velocity and acceleration of a set point for one motion that the
     drone shall follow (`AC_PosControl::input_pos_vel_accel_NE_m`). An acceleration next to a
@@ -93,7 +93,7 @@ class LoopOffset:
         self._offset, self._speed, self._sum = np.zeros(3), np.zeros(3), np.zeros(3)
 
     def update(self, wanted: Array, dt: float) -> LoopMotion:
-        """Advance by `dt` [s]; return the motion for an acceleration (3,) [m/s^2]."""
+        """Advance by `dt` [s]; return the added motion for an acceleration (3,) [m/s^2]."""
         loop, dt = self._loop, min(dt, _STEP_MAX)
         error = self._speed + loop.position_p * self._offset
         push = wanted * _LEVEL - loop.velocity_p * error - loop.velocity_i * self._sum
@@ -104,7 +104,7 @@ class LoopOffset:
 
 
 class ArduPilotSetPoints:
-    """Create the set point messages for ArduCopter, with the offset of `LoopOffset`.
+    """Creates set point messages for ArduCopter, with feedforward by `LoopOffset`.
 
     Parameters
     ----------
@@ -126,13 +126,13 @@ class ArduPilotSetPoints:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the offset."""
+        """Reset the offset of the set point to zero."""
         self._offset = LoopOffset(self._loop)
 
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
     ) -> tuple[str, dict[str, Any]]:
-        """Return name and fields of the set point message, without its time stamp.
+        """Return name and fields of the MAVLink set point message, without its time stamp.
 
         `dt` [s] is the time since the last message. `origin` (3,) is the origin of the target's
         frame in ArduPilot's local frame, north-east-down [m].

@@ -1,4 +1,4 @@
-"""ArduCopter's parameters for a drone: frame, hover thrust, gains and source of position."""
+"""ArduCopter's parameters for a drone: frame, hover thrust, gains and position source."""
 
 from dataclasses import dataclass, field
 
@@ -36,7 +36,7 @@ _BENCH_PARAMETERS = {
 
 @dataclass(frozen=True)
 class ArduPilotSetup:
-    """Gains of ArduCopter and its source of position.
+    """Gains of ArduCopter's loops, and its position source.
 
     Attributes
     ----------
@@ -67,11 +67,11 @@ class ArduPilotSetup:
     others: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the choice of sensors."""
+        """Check the choice of the position source."""
         check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-        """Return ArduCopter's parameters by name.
+        """Return all parameters for a drone by ArduCopter's names.
 
         Raises
         ------
@@ -105,7 +105,7 @@ class ArduPilotSetup:
 
 
 def moment_unit(drone: DroneConfig) -> float:
-    """Return the mean of roll and pitch moment [Nm] of ArduCopter's normalized command 1.
+    """Return the moment [Nm] of ArduCopter's normalized command 1, mean of roll and pitch.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def moment_unit(drone: DroneConfig) -> float:
 
 
 def motors_of(drone: DroneConfig) -> list[int]:
-    """Return the rotor of each ArduPilot motor, in ArduPilot's order.
+    """Return the drone's rotor number for each motor of ArduPilot, in ArduPilot's order.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Flight of a drone by Betaflight, with stick commands."""
+"""Simulated flight with Betaflight's firmware, commanded by stick positions."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ _NEAR = 0.2  # largest distance between a rotor and its place in the mixer, rela
 
 @dataclass(frozen=True)
 class BetaflightSetup:
-    """Gains and limits of Betaflight in angle mode, with linear sticks.
+    """Settings of Betaflight in angle mode: gains, limits and linear sticks.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class BetaflightSetup:
     idle: float = 0.055
 
     def commands(self, drone: DroneConfig) -> list[str]:
-        """Return the CLI commands for Betaflight, without `save`; raises ValueError."""
+        """Return Betaflight's CLI commands for these settings and a drone, without `save`."""
         rates = [
             f'set {axis}_{what} = {value}'
             for axis, rate in (('roll', 36), ('pitch', 36), ('yaw', self.yaw_rate // 10))
@@ -102,18 +102,18 @@ class BetaflightSetup:
         ]
 
     def throttle(self, share: float) -> int:
-        """Return the throttle stick [us] for a fraction of each motor's largest thrust."""
+        """Return the throttle stick [us] at which each motor gives a fraction of its thrust."""
         part = min(max((share - self.idle) / (1.0 - self.idle), 0.0), 1.0)
         return round(_LOW + part * (HIGH - _LOW))
 
     def motors_of(self, drone: DroneConfig) -> list[int]:
-        """Return the motor number of each rotor of a drone; raises ValueError."""
+        """Return Betaflight's motor number of each rotor; raise ValueError without a mixer."""
         motors = _mixer(drone)[1]
         return [motors.index(rotor) for rotor in range(drone.n)]
 
     @property
     def attitude_gain(self) -> float:
-        """Commanded angular velocity per attitude error [1/s]."""
+        """Gain of the attitude loop: angular velocity per attitude error [1/s]."""
         return 0.1 * self.angle_gain
 
     def rate_gain(self, drone: DroneConfig) -> float:
@@ -134,7 +134,7 @@ class BetaflightSetup:
 
 
 def _mixer(drone: DroneConfig) -> tuple[str, list[int]]:
-    """Return the name of Betaflight's mixer, and the drone's rotor for each motor of the mixer."""
+    """Return Betaflight's mixer for a drone, and the drone's rotor number of each mixer motor."""
     if drone.is_fully_actuated or drone.n not in _MIXERS:
         raise ValueError(
             f"loops 'betaflight': {drone.name} is not a quadrotor or hexarotor with its rotors "
@@ -167,7 +167,7 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class BetaflightFlight:
-    """Position control through the sticks of Betaflight in angle mode, as a `FlightControl`.
+    """Position control by stick commands to Betaflight in angle mode, used as a `FlightControl`.
 
     The sticks command roll, pitch, the angular velocity about the vertical, and throttle. The
     position loop uses the mass of drone and arm. The arm's motion is fed forward by the
@@ -214,7 +214,7 @@ class BetaflightFlight:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the integral and the arming state."""
+        """Reset the integral of the position loop, and the arming state."""
         self._push = np.zeros(3)
         self._switched = 0.0
         self._silence = np.inf
@@ -225,7 +225,7 @@ class BetaflightFlight:
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Return the rotors' thrusts (n,) [N] for flight to the target; `dt` [s] is one step."""
+        """Return the rotors' thrusts (n,) [N] that move the drone to the target."""
         arm = self._at_rest if arm is None else arm
         gains = self._gains
         frequency = gains.position_frequencies
@@ -242,7 +242,7 @@ class BetaflightFlight:
         return self._fly(state, force, float(np.arctan2(np.sin(turn), np.cos(turn))), dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] for a level, sinking drone whose position is unknown."""
+        """Return thrusts (n,) [N] with which the drone sinks level, if its position is unknown."""
         return self._fly(state, _SINK * self._at_rest.body.mass * GRAVITY * _UP, 0.0, dt)
 
     def _fly(self, state: FlightState, force: Array, turn: float, dt: float) -> Array:
@@ -265,13 +265,13 @@ class BetaflightFlight:
         return self._thrust
 
     def _note_outputs(self, least: float, dt: float) -> None:
-        """Detect whether the firmware is armed, by the idling motors."""
+        """Detect from the motor outputs whether the firmware is armed."""
         self._is_armed = least > 0.5 * self._setup.idle
         self._switched = (self._switched + dt) % (_TRY + _PAUSE)
         self.problem = '' if self._is_armed else 'Betaflight is arming'
 
     def _sticks(self, state: FlightState, force: Array, turn: float) -> list[int]:
-        """Return roll, pitch, throttle and yaw sticks for a world-frame force and heading error."""
+        """Return roll, pitch, throttle and yaw sticks for a force in world axes."""
         setup, heading = self._setup, yaw_of(state.rotation)
         lift = max(force[2], 0.2 * self._at_rest.body.mass * GRAVITY)
         sideways = limited(force[:2], lift * float(np.tan(self._gains.tilt_max)))
@@ -285,5 +285,5 @@ class BetaflightFlight:
 
 
 def _pulse(share: float) -> int:
-    """Return the pulse length [us] for a stick position from -1 to 1."""
+    """Return the pulse length [us] of a stick position from -1 to 1."""
     return round(MIDDLE + 500.0 * min(max(share, -1.0), 1.0))

@@ -1,4 +1,4 @@
-"""UDP link to a local Betaflight process.
+"""UDP connection to a Betaflight process (SITL) on this host.
 
 The layouts are those of `src/platform/SIMULATOR/target/SITL/target.h` of Betaflight 4.6, little
 endian, as a C compiler for 64 bits lays them out.
@@ -15,12 +15,12 @@ import numpy as np
 from aerarm_ros.motion.signals import Array
 
 MOTOR_PORT, STATE_PORT, RC_PORT = 9001, 9003, 9004
-"""UDP ports of Betaflight: motor outputs (9002 has only the first four), state input, stick input.
+"""UDP ports of Betaflight: motor outputs (9002 has only the first four), drone state, sticks.
 """
 
 CHANNELS, MOTORS = 16, 16
 LOW, MIDDLE, HIGH = 1000, 1500, 2000
-"""Pulse lengths of a stick or a motor [us]."""
+"""Pulse lengths [us] of a stick or motor: lowest, middle and highest."""
 
 _STATE = struct.Struct('<d 3d 3d 4d 3d 3d d')
 _RC = struct.Struct(f'<d {CHANNELS}H')
@@ -29,7 +29,7 @@ _PRESSURE = 101325.0  # [Pa]; no used function depends on it
 
 
 def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -> bytes:
-    """Return the UDP packet with the drone's state for the firmware.
+    """Return the UDP packet with the simulated drone's state for Betaflight.
 
     The firmware reverses y and z of the angular velocity and all axes of the acceleration, and
     uses forward-left-up axes. The firmware expects the attitude with y and z of body and world
@@ -52,13 +52,13 @@ def state_packet(time: float, rate: Array, force: Array, rotation_wxyz: Array) -
 
 
 def rc_packet(time: float, channels: Sequence[int]) -> bytes:
-    """Return the packet of sticks and switches [us]: roll, pitch, throttle, yaw, then AUX1 ..."""
+    """Return the UDP packet of sticks and switches [us]: roll, pitch, throttle, yaw, AUX1, ..."""
     filled = [*channels, *[LOW] * (CHANNELS - len(channels))]
     return _RC.pack(time, *filled)
 
 
 def motor_outputs(packet: bytes) -> Array | None:
-    """Return the motors' pulse lengths (n,) [us] of a packet, None for another packet."""
+    """Return the pulse lengths (n,) [us] of a motor packet, None for other packets."""
     if len(packet) != _MOTORS.size:
         return None
     count, *outputs = _MOTORS.unpack(packet)
@@ -73,17 +73,17 @@ _ANSWER = 0.02  # [s] longest wait for an answer on a busy host
 
 
 class Firmware(Protocol):
-    """Interface of a firmware that flies a drone by stick commands."""
+    """Interface of a connection to a firmware that stick commands control."""
 
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Send sticks and state; return the motors' pulses (n,) [us], None if none arrived."""
+        """Send sticks and drone state; return the newest motor pulses (n,) [us], or None."""
         ...
 
 
 class BetaflightLink:
-    """Send states and sticks to Betaflight on this host, and receive motor pulses.
+    """UDP connection that sends states and sticks to Betaflight, and receives motor pulses.
 
     All state packets carry the same stamp. From different stamps and their arrival times, the
     firmware would derive the speed of its clock. On a busy host that clock could run hundreds of
@@ -122,7 +122,7 @@ class BetaflightLink:
     def exchange(
         self, channels: Sequence[int], rate: Array, force: Array, rotation_wxyz: Array
     ) -> Array | None:
-        """Send state and sticks; return the motors' newest pulses (n,) [us], or None."""
+        """Send sticks and drone state; return the newest motor pulses (n,) [us], or None."""
         late = self._newest()  # the late answer to the previous state, on a busy host
         self._send(rc_packet(0.0, channels), self._rc_port)
         self._send(state_packet(0.0, rate, force, rotation_wxyz), self._state_port)

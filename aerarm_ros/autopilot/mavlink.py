@@ -1,4 +1,4 @@
-"""Frames of the MAVLink messages that this package sends and reads.
+"""Encoding and decoding of the MAVLink messages that this package uses.
 
 The table lists fields in the form of MAVLink's XML definitions (common.xml, minimal.xml, read in
 March 2026). The protocol's rules determine the order on the wire (larger types first, extensions
@@ -69,7 +69,7 @@ _SIGNED = 0x01
 
 
 def checksum(data: bytes) -> int:
-    """Return the CRC-16/MCRF4XX of bytes, which is MAVLink's checksum."""
+    """Return MAVLink's checksum of bytes, a CRC-16/MCRF4XX."""
     turned = crc_hqx(data.translate(_TURNED), 0xFFFF)
     return _TURNED[turned >> 8] | _TURNED[turned & 0xFF] << 8
 
@@ -90,7 +90,7 @@ class _Field:
 
 
 class MessageLayout:
-    """Layout of one MAVLink message: the position of each field in its payload.
+    """Layout of a MAVLink message: the position of each field in its payload.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class MessageLayout:
         self._names = {field.name for field in fields}
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
-        """Return the payload of values without trailing zeros; missing values are zero.
+        """Return the payload of field values, without trailing zeros; missing fields are 0.
 
         Raises
         ------
@@ -141,7 +141,7 @@ class MessageLayout:
         return payload.rstrip(b'\0') or b'\0'
 
     def unpack(self, payload: bytes) -> dict[str, Any]:
-        """Return the fields of a payload, whose trailing zeros may be missing."""
+        """Return the field values of a payload; missing bytes at its end count as zeros."""
         size = self._struct.size
         flat = self._struct.unpack(payload[:size].ljust(size, b'\0'))
         values: dict[str, Any] = {}
@@ -160,7 +160,7 @@ class MessageLayout:
 
 
 def _declared(text: str) -> list[tuple[str, int, str]]:
-    """Return type, array length (0 for a single value) and name of each field."""
+    """Return type, array length (0 for no array) and name of each field in a definition."""
     found = re.findall(r'(\w+)(?:\[(\d+)\])? (\w+)', text)
     return [(kind, int(length or 0), name) for kind, length, name in found]
 
@@ -185,7 +185,7 @@ _BY_NUMBER = {layout.number: layout for layout in LAYOUTS.values()}
 
 @dataclass(frozen=True)
 class Message:
-    """A received message.
+    """MAVLink message that was received.
 
     Attributes
     ----------
@@ -201,12 +201,12 @@ class Message:
     values: dict[str, Any]
 
     def __getitem__(self, field: str) -> Any:
-        """Return the value of a field."""
+        """Return the value of a field of the message."""
         return self.values[field]
 
 
 class FrameWriter:
-    """Pack messages of one sender as MAVLink 2 frames without signature.
+    """Encodes the messages of a sender as MAVLink 2 frames without signature.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class FrameWriter:
         self._sequence = 0
 
     def pack(self, name: str, **values: Any) -> bytes:
-        """Return the frame of a message; raises ValueError if a value does not fit a field."""
+        """Return a message's frame; raise ValueError if a value does not fit its field."""
         layout = LAYOUTS[name]
         payload = layout.pack(values)
         number = layout.number.to_bytes(3, 'little')
@@ -231,7 +231,7 @@ class FrameWriter:
 
 
 class FrameReader:
-    """Find messages of `LAYOUTS` in a stream of bytes, MAVLink 1 or 2.
+    """Decodes messages of `LAYOUTS` from a stream of MAVLink 1 or MAVLink 2 bytes.
 
     Other messages are skipped, and so are bytes outside frames, for example after a loss.
 
@@ -246,7 +246,7 @@ class FrameReader:
         self.damaged = 0
 
     def feed(self, data: bytes) -> list[Message]:
-        """Add received bytes; return the messages that they complete."""
+        """Process received bytes; return the messages that are complete."""
         buffer = self._bytes
         buffer += data
         found: list[Message] = []
@@ -265,7 +265,7 @@ class FrameReader:
         return found
 
     def _message(self, frame: bytes) -> list[Message] | None:
-        """Return a frame's message, [] for an unknown one, None for a damaged one."""
+        """Return a frame's message; [] if it is unknown, None if the checksum is wrong."""
         if frame[0] == _START_2:
             head, number = _HEAD_2, int.from_bytes(frame[7:10], 'little')
             system, component = frame[5:7]
@@ -284,7 +284,7 @@ class FrameReader:
 
 
 def _next_start(buffer: bytearray, at: int) -> int:
-    """Return the possible start of the next frame, or the length of the buffer."""
+    """Return the index of the next possible frame start, or the length of the buffer."""
     while at < len(buffer):
         flags = buffer[at + 2 : at + 3]
         if buffer[at] == _START_1 or (buffer[at] == _START_2 and flags <= bytes([_SIGNED])):
@@ -294,7 +294,7 @@ def _next_start(buffer: bytearray, at: int) -> int:
 
 
 def _frame_length(buffer: bytearray, at: int) -> int | None:
-    """Return the length of a frame, None if too few of its bytes have arrived."""
+    """Return the length of the frame at an index, None if too few bytes have arrived."""
     if len(buffer) < at + 3:
         return None
     if buffer[at] == _START_1:

@@ -1,4 +1,4 @@
-"""Autopilot at the other end of a MAVLink connection: its state, streams and commands."""
+"""State, message streams and commands of an autopilot at the other end of a MAVLink connection."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -52,7 +52,7 @@ _WORRYING = 4  # MAV_SEVERITY_WARNING; lower values are more severe
 
 
 class ImuReading(NamedTuple):
-    """Reading of the autopilot's IMU, forward-left-up.
+    """Reading of the autopilot's IMU in forward-left-up axes.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class ImuReading(NamedTuple):
 
 
 class MavlinkAutopilot:
-    """Track an autopilot over a connection, and request the streams that the arm needs.
+    """Receives the state of an autopilot over MAVLink, and requests the streams for the arm.
 
     The class sends set points and heartbeats. Only `arm`, `disarm` and `offboard` arm the autopilot
     or change its mode. All times `now` [s] are those of a monotonic clock.
@@ -116,7 +116,7 @@ class MavlinkAutopilot:
         }
 
     def take(self, message: Message, now: float) -> bool:
-        """Process a message; return whether the tracked autopilot sent it."""
+        """Process a message; return whether it is a known message of this autopilot."""
         handler = self._handlers.get(message.name)
         if handler is None or message.component != _AUTOPILOT_COMPONENT:
             return False
@@ -128,7 +128,7 @@ class MavlinkAutopilot:
         return True
 
     def tick(self, now: float) -> None:
-        """Send the heartbeat, and request missing streams, when they are due."""
+        """Send a heartbeat once per second, and request missing streams every 2 s."""
         if now - self._beat >= _HEARTBEAT:
             self._beat = now
             self.send('HEARTBEAT', **_COMPANION)
@@ -143,30 +143,30 @@ class MavlinkAutopilot:
                     self._command(_SET_INTERVAL, float(number), 1e6 / rate)
 
     def send(self, name: str, **values: object) -> None:
-        """Send a message."""
+        """Send a MAVLink message to the autopilot."""
         self._line.send(self._writer.pack(name, **values))
 
     def set_point(self, name: str, now: float, **values: object) -> None:
-        """Send a set point, addressed to the autopilot."""
+        """Send the autopilot a set point with time stamp and address."""
         self.send(
             name, time_boot_ms=round(1e3 * now) % 2**32, target_system=self._system,
             target_component=_AUTOPILOT_COMPONENT, **values,
         )  # fmt: skip
 
     def arm(self) -> None:
-        """Request arming."""
+        """Request that the autopilot arm."""
         self._request(_ARM, 1.0)
 
     def disarm(self) -> None:
-        """Request disarming, which the autopilot denies in flight."""
+        """Request that the autopilot disarm, which it denies in flight."""
         self._request(_ARM, 0.0)
 
     def offboard(self) -> None:
-        """Request the mode that follows set points: PX4's offboard, ArduCopter's guided."""
+        """Request the flight mode that follows set points: offboard (PX4) or guided."""
         self._request(_SET_MODE, _CUSTOM_MODE, _LED.get(self.firmware, _LED[PX4]))
 
     def is_linked(self, now: float) -> bool:
-        """Return whether heartbeats arrive."""
+        """Return whether a heartbeat of the autopilot has arrived in the last 1.5 s."""
         return now - self._heard <= LOSS
 
     @property
@@ -176,12 +176,12 @@ class MavlinkAutopilot:
 
     @property
     def firmware(self) -> str:
-        """Firmware that the heartbeats report: `PX4`, `ARDUPILOT`, or the number of another."""
+        """Firmware that the heartbeats report: `PX4`, `ARDUPILOT`, or another number."""
         return _FIRMWARES.get(self._make, f'MAV_AUTOPILOT {self._make}')
 
     @property
     def mode(self) -> str:
-        """Flight mode of the autopilot; the number of the custom mode if its name is unknown."""
+        """Name of the autopilot's flight mode, or the mode's number if its name is unknown."""
         unknown = f'custom mode {self._custom_mode}'
         if self.firmware == ARDUPILOT:
             return _ARDUCOPTER_MODES.get(self._custom_mode, unknown)
@@ -192,18 +192,18 @@ class MavlinkAutopilot:
         return f'{name} {_PX4_AUTO[sub]}' if sub in _PX4_AUTO and name == 'auto' else name
 
     def state(self, now: float) -> FlightState | None:
-        """Return position, attitude and motion, None if attitude or position is missing or old."""
+        """Return the drone's pose and motion, None without recent attitude and position."""
         if not self.has_attitude(now) or self._age('place', now) > FRESH or self.attitude is None:
             return None
         rotation = rotation_matrix(self.attitude)
         return FlightState(self._place, self._velocity, rotation, self._rate)
 
     def has_attitude(self, now: float) -> bool:
-        """Return whether the last attitude message is recent enough to be used."""
+        """Return whether the last attitude message is younger than 0.2 s."""
         return self._age('attitude', now) < FRESH
 
     def silent(self, now: float) -> list[str]:
-        """Return the requested streams that do not arrive."""
+        """Return the names of the requested message streams that do not arrive."""
         return [name for name, rate in self._rates.items() if rate and self._age(name, now) > _ASK]
 
     def _age(self, stream: str, now: float) -> float:

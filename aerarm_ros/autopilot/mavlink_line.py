@@ -17,7 +17,7 @@ _FORMS = 'udp:PORT (listen), udp:HOST:PORT (send first) or serial:DEVICE:BAUD'
 
 
 class Line(Protocol):
-    """Interface of a MAVLink connection over UDP or a serial line.
+    """Interface of a MAVLink connection over UDP or a serial port.
 
     Attributes
     ----------
@@ -27,10 +27,10 @@ class Line(Protocol):
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
 
     def send(self, frame: bytes) -> None:
-        """Send a frame; without a receiver the frame is lost."""
+        """Send a MAVLink frame, which is lost if no receiver is known."""
 
     def messages(self, patience: float = 0.0) -> list[Message]:
         """Wait up to `patience` [s] for a message; return all new messages.
@@ -42,11 +42,11 @@ class Line(Protocol):
         """
 
     def close(self) -> None:
-        """Close the line."""
+        """Close the connection."""
 
 
 class UdpLine:
-    """UDP connection to a given address, or to the first host that sends to the bound port.
+    """MAVLink connection over UDP, to a given address or to the first sender of a message.
 
     Parameters
     ----------
@@ -74,11 +74,11 @@ class UdpLine:
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
-        """Send a frame, if the receiver's address is known."""
+        """Send a MAVLink frame, which is lost if the receiver's address is unknown."""
         if self._peer is None:
             return
         try:
@@ -87,7 +87,7 @@ class UdpLine:
             return
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return the new messages of the first sender."""
+        """Wait up to `patience` [s] for a message; return all new messages of the receiver."""
         found: list[Message] = []
         select.select([self._socket], [], [], patience)
         while True:
@@ -106,7 +106,7 @@ class UdpLine:
 
 
 class SerialLine:
-    """A serial device, raw, eight bits, no parity.
+    """MAVLink connection over a serial device with eight data bits and no parity.
 
     Parameters
     ----------
@@ -143,18 +143,24 @@ class SerialLine:
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
         return self._reader.damaged
 
     def send(self, frame: bytes) -> None:
-        """Send a frame; if the device's buffer is full, the frame is lost in whole or in part."""
+        """Send a MAVLink frame, part of which is lost if the device's buffer is full."""
         try:
             os.write(self._file, frame)
         except OSError:
             return  # `messages` reports a missing device
 
     def messages(self, patience: float = 0.0) -> list[Message]:
-        """Return the new messages; raises OSError if the device is gone."""
+        """Wait up to `patience` [s] for a message; return all new messages.
+
+        Raises
+        ------
+        OSError
+            If the device is gone.
+        """
         found: list[Message] = []
         select.select([self._file], [], [], patience)
         while True:
@@ -167,12 +173,12 @@ class SerialLine:
             found += self._reader.feed(data)
 
     def close(self) -> None:
-        """Close the device."""
+        """Close the serial device."""
         os.close(self._file)
 
 
 def open_line(text: str) -> UdpLine | SerialLine:
-    """Open the MAVLink connection that a text such as `udp:14550` describes.
+    """Open the MAVLink connection that a text such as `udp:14550` specifies.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""PX4's conventions: frames (NED, FRD) and the gains of its loops.
+"""PX4's conventions: axes (NED, FRD), normalized torque, and gains of the control loops.
 
 PX4's world is north-east-down, its body forward-right-down; ROS's are east-north-up and
 forward-left-up (REP 103, REP 105).
@@ -19,22 +19,22 @@ _NO_TORQUE = 1e-3  # smallest entry of a rotor in PX4's mixer
 
 
 def ned(vector: npt.ArrayLike) -> Array:
-    """Convert a vector (3,) from east-north-up to north-east-down, or back."""
+    """Convert a vector (3,) between east-north-up and north-east-down axes."""
     return np.asarray(_WORLD @ np.asarray(vector, dtype=float))
 
 
 def frd_rotation(rotation: Array) -> Array:
-    """Convert an attitude (3, 3) from FLU in ENU to FRD in NED, or back."""
+    """Convert a rotation matrix (3, 3) between FLU in ENU and FRD in NED."""
     return np.asarray((_WORLD @ rotation) * _BODY)
 
 
 def heading(yaw: float) -> float:
-    """Convert a heading [rad] from counterclockwise from east to clockwise from north, or back."""
+    """Convert a heading [rad] between ROS (from east, counterclockwise) and PX4 (from north)."""
     return float(np.arctan2(np.cos(yaw), np.sin(yaw)))
 
 
 def torque_unit(drone: DroneConfig) -> Array:
-    """Return the moments (3,) about the body's axes [Nm] of PX4's normalized torque 1.
+    """Return the moments (3,) [Nm] about the body axes for PX4's normalized torque 1.
 
     The scaling is that of ControlAllocationPseudoInverse (SYS_CTRL_ALLOC). Roll and pitch are both
     scaled by the smaller of `T_max sqrt(n_x Sx2 / 2)` and `T_max sqrt(n_y Sy2 / 2)`. T_max is the
@@ -62,7 +62,7 @@ def torque_unit(drone: DroneConfig) -> Array:
 
 @dataclass(frozen=True)
 class Px4Gains:
-    """Parameters of PX4's multicopter loops, by PX4's names, with its defaults of 2026.
+    """Gains of PX4's multicopter loops, by PX4's parameter names, with PX4's defaults of 2026.
 
     Attributes
     ----------
@@ -125,9 +125,9 @@ class Px4Gains:
         mc_yawrate_p: float = 0.2,
         mc_yaw_tq_cutoff: float = 2.0,
     ) -> 'Px4Gains':
-        """Return gains, with the velocity loop scaled by `mpc_xy_p` over PX4's default.
+        """Return gains whose velocity loop is scaled in proportion to the position gain.
 
-        The gains `mpc_xy_vel_p_acc` and `mpc_xy_vel_i_acc` are scaled by that ratio, and
+        The gains `mpc_xy_vel_p_acc` and `mpc_xy_vel_i_acc` are scaled like `mpc_xy_p`, and
         `mc_yawrate_i` by the ratio of `mc_yawrate_p` to its default.
         """
         share = mpc_xy_p / cls.mpc_xy_p
@@ -143,7 +143,7 @@ class Px4Gains:
         )
 
     def __post_init__(self) -> None:
-        """Check that every value is in its range."""
+        """Check that proportional gains are positive and other values not negative."""
         for name, value in vars(self).items():
             check = positive if name.endswith(('_p', '_p_acc', '_k')) else non_negative_number
             check(name, value)

@@ -1,4 +1,4 @@
-"""Flight of a drone by PX4's firmware (SITL), with feedforward of the arm's motion."""
+"""Simulated flight with PX4's firmware (SITL), with feedforward of the arm's motion."""
 
 import time
 from enum import Enum
@@ -17,7 +17,7 @@ from aerarm_ros.flight.flight_state import FlightState, FlightTarget
 from aerarm_ros.motion.signals import Array
 
 STEP_US = 4000
-"""Interval of the sensors' samples while PX4 starts [us]."""
+"""Interval of the sensor samples while PX4 starts [us]."""
 
 _UP = np.array([0.0, 0.0, 1.0])
 _BOOT, _ANSWER = 0.02, 2.0  # [s] of this host: before PX4's first answer, and after it
@@ -36,7 +36,7 @@ _TEXTS = 50  # number of stored messages from PX4
 
 
 class FlightStage(Enum):
-    """Progress of PX4's start and take-off."""
+    """Stage of PX4's start and take-off; the value is the text for the user."""
 
     BOOT = 'no answer from PX4 yet: start PX4 before this node, with the same autopilot_instance'
     SETTLE = "PX4's estimator is settling"
@@ -46,7 +46,9 @@ class FlightStage(Enum):
 
 
 class Px4Firmware:
-    """PX4 in lockstep: the simulation holds the drone until PX4 has started its rotors.
+    """Connection to PX4, which runs in lockstep with the simulation.
+
+    The simulation holds the drone until PX4 has started the rotors.
 
     PX4's clock is set by the stamps of the sensor messages. That clock continues while the
     simulation pauses and holds the drone. PX4's estimator and rotors need seconds to start.
@@ -92,7 +94,7 @@ class Px4Firmware:
 
     @property
     def problem(self) -> str:
-        """Reason why PX4 does not fly; empty if it flies."""
+        """Reason why PX4 does not fly the drone; empty if it does."""
         if self._simulator.is_lost:
             return 'PX4 has ended or closed the connection: restart PX4 and this node'
         if self.stage is FlightStage.FLY:
@@ -107,12 +109,12 @@ class Px4Firmware:
 
     @property
     def wants_set_points(self) -> bool:
-        """Whether PX4 needs set points to arm, while the simulation holds the drone."""
+        """Whether PX4 needs set points to arm while the simulation holds the drone."""
         return self.stage in (FlightStage.ARM, FlightStage.SPOOL)
 
     @property
     def is_led(self) -> bool:
-        """Whether PX4 follows set points; without any, its failsafe acts after COM_OF_LOSS_T."""
+        """Whether PX4 is in offboard mode, in which it follows set points."""
         return self._mode >> 24 == _OFFBOARD
 
     @property
@@ -121,15 +123,15 @@ class Px4Firmware:
         return self._time_us // 1000
 
     def send(self, name: str, **values: object) -> None:
-        """Send a message to PX4."""
+        """Send a MAVLink message to PX4."""
         self._companion.send(self._writer.pack(name, **values))
 
     def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
-        """Advance PX4 by `dt` [s]; return its thrust fractions (16,), None without an answer."""
+        """Advance PX4 by `dt` [s]; return thrust fractions (16,), None without an answer."""
         return self._step(state, round(1e6 * dt), is_placed, is_held=False)
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance PX4 by one step while the drone is held; return its thrust fractions (16,).
+        """Advance PX4 by a step while the drone is held; return its thrust fractions (16,).
 
         `lift` is the sum of the rotors' thrust fractions that carries the drone. The result is None
         without an answer.
@@ -166,7 +168,7 @@ class Px4Firmware:
         return answer.shares
 
     def _await_taken(self) -> None:
-        """Wait until PX4 has processed all messages sent so far.
+        """Wait until PX4 has processed all messages sent to it.
 
         PX4 answers messages in order, so the answer to a TIMESYNC proves that PX4 has processed all
         earlier ones. PX4's receiver does not run in lockstep. Without this wait, PX4 on a busy host
@@ -194,7 +196,7 @@ class Px4Firmware:
             self.stage = FlightStage.ARM
 
     def _ask(self) -> None:
-        """Request offboard mode and then arming, repeatedly."""
+        """Request offboard mode, then arming, every 0.5 s until PX4 is armed."""
         if self._mode & _ARMED and self.is_led:
             self.stage = FlightStage.SPOOL
             return
@@ -233,7 +235,7 @@ class Px4Firmware:
 
 
 class LockstepFirmware(Protocol):
-    """Interface of an autopilot's firmware on this host, in lockstep with the simulation.
+    """Interface of an autopilot firmware on this host that runs in lockstep with the simulation.
 
     Attributes
     ----------
@@ -248,7 +250,7 @@ class LockstepFirmware(Protocol):
 
     @property
     def problem(self) -> str:
-        """Reason why the firmware does not fly; empty if it flies."""
+        """Reason why the firmware does not fly the drone; empty if it does."""
 
     @property
     def is_flying(self) -> bool:
@@ -260,16 +262,16 @@ class LockstepFirmware(Protocol):
 
     @property
     def time_ms(self) -> int:
-        """Firmware's time [ms]."""
+        """Time of the firmware [ms]."""
 
     def send(self, name: str, **values: object) -> None:
         """Send a MAVLink message."""
 
     def step(self, state: FlightState, dt: float, is_placed: bool = True) -> Array | None:
-        """Advance the firmware by `dt` [s]; return its thrust fractions, None without an answer."""
+        """Advance the firmware by `dt` [s]; return thrust fractions, None without an answer."""
 
     def hold(self, state: FlightState, lift: float) -> Array | None:
-        """Advance the firmware while the drone is held; return its thrust fractions."""
+        """Advance the firmware by a step while the drone is held; return thrust fractions."""
 
 
 class SetPoints(Protocol):
@@ -285,7 +287,7 @@ class SetPoints(Protocol):
 
 
 class FirmwareFlight:
-    """Flight control by set points for an autopilot's firmware on this host, as a `FlightControl`.
+    """Flight control by an autopilot firmware that follows set points, used as a `FlightControl`.
 
     Parameters
     ----------
@@ -299,7 +301,7 @@ class FirmwareFlight:
     Attributes
     ----------
     problem : str
-        Reason why the rotors are not commanded; empty if they are.
+        Reason why the firmware does not command the rotors; empty if it does.
     is_settling : bool
         Whether the firmware is starting, so that `settle` must be called.
     """
@@ -322,7 +324,7 @@ class FirmwareFlight:
 
     @property
     def problem(self) -> str:
-        """Reason why the rotors are not commanded; empty if they are."""
+        """Reason why the firmware does not command the rotors; empty if it does."""
         return self._firmware.problem
 
     @property
@@ -345,7 +347,7 @@ class FirmwareFlight:
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Advance the firmware by `dt` [s]; return the rotors' commanded thrusts (n,) [N]."""
+        """Advance the firmware by `dt` [s]; return the thrusts (n,) [N] that it commands."""
         if not self._firmware.is_flying:
             self._held = state
             self.settle()
@@ -356,7 +358,7 @@ class FirmwareFlight:
         return self._thrusts()
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] after loss of odometry, when PX4's failsafe acts."""
+        """Return thrusts (n,) [N] that the firmware's failsafe commands without odometry."""
         self._note(self._firmware.step(state, dt, is_placed=False))
         return self._thrusts()
 

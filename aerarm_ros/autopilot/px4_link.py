@@ -1,4 +1,4 @@
-"""Connections to an autopilot's program on this host (SITL), and to PX4's simulator interface.
+"""Connections to an autopilot firmware on this host (SITL): as companion, and as PX4's simulator.
 
 In the TCP connection this package acts as PX4's simulator: it sends sensor data and receives thrust
 fractions. PX4's time is the time of the sensors (`src/modules/simulation/simulator_mavlink`). In
@@ -18,7 +18,7 @@ from aerarm_ros.autopilot.mavlink import FrameReader, FrameWriter, Message
 from aerarm_ros.motion.signals import Array
 
 SIMULATOR_PORT, COMPANION_PORT, OFFBOARD_PORT = 4560, 14540, 14580
-"""Ports: TCP of the simulator, UDP of the companion, UDP of PX4; add the number of the instance."""
+"""TCP port of the simulator, UDP port of the companion, UDP port of PX4, for instance 0."""
 
 _HOST = '127.0.0.1'
 _SYSTEM, _COMPONENT = 245, 191  # ids of this side: MAV_COMP_ID_ONBOARD_COMPUTER
@@ -27,7 +27,7 @@ _CHUNK = 65536
 
 
 class Controls(NamedTuple):
-    """Commands of PX4 to the rotors.
+    """Thrust fractions that PX4 commands, and whether PX4 is armed.
 
     Attributes
     ----------
@@ -40,12 +40,12 @@ class Controls(NamedTuple):
 
 
 class Simulator(Protocol):
-    """Interface of the TCP connection that sends sensor data to PX4."""
+    """Interface of the connection by which this program acts as PX4's simulator."""
 
     is_lost: bool
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
-        """Send frames, the last of them a HIL_SENSOR; return PX4's answer."""
+        """Send sensor frames, of which the last is a HIL_SENSOR; return PX4's answer."""
 
     def close(self) -> None:
         """Close the line."""
@@ -65,7 +65,7 @@ class Companion(Protocol):
 
 
 class SimulatorLink:
-    """TCP server to which PX4 connects as to its simulator.
+    """TCP server to which PX4 connects, as to its simulator.
 
     Parameters
     ----------
@@ -100,11 +100,11 @@ class SimulatorLink:
 
     @property
     def damaged(self) -> int:
-        """Number of frames with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
         return self._reader.damaged
 
     def step(self, time_us: int, frames: Sequence[bytes], patience: float) -> Controls | None:
-        """Send frames; return PX4's answer within `patience` [s], or None.
+        """Send sensor frames; return PX4's answer within `patience` [s], or None.
 
         The last frame is the HIL_SENSOR of `time_us`. PX4 stamps every message with the time of its
         last HIL_SENSOR, so the frames before it get the previous time.
@@ -184,7 +184,7 @@ class CompanionLink:
             raise ValueError(port_taken('UDP', port, error)) from None
 
     def send(self, frame: bytes) -> None:
-        """Send a frame; if the autopilot does not listen, the frame is lost."""
+        """Send a MAVLink frame, which is lost if the autopilot does not listen."""
         if self._autopilot is None:
             return
         try:
@@ -211,12 +211,12 @@ class CompanionLink:
 
 
 def companion_writer() -> FrameWriter:
-    """Return a writer of MAVLink frames with the ids of an onboard computer."""
+    """Return a `FrameWriter` with the MAVLink ids of a companion computer."""
     return FrameWriter(_SYSTEM, _COMPONENT)
 
 
 def port_taken(kind: str, port: int, error: OSError) -> str:
-    """Return the message of a port that cannot be opened."""
+    """Return the error message for a port that cannot be opened."""
     return (
         f"{kind} port {port} for the autopilot's program cannot be opened ({error.strerror}): stop "
         'the other flight_control, simulator or ground station, or set another '

@@ -1,4 +1,4 @@
-"""Model of PX4's cascaded loops, from a set point to thrust and moment."""
+"""Model of PX4's cascaded control loops, from a set point to thrust and torque."""
 
 from typing import NamedTuple
 
@@ -24,12 +24,12 @@ _SPIN_CUTOFF = 20.0  # [Hz] IMU_DGYRO_CUTOFF, of the angular acceleration
 
 
 def _low_pass_share(cutoff: float, dt: float) -> float:
-    """Return the weight of a new value in a first-order low-pass with a cut-off [Hz]."""
+    """Return the weight of a new value in a first-order low-pass filter."""
     return float(1.0 - np.exp(-2.0 * np.pi * cutoff * dt))
 
 
 class Px4SetPoint(NamedTuple):
-    """Fields of px4_msgs/TrajectorySetpoint for the position loop, north-east-down.
+    """Set point of PX4's position loop in north-east-down axes.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Px4SetPoint(NamedTuple):
 
 
 class Px4State(NamedTuple):
-    """State of the vehicle, north-east-down, its body forward-right-down.
+    """State of the drone in PX4's axes: world north-east-down, body forward-right-down.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Px4State(NamedTuple):
 
 
 class Px4Loops:
-    """PX4's cascade: position P, velocity PID, attitude P on the quaternion, angular velocity PID.
+    """PX4's cascaded loops: position P, velocity PID, attitude P, angular velocity PID.
 
     The loops are those of PX4's modules mc_pos_control (PositionControl.cpp), mc_att_control
     (AttitudeControl.cpp, Brescianini, Hehn and D'Andrea 2013) and mc_rate_control. The
@@ -93,7 +93,7 @@ class Px4Loops:
         self.reset()
 
     def reset(self) -> None:
-        """Reset integrals and derivatives."""
+        """Reset the integrals and derivatives of all loops."""
         self._push, self._moment = np.zeros(3), np.zeros(3)
         self._velocity: Array | None = None
         self._rate: Array | None = None
@@ -101,7 +101,7 @@ class Px4Loops:
         self._acceleration, self._spin = np.zeros(3), np.zeros(3)
 
     def update(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> tuple[float, Array]:
-        """Return PX4's normalized thrust and torque, (3,) each, forward-right-down.
+        """Return PX4's normalized thrust, and normalized torque (3,) in FRD axes.
 
         `dt` is the time since the last update [s].
         """
@@ -111,7 +111,7 @@ class Px4Loops:
         return float(np.linalg.norm(thrust)), self._torque(state, thrust, yaw, dt)
 
     def _thrust(self, state: Px4State, wanted: Px4SetPoint, dt: float) -> Array:
-        """Return the commanded thrust (3,) in the world, as a fraction of the largest thrust."""
+        """Return the commanded thrust (3,) in world axes, as fraction of the largest thrust."""
         error = wanted.position - state.position
         velocity = self._position_p * error + np.nan_to_num(wanted.velocity)
         if self._velocity is not None and dt > 0.0:
@@ -153,7 +153,7 @@ class Px4Loops:
         return np.clip(torque, -1.0, 1.0)
 
     def _rates(self, rotation: Array, wanted: Array) -> Array:
-        """Return the desired angular velocity in body axes [rad/s]."""
+        """Return the desired angular velocity (3,) [rad/s] in body axes."""
         tilt = _between(rotation[:, 2], wanted[:, 2])  # the shortest rotation of the thrust
         reduced = tilt @ rotation
         # The remaining rotation is about the body's z.
@@ -167,7 +167,7 @@ class Px4Loops:
 
 
 def _attitude(down: Array, yaw: float) -> Array:
-    """Return the attitude whose z axis is `down` and whose heading is `yaw` [rad]."""
+    """Return the rotation (3, 3) whose z axis is `down` and whose heading is `yaw` [rad]."""
     side = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
     x = cross(side, down)
     x /= np.linalg.norm(x)
@@ -175,12 +175,12 @@ def _attitude(down: Array, yaw: float) -> Array:
 
 
 def _between(start: Array, end: Array) -> Array:
-    """Return the shortest rotation from one unit vector to another."""
+    """Return the shortest rotation (3, 3) from a first to a second unit vector."""
     return np.array(pin.Quaternion.FromTwoVectors(start, end).toRotationMatrix())
 
 
 def _sine_vector(rotation: Array) -> Array:
-    """Return twice the vector part of a rotation's quaternion, with positive scalar part."""
+    """Return twice the vector part (3,) of a rotation's quaternion with positive scalar part."""
     x, y, z, w = quaternion(rotation)
     vector: Array = np.copysign(2.0, w) * np.array([x, y, z])
     return vector
@@ -190,7 +190,7 @@ _SINK = 0.97  # lifted fraction of the weight without a known height
 
 
 class Px4Flight:
-    """`Px4Loops` with a drone's rotors, used as a `FlightControl`.
+    """Flight control by a model of PX4's loops (`Px4Loops`), used as a `FlightControl`.
 
     The only feedforward of the arm is the acceleration of a set point. The loops receive neither
     the moment of the arm's weight nor its inertia. The hover thrust is that of drone and arm at
@@ -232,13 +232,13 @@ class Px4Flight:
         self._acceleration = tilt_ahead(gains, drone) if knows_loops else SetPointAcceleration()
 
     def reset(self) -> None:
-        """Reset the integrals."""
+        """Reset the integrals and derivatives of all loops."""
         self._loops.reset()
 
     def update(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward | None = None
     ) -> Array:
-        """Return the rotors' thrusts (n,) [N] for flight to the target; `dt` [s] is one step."""
+        """Return the rotors' thrusts (n,) [N] that move the drone to the target."""
         wanted = target.acceleration
         if arm is not None:
             wanted = wanted + self._acceleration.update(arm, state.rotation, dt)
@@ -247,7 +247,7 @@ class Px4Flight:
         return self._thrusts(state, set_point, dt)
 
     def level(self, state: FlightState, dt: float) -> Array:
-        """Return the thrusts (n,) [N] for a level, sinking drone whose position is unknown."""
+        """Return thrusts (n,) [N] with which the drone sinks level, if its position is unknown."""
         sinking = np.array([0.0, 0.0, (1.0 - _SINK) * GRAVITY])
         here = Px4SetPoint(
             ned(state.position), heading(yaw_of(state.rotation)), np.zeros(3), sinking

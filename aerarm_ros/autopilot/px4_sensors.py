@@ -1,4 +1,4 @@
-"""Sensor data of a drone as MAVLink frames of PX4's simulator."""
+"""Sensor data of a simulated drone, as MAVLink frames for PX4."""
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +18,7 @@ _FIELD = np.array([0.2152, 0.0120, 0.4306])
 _EARTH = 6371000.0  # [m], as in PX4's projection
 _IMU_FIELDS, _MAG_FIELDS, _BARO_FIELDS = 0x3F, 0x1C0, 0x1A00
 FRAME_LOCAL_NED, FRAME_LOCAL_FRD = 1, 20
-"""MAV_FRAME of an odometry: PX4 accepts the first, ArduPilot only the second."""
+"""Values of MAV_FRAME for odometry: PX4 accepts the first, ArduPilot only the second."""
 
 _FRAME_BODY_FRD, _ESTIMATOR_VISION = 12, 2
 _GPS_EVERY, _SLOW_EVERY = 25, 5  # in HIL_SENSOR messages: 10 Hz, 50 Hz
@@ -27,7 +27,7 @@ _VARIANCES = (1e-4, 1e-4, 1e-4)  # position [m^2], attitude [rad^2], velocity [m
 
 
 class SensorFrames:
-    """Pack sensor data for PX4, with noise for the sensors that the simulation lacks.
+    """Encodes sensor data for PX4; emulates magnetometer, barometer and satellite receiver.
 
     Accelerometer, gyroscope and odometry keep the noise of their input. Magnetometer, barometer and
     satellite receiver get their own noise. PX4 treats equal IMU samples as a sensor fault. The
@@ -61,7 +61,7 @@ class SensorFrames:
     def frames(
         self, time_us: int, state: FlightState, is_placed: bool = True, is_held: bool = False
     ) -> list[bytes]:
-        """Return the MAVLink frames for `time_us` [us]: position first, then the other sensors.
+        """Return the MAVLink frames at `time_us` [us]: position first, then other sensors.
 
         The position is that of the previous sample, as odometry or, for GPS sensors, as a GPS
         reading in every 25th call. Without `is_placed` the position is left out.
@@ -122,7 +122,7 @@ class SensorFrames:
 def odometry_frame(
     writer: FrameWriter, time_us: int, state: FlightState, frame: int = FRAME_LOCAL_NED
 ) -> bytes:
-    """Return an ODOMETRY frame: pose in a MAV_FRAME, velocity in body axes (FRD)."""
+    """Return an ODOMETRY frame: pose in the axes of `frame`, velocity in body axes (FRD)."""
     x, y, z = ned(state.position).tolist()
     qx, qy, qz, qw = pin.Quaternion(frd_rotation(state.rotation)).coeffs().tolist()
     vx, vy, vz = frd_to_flu(state.rotation.T @ state.velocity).tolist()
@@ -137,6 +137,6 @@ def odometry_frame(
 
 
 def _diagonal(first: float, second: float) -> list[float]:
-    """Return the upper right triangle (21,) of a diagonal 6 by 6 matrix."""
+    """Return the upper triangle (21,) of a diagonal 6 by 6 covariance matrix."""
     rows = np.diag([first] * 3 + [second] * 3)
     return [float(value) for value in rows[np.triu_indices(6)]]

@@ -1,4 +1,4 @@
-"""Set points for PX4 over MAVLink, with feedforward of the arm's motion."""
+"""Set point messages for PX4 (MAVLink), with feedforward of the arm's motion."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ _STEP_MAX = 0.05  # [s]
 
 
 def tilt_ahead(gains: Px4Gains, drone: DroneConfig) -> SetPointAcceleration:
-    """Return the acceleration whose anticipatory tilt inverts PX4's loops.
+    """Return a `SetPointAcceleration` whose anticipatory tilt inverts PX4's loops.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def tilt_ahead(gains: Px4Gains, drone: DroneConfig) -> SetPointAcceleration:
 
 
 class Px4SetPoints:
-    """Create the set point message for a target and a state of the drone.
+    """Creates set point messages for PX4, with feedforward of the arm's motion.
 
     A drone with rotors in one plane gets SET_POSITION_TARGET_LOCAL_NED with the acceleration of
     `SetPointAcceleration`; PX4 closes all loops. PX4's position loop would tilt a drone with tilted
@@ -75,7 +75,7 @@ class Px4SetPoints:
 
     @property
     def needs_state(self) -> bool:
-        """Whether a message depends on the drone's position and attitude."""
+        """Whether the messages depend on the drone's position and attitude."""
         return self._is_full
 
     def reset(self) -> None:
@@ -85,7 +85,7 @@ class Px4SetPoints:
     def message(
         self, state: FlightState, target: FlightTarget, dt: float, arm: FeedForward, origin: Array
     ) -> tuple[str, dict[str, Any]]:
-        """Return name and fields of the set point message, without its time stamp.
+        """Return name and fields of the MAVLink set point message, without its time stamp.
 
         `dt` [s] is the time since the last message. `origin` (3,) is the origin of the target's
         frame in PX4's local frame, north-east-down [m].

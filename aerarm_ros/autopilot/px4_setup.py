@@ -1,4 +1,4 @@
-"""PX4's parameters for a drone: rotors, hover thrust, gains and source of position."""
+"""PX4's parameters for a drone: rotors, hover thrust, gains and position source."""
 
 from dataclasses import dataclass, field
 
@@ -11,14 +11,13 @@ from aerarm_ros.motion.signals import Array
 
 VISION, GPS = 'vision', 'gps'
 SENSORS = VISION, GPS
-"""Source of PX4's position: odometry, as from motion capture, or a satellite receiver."""
+"""Position sources of the autopilot: odometry, as from motion capture, or a satellite receiver."""
 
 ROTORS = 12
-"""Largest number of motors in PX4."""
+"""Largest number of motors that PX4 controls."""
 
 AIRFRAME = '10016'
-"""Airframe none_iris, a multirotor with this process as simulator; the parameters override its
-other values.
+"""Number of PX4's airframe none_iris, a multirotor with a simulator connected over TCP.
 """
 
 _FRD = np.array([1.0, -1.0, -1.0])
@@ -43,7 +42,7 @@ _BENCH_PARAMETERS = {
 
 @dataclass(frozen=True)
 class Px4Setup:
-    """Parameters that describe the drone to PX4.
+    """Gains and position source of PX4, from which its parameters for a drone follow.
 
     Attributes
     ----------
@@ -63,11 +62,11 @@ class Px4Setup:
     others: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the choice of sensors."""
+        """Check the choice of the position source."""
         check_sensors(self.sensors)
 
     def parameters(self, drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-        """Return PX4's parameters by name.
+        """Return all parameters for a drone by PX4's names.
 
         Parameters
         ----------
@@ -98,13 +97,13 @@ class Px4Setup:
 
 
 def check_sensors(sensors: str) -> None:
-    """Raise ValueError if the sensors are unknown."""
+    """Raise ValueError if the position source is unknown."""
     if sensors not in SENSORS:
         raise ValueError(f'sensors = {sensors!r} is unknown: choose one of {", ".join(SENSORS)}')
 
 
 def checked_hover_share(drone: DroneConfig, body: MassProperties, rule: str) -> float:
-    """Return the hover thrust as `hover_share` does; raises ValueError if not 10 to 80 %."""
+    """Return the hover thrust of `hover_share`; raise ValueError if it is not 10 to 80 %."""
     hover = hover_share(drone, body)
     if not 0.1 <= hover <= 0.8:
         raise ValueError(
@@ -115,13 +114,13 @@ def checked_hover_share(drone: DroneConfig, body: MassProperties, rule: str) -> 
 
 
 def hover_share(drone: DroneConfig, body: MassProperties) -> float:
-    """Return the hover thrust as a fraction of all rotors' largest thrust."""
+    """Return the hover thrust as a fraction of the largest thrust of all rotors together."""
     lift = float(np.abs(drone.allocation[2]) @ drone.column('thrust_max'))
     return body.mass * GRAVITY / lift
 
 
 def force_unit(drone: DroneConfig) -> Array:
-    """Return the forces (3,) along the body's axes [N] of PX4's normalized thrust 1.
+    """Return the forces (3,) [N] along the body axes for PX4's normalized thrust 1.
 
     ControlAllocationPseudoInverse scales its mixer by one over the mean nonzero entry of a column.
     An axis without entries has the unit of the body's z axis.
@@ -133,7 +132,7 @@ def force_unit(drone: DroneConfig) -> Array:
 
 
 def _geometry(drone: DroneConfig, body: MassProperties) -> dict[str, float]:
-    """Return CA_* and the IMU's position, forward-right-down from the centre of mass."""
+    """Return PX4's parameters for the poses of rotors (CA_*) and IMU."""
     found: dict[str, float] = {'CA_AIRFRAME': 0, 'CA_ROTOR_COUNT': drone.n}
     for i, rotor in enumerate(drone.rotors):
         place = _FRD * (np.array(rotor.position) - body.centre)

@@ -1,4 +1,4 @@
-"""Acceleration of a set point that compensates the arm's motion."""
+"""Acceleration in the set points of an autopilot that compensates the arm's motion."""
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,7 @@ _LEAN_MAX = 0.35  # [rad] largest tilt in addition to that of the force
 
 
 class SetPointAcceleration:
-    """Acceleration feedforward for an autopilot that accepts an acceleration only.
+    """Feedforward of the arm's motion for an autopilot that accepts only an acceleration.
 
     The acceleration against the force f of the joints' motion is `-f / m`; the autopilot's hover
     thrust carries the weight. PX4 (MPC_ACC_DECOUPLE) and ArduCopter tilt the drone by `atan(a / g)`
@@ -69,7 +69,7 @@ class SetPointAcceleration:
         self._lasting: Array | None = None
 
     def update(self, arm: FeedForward, rotation: Array, dt: float) -> Array:
-        """Return the set point's acceleration (3,) in the world [m/s^2], z up.
+        """Return the acceleration (3,) [m/s^2] for the set point, in world axes with z up.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class SetPointAcceleration:
         return np.array([x, y, -arm.wrench[2] / arm.body.mass])
 
     def turn(self, arm: FeedForward, dt: float) -> Array:
-        """Return the attitude offset (3,) [rad] that makes the autopilot give the moment M.
+        """Return the attitude offset (3,) [rad] for which the autopilot produces the moment M.
 
         The offset is in level axes. The offset applies only to a drone with tilted rotors, which
         produces a horizontal force without tilting.
@@ -105,7 +105,7 @@ class SetPointAcceleration:
         return turn
 
     def _lean(self, arm: FeedForward, dt: float) -> Array:
-        """Return the additional tilt `delta` (3,) [rad], in level axes."""
+        """Return the additional anticipatory tilt `delta` (3,) [rad], in level axes."""
         body, lift = arm.body, _lift(arm)
         # Derivatives of the tilt u = -f / T, with T' = -f_z', or 0 at the smallest lift.
         is_free = lift > _LIFT_MIN * body.mass * GRAVITY
@@ -122,7 +122,7 @@ class SetPointAcceleration:
         return _bounded(rate / self._attitude_gain)
 
     def _passing(self, moment: Array, dt: float) -> Array:
-        """Return the part of a moment that the autopilot's integral does not compensate."""
+        """Return the part (3,) of a moment that the autopilot's integral does not compensate."""
         if self._lasting is None:
             self._lasting = moment
         share = 1.0 - np.exp(-self._integral_rate * dt)
@@ -131,12 +131,12 @@ class SetPointAcceleration:
 
 
 def _lift(arm: FeedForward) -> float:
-    """Return the rotors' vertical thrust [N] that carries the weight and the arm's motion."""
+    """Return the vertical thrust [N] that balances the weight and the arm's motion."""
     weight = arm.body.mass * GRAVITY
     return float(max(weight - arm.wrench[2], _LIFT_MIN * weight))
 
 
 def _bounded(turn: Array) -> Array:
-    """Return a rotation without its vertical component, limited to the largest tilt."""
+    """Return a rotation vector (3,) without vertical component, limited to the largest tilt."""
     tilt = turn * [1.0, 1.0, 0.0]
     return np.asarray(tilt * min(1.0, _LEAN_MAX / max(float(np.linalg.norm(tilt)), 1e-9)))

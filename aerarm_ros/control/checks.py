@@ -1,4 +1,4 @@
-"""Checks of a controller's inputs: finite values, gains and joint limits."""
+"""Checks of parameters and references of controllers: finite, positive, within joint limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,14 +11,14 @@ from aerarm_ros.motion.signals import Array
 
 
 class RejectedInputError(ValueError):
-    """Rejected reference or sensor sample; the message states the reason and what to check.
+    """A reference or sensor sample is invalid; the message states the reason and what to check.
 
     The function that raises this error has changed nothing, so the arm continues its motion.
     """
 
 
 def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return a copy of `values` as an (n,) array; a scalar is repeated.
+    """Return a copy of non-negative `values` as an (n,) array; a scalar is repeated.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def non_negative(name: str, values: npt.ArrayLike, n: int) -> Array:
 
 
 def finite(name: str, values: npt.ArrayLike, n: int) -> Array:
-    """Return a copy of `values` as an (n,) array; a scalar is repeated.
+    """Return a copy of finite `values` as an (n,) array; a scalar is repeated.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class JointLimits:
 
     @classmethod
     def from_config(cls, config: ArmConfig) -> 'JointLimits':
-        """Return the limits of an arm's configuration."""
+        """Return the joint limits in the configuration of an arm."""
         fields = ('position_min', 'position_max', 'velocity_max', 'acceleration_max', 'effort_max')
         return cls(config.joint_names, *(config.column(field) for field in fields))
 
@@ -107,7 +107,7 @@ class JointLimits:
         return len(self.names)
 
     def order(self, names: Sequence[str]) -> list[int]:
-        """Return the index of each of the arm's joints in `names`.
+        """Return the position in `names` of each joint of the arm.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class JointLimits:
         return [list(names).index(name) for name in self.names]
 
     def including(self, q: Array) -> 'JointLimits':
-        """Return the limits, widened to include a posture (n,) [rad] beyond them."""
+        """Return limits that also include a posture (n,) [rad] outside the present limits."""
         return replace(
             self,
             position_min=np.minimum(self.position_min, q),
@@ -130,7 +130,7 @@ class JointLimits:
         )
 
     def check_position(self, what: str, q: Array) -> None:
-        """Require positions, (n,) or (M, n) [rad], inside the limits.
+        """Require that positions, (n,) or (M, n) [rad], lie inside the joint limits.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class JointLimits:
             )
 
     def check_velocity(self, what: str, dq: Array) -> None:
-        """Require velocities, (n,) or (M, n) [rad/s], inside the limits.
+        """Require that velocities, (n,) or (M, n) [rad/s], lie inside the joint limits.
 
         Raises
         ------
@@ -159,7 +159,7 @@ class JointLimits:
         self._check_size(what, dq, self.velocity_max, 'rad/s')
 
     def check_acceleration(self, what: str, ddq: Array) -> None:
-        """Require accelerations, (n,) or (M, n) [rad/s^2], inside the limits.
+        """Require that accelerations, (n,) or (M, n) [rad/s^2], lie inside the joint limits.
 
         Raises
         ------

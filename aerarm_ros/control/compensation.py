@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class ErrorIntegral:
-    """`Ki` times the integral of the error, limited to plus and minus `limit`.
+    """Integral action: `Ki` times the integral of the position error, limited to `+-limit`.
 
     The limit prevents windup at a blocked or saturated joint.
 
@@ -37,18 +37,18 @@ class ErrorIntegral:
         self._value = np.zeros(n)
 
     def reset(self) -> None:
-        """Reset the integral to zero."""
+        """Reset the integral of the error to zero."""
         self._value = np.zeros_like(self._value)
 
     def update(self, error: Array, dt: float) -> Array:
-        """Add `error` (n,) [rad] over `dt` [s] and return the output (n,)."""
+        """Integrate `error` (n,) [rad] over `dt` [s] and return the limited output (n,)."""
         value = self._value + (dt * self._gain) * error
         self._value = np.minimum(np.maximum(value, -self._limit), self._limit)
         return self._value
 
 
 class Fade:
-    """A weight that moves to 1 or to 0 at a constant rate.
+    """Weight that moves towards 1 or towards 0 at a constant rate.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ class Fade:
         self.share = share
 
     def update(self, dt: float, is_on: bool) -> float:
-        """Advance by `dt` [s], toward 1 if `is_on` and else toward 0, and return the weight."""
+        """Move the weight for `dt` [s], towards 1 if `is_on`, else towards 0, and return it."""
         change = self._rate * dt
         self.share = min(1.0, self.share + change) if is_on else max(0.0, self.share - change)
         return self.share
 
 
 class FrictionCompensation:
-    """Thesis (2.6) with `tanh(dq / width)` for the sign, and load-dependent friction.
+    """Joint friction of thesis (2.6), smoothed by `tanh(dq / width)`, plus load-dependent friction.
 
     A gear loses a fraction of the transmitted torque, so dry friction is `f_s + f_l |load|`.
     Load-dependent friction matters for loads that vary with the drone: at 4 % of 1.5 Nm, the first
@@ -122,7 +122,7 @@ class FrictionCompensation:
         self._steepness = 1.0 / positive('width', width)
 
     def torque(self, dq: Array, load: Array | None = None, measured: Array | None = None) -> Array:
-        """Return the torque [Nm] that overcomes friction at velocity `dq` (n,) [rad/s].
+        """Return the torques (n,) [Nm] that overcome friction at velocity `dq` (n,) [rad/s].
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class FrictionCompensation:
         return torque
 
     def slopes(self, dq: Array, load: Array) -> tuple[Array, Array]:
-        """Return the derivatives of `torque` by velocity [Nms/rad] and by load [-].
+        """Return the derivatives of `torque` with respect to velocity [Nms/rad] and load [-].
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class FrictionCompensation:
 
 
 class MomentumObserver:
-    """First-order estimate r of the torques that the model does not explain.
+    """Estimates the joint torques r that the model does not explain, with a first-order lag.
 
     With the momentum `p = B(q) dq`, of which `dp/dt = tau + C^T dq - h + C dq + tau_ext`::
 
@@ -199,17 +199,17 @@ class MomentumObserver:
 
     @property
     def residual(self) -> Array:
-        """r, (n,) [Nm]: joint torque beyond drive and model, positive along +q."""
+        """Unexplained joint torques r (n,) [Nm], positive in the direction of +q."""
         return self._residual
 
     def reset(self) -> None:
-        """Reset the observer; the next state starts with r = 0."""
+        """Reset the observer; the estimate starts with r = 0 at the next state."""
         self._integral = self._last_dq = None
         self._summed = np.zeros_like(self._summed)
         self._residual = np.zeros_like(self._residual)
 
     def rebase(self, q: Array, dq: Array, base: BaseMotion | None = None) -> None:
-        """Continue from a state with an unchanged r, after lost states or a change of the dynamics.
+        """Continue with the same r from a state after lost states or a change of the dynamics.
 
         The momentum of a payload that is declared in motion exists at once and is no torque.
         """
@@ -219,7 +219,7 @@ class MomentumObserver:
             self._last_momentum = momentum
 
     def update(self, state: ArmState, dt: float, base: BaseMotion | None = None) -> Array:
-        """Process the state after a cycle of `dt` [s] and return r, (n,) [Nm].
+        """Process the state at the end of a cycle of `dt` [s] and return r (n,) [Nm].
 
         `state.tau` is the drives' torque during the cycle.
         """
@@ -242,7 +242,7 @@ class MomentumObserver:
     def _momentum(
         self, q: Array, dq: Array, base: BaseMotion | None
     ) -> tuple[Array, Array | float]:
-        """Return the momentum, and the part dB/dt dq of its rate."""
+        """Return the joint momentum, and the part dB/dt dq of its time derivative."""
         if isinstance(base, FreeBaseMotion):
             if self._last_dq is not None:
                 change = self._dynamics.inertia_matrix(q, base) @ (dq - self._last_dq)

@@ -1,4 +1,4 @@
-"""Reaction of a controller to a contact of the arm."""
+"""Reaction of a controller to a reported contact of the arm: stop, retreat or comply."""
 
 from collections import deque
 from typing import Any, Protocol
@@ -16,13 +16,13 @@ _RELEASED = 0.5  # [s] without contact after which a compliant arm is stiff agai
 
 
 class ComplyingLaw(Protocol):
-    """Control law whose stiffness can be lowered."""
+    """Interface of a control law whose stiffness can be lowered."""
 
     stiffness_share: float
 
 
 class ContactReaction:
-    """Stops, retreats or complies when a contact begins.
+    """Stops the arm, moves it back, or makes it compliant when a contact of the arm begins.
 
     The motion under way stops along its path as fast as the acceleration limits allow. RETREAT then
     returns to where the reference was `retreat_time` before the contact; a second contact on the
@@ -81,15 +81,15 @@ class ContactReaction:
 
     @property
     def complies(self) -> bool:
-        """Whether the arm gives way now."""
+        """Whether the arm is compliant at present because of a contact."""
         return self._law.stiffness_share < 1.0
 
     def is_silent(self, now: float) -> bool:
-        """Return whether reports of contact are missing at `now` [s]."""
+        """Return whether no report on contact has arrived in the last 0.5 s before `now` [s]."""
         return not 0.0 <= now - self._reported < _SILENT
 
     def report(self, in_contact: bool, now: float) -> None:
-        """Process a report, received at `now` [s], on whether the arm is in contact."""
+        """Process a report, received at `now` [s], that the arm is or is not in contact."""
         begins = in_contact and not self.in_contact
         self.in_contact, self._reported = in_contact, now
         if begins:
@@ -98,7 +98,7 @@ class ContactReaction:
                 self._react(now)
 
     def update(self, q: Array, now: float) -> None:
-        """Apply the reaction before the control law runs, with the arm at `q` (n,) [rad]."""
+        """Update the reaction for the arm at `q` (n,) [rad]; call before the control law."""
         self.in_contact = self.in_contact and not self.is_silent(now)
         if self.in_contact:
             self._touched = now
@@ -111,7 +111,7 @@ class ContactReaction:
         self._remember(now)
 
     def check_stream(self) -> None:
-        """Raise RejectedInputError for a streamed point if a contact forbids motion."""
+        """Raise RejectedInputError if a contact forbids to follow streamed points."""
         if self.in_contact and self.reaction is not Reaction.REPORT:
             raise RejectedInputError(
                 'streamed point rejected: something touches the arm (contact_reaction '
@@ -120,7 +120,7 @@ class ContactReaction:
             )
 
     def _remember(self, now: float) -> None:
-        """Store the reference; delete earlier ones after an activation or a jump of time."""
+        """Store the reference for a retreat; after an activation, delete older references."""
         past = self._past
         if self._take_overs != self._loop.take_overs:
             self._take_overs = self._loop.take_overs

@@ -1,4 +1,4 @@
-"""One cycle of a controller: reference, law, disturbance compensation, limits."""
+"""Cycle of a controller: reference, control law, disturbance compensation, effort limits."""
 
 from math import isfinite
 from typing import Generic, Protocol, TypeVar
@@ -17,10 +17,10 @@ Followed = TypeVar('Followed', contravariant=True)
 
 
 class ControlLaw(Protocol[Followed]):
-    """Interface of a control law, which computes a command from state and reference."""
+    """Interface of a control law, which computes a joint command from state and reference."""
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture (n,) [rad]."""
+        """Start the control law at the present joint positions q (n,) [rad]."""
 
     def update(
         self, state: ArmState, reference: Followed, dt: float, base: BaseMotion | None = None
@@ -33,13 +33,13 @@ Produced = TypeVar('Produced', covariant=True)
 
 
 class ReferenceSource(Protocol[Produced]):
-    """Source of references at each instant."""
+    """Interface of an object that provides the reference of each control cycle."""
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture (n,) [rad]."""
+        """Start the references at the present joint positions q (n,) [rad]."""
 
     def update(self, q: Array, now: float, dt: float) -> Produced:
-        """Return the reference at `now` [s], `dt` [s] after the last."""
+        """Return the reference at `now` [s], `dt` [s] after the last call."""
         ...
 
 
@@ -54,7 +54,7 @@ _COMPENSATION_FADE = 0.5
 
 
 class ControlLoop(Generic[Reference]):
-    """All steps of a controller between a state and its command.
+    """Computes the joint command that answers a joint state: all steps of a controller.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class ControlLoop(Generic[Reference]):
 
     @property
     def disturbance(self) -> Array | None:
-        """Observed disturbance (n,) [Nm], None without observer."""
+        """Joint torques (n,) [Nm] that the observer estimates as disturbance; None without one."""
         return None if self.observer is None else self.observer.residual
 
     def release(self) -> None:
@@ -124,7 +124,7 @@ class ControlLoop(Generic[Reference]):
         self._last = None
 
     def update(self, state: ArmState, now: float) -> JointCommand | None:
-        """Return the command for the state at `now` [s], or None.
+        """Return the joint command for the state at `now` [s], None while there is none.
 
         Control starts with the second state, even at an equal time; the first only provides the
         arm's posture.
@@ -153,7 +153,7 @@ class ControlLoop(Generic[Reference]):
         return self._finish(command, dt)
 
     def observe(self) -> None:
-        """Update the observer and the base's estimator with the newest state.
+        """Update the disturbance observer and the estimator of the base with the newest state.
 
         Without this call the next `update` also updates observer and estimator. A call after the
         command is sent removes this computation from the command's delay. The compensation is one
@@ -184,7 +184,7 @@ class ControlLoop(Generic[Reference]):
             self.observer.reset()
 
     def _finish(self, command: JointCommand, dt: float) -> JointCommand:
-        """Compensate the disturbance and clip the effort at its limits."""
+        """Subtract the observed disturbance from the effort, and clip the effort at its limits."""
         q, dq, effort = command
         if effort is None:
             return command

@@ -1,4 +1,4 @@
-"""The bridge's 1 ms cycle, independent of ROS and of any clock."""
+"""Cycle of the bridge, run once per millisecond; it uses neither ROS nor a clock."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _RECENT = 1.0  # [s] time for which a rejected or limited command stays in the l
 
 
 class BridgeReport:
-    """Collects faults and counters of the bridge's parts, as text for users."""
+    """Collects the faults and counters of all parts of the bridge for the diagnostics."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class BridgeReport:
         self._monitors = [link.monitor for link in links]
 
     def faults(self, mode: str, now: float) -> list[str]:
-        """Return the faults, the latched stop first, and recently rejected or limited commands."""
+        """Return all faults, the latched stop first, then recently rejected or limited commands."""
         intake, gate = self._intake, self._gate
         texts = [gate.stop, *(monitor.fault for monitor in self._monitors)]
         for link in self._links:
@@ -90,7 +90,7 @@ class BridgeReport:
         return list(dict.fromkeys(filter(None, texts)))
 
     def counters(self) -> dict[str, int]:
-        """Return all counters by their names in the diagnostics."""
+        """Return all counters of the bridge by their names in the diagnostics."""
         # Copies, because a diagnostics thread may read while the loop increments the counters.
         rejections, limited = dict(self._intake.rejections), dict(self._gate.limited)
         counts = {'commands accepted': self._intake.accepted}
@@ -105,7 +105,7 @@ _STEP_MAX = 0.005  # [s] longest time over which a reference moves in one cycle
 
 
 class BridgeCycle:
-    """Sends references for the joint command to the boards, and reads the joints, once per cycle.
+    """Converts the joint command to board references and reads the joints, once per cycle.
 
     `mode` is one of `bridge_modes.MODES`; the module `bridge_modes` describes each mode.
     Requests (`enable`, `disable`, `home`, ...) take effect at the next update.
@@ -210,21 +210,21 @@ class BridgeCycle:
 
     @property
     def q_known(self) -> Array:
-        """Joint positions (n,) [rad], NaN where the zero is unknown."""
+        """Joint positions (n,) [rad], NaN for joints whose encoder zero is unknown."""
         return self.zeros.known_only(self.q)
 
     @property
     def counters(self) -> dict[str, int]:
-        """All counters by their names in the diagnostics."""
+        """All counters of the bridge by their names in the diagnostics."""
         return {'cycles': self.cycles, **self._report.counters()}
 
     @property
     def faults(self) -> list[str]:
-        """Faults, the latched stop first, and recently rejected or limited commands."""
+        """All faults, the latched stop first, then recently rejected or limited commands."""
         return self._report.faults(self.mode, self._now)
 
     def recovery_hint(self, emulated: bool) -> str:
-        """Return a hint on how to continue from the present mode, '' if none is needed."""
+        """Return the steps by which the user makes a stopped arm ready again, or ''."""
         if not self.gate.stop and (self._enabled or not self.zeros.are_lost):
             return ''
         return recovery_hint(
@@ -232,7 +232,7 @@ class BridgeCycle:
         )
 
     def command(self, offered: OfferedCommand, now: float) -> bool:
-        """Process a joint command received at `now` [s, monotonic], on the clock of `update`.
+        """Process a joint command received at `now` [s, monotonic]; `update` uses this clock too.
 
         Returns False if the command was rejected; `rejections` counts the reason.
         """
@@ -247,11 +247,11 @@ class BridgeCycle:
         self._references.set_gains(kp, kd, integral_gain)
 
     def check_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
-        """Raise ValueError for gains that `set_gains` rejects; safe to call from any thread."""
+        """Raise ValueError for board gains that `set_gains` rejects; any thread may call this."""
         self._references.check_gains(kp, kd, integral_gain)
 
     def enable(self) -> Answer:
-        """Request that the boards align and then drive the motors. The arm moves: support it."""
+        """Request that the boards align and drive the motors. The arm moves, so support it."""
         refusal = self.probe.refusal or self._watch.refusal(self._enabled)
         if self._enabled and not refusal:
             return self._hold()
@@ -270,14 +270,14 @@ class BridgeCycle:
         self._encoders.clear()
 
     def _hold(self) -> Answer:
-        """Hold a damped arm at its present position; do nothing if the arm follows a command."""
+        """Hold a damped arm at its present position; an arm that follows a command continues."""
         if self.intake.is_fresh(self._now):
             return Answer(True, 'already enabled, tracking a command')
         self._followed = False
         return Answer(True, 'already enabled: the bridge holds the arm in place')
 
     def hold(self) -> Answer:
-        """Request that the bridge holds the arm instead of damping it when commands end."""
+        """Request that the bridge hold the arm, not damp it, when commands end."""
         if self.mode not in ('ready', 'running', 'damping'):
             first = "'arm clear_fault'" if self.gate.stop else to_switch_on(self.mode)
             return Answer(False, f'arm_mode is {self.mode}: run {first} first')
@@ -286,7 +286,7 @@ class BridgeCycle:
         return Answer(True, f'the bridge holds the arm in place{when}')
 
     def disable(self) -> Answer:
-        """Request that the boards switch the motors off. The arm falls: support it."""
+        """Request that the boards switch the motors off. The arm falls, so support it."""
         self._enabled = False
         self._search.end()
         self.probe.end('the motors were disabled')
@@ -294,7 +294,7 @@ class BridgeCycle:
         return Answer(True, 'the motors are off')
 
     def clear_fault(self) -> Answer:
-        """Leave the fault mode: hold the arm if its motors are driven, otherwise go to idle."""
+        """Leave the arm mode fault: hold the arm if its motors are driven, otherwise go to idle."""
         silent = [link.monitor.name for link in self.links if link.monitor.is_silent]
         if silent and self._enabled:
             # Without a known zero, leaving the fault mode would switch off the boards that damp
@@ -323,7 +323,7 @@ class BridgeCycle:
         return Answer(True, 'the arm is held' if stays else 'the motors are off')
 
     def home(self) -> Answer:
-        """Start homing; every motor turns by up to one turn in each direction. The arm moves.
+        """Start homing; the arm moves, because each motor turns by up to one turn to each side.
 
         The arm must be in its home configuration. Motors that are off are aligned first.
         """
@@ -353,12 +353,12 @@ class BridgeCycle:
         return Answer(True, f'{align}{self._search.motion}; {zeros.assumed_home()}')
 
     def e_stop(self, reason: str) -> Answer:
-        """Latch a stop that damps the arm."""
+        """Latch an emergency stop, which damps the arm until `clear_fault`."""
         self.gate.trip(f'emergency stop: {reason}')
         return Answer(True, 'the arm is damped')
 
     def update(self, now: float) -> None:
-        """Run one bridge cycle at the time `now` [s, monotonic]."""
+        """Run one cycle of the bridge at the time `now` [s, monotonic]."""
         elapsed = max(now - self._now, 0.0)
         self._now = now
         self.cycles += 1
@@ -386,7 +386,7 @@ class BridgeCycle:
         self._loads.update(self.mode == 'ready', self.state)
 
     def shutdown(self) -> None:
-        """Send zero current and system disabled to every board, twice."""
+        """Switch the motors of all boards off; each board receives the frame twice."""
         self.disable()
         self.mode = 'idle'
         for _ in range(2):
@@ -394,11 +394,11 @@ class BridgeCycle:
                 link.switch_off()
 
     def _choose_references(self, now: float, elapsed: float) -> bool:
-        """Set the motor references of this cycle; return whether the arm follows a command."""
+        """Set this cycle's motor references; return whether the arm follows a command."""
         references, gate, state = self._references, self.gate, self.state
         if not self._enabled:
             references.switch_off()
-            gate.look_away()
+            gate.reset_barriers()
             return False
         if references.integrates:
             references.wind_up(self.q + 0.5 * elapsed * self.dq, elapsed)
@@ -413,7 +413,7 @@ class BridgeCycle:
         return self._follow(now, min(elapsed, _STEP_MAX), trusted)
 
     def _follow(self, now: float, dt: float, trusted: Sequence[bool]) -> bool:
-        """Set the references of the command, or damp; return whether the arm follows a command."""
+        """Follow the command or damp the arm; return whether the arm follows a command."""
         references, gate = self._references, self.gate
         command = None if gate.stop else self._current_command(now)
         is_braked = command is not None and gate.follow(
@@ -429,7 +429,7 @@ class BridgeCycle:
         return is_followed and self._followed
 
     def _current_command(self, now: float) -> CommandBuffer | None:
-        """Return the command to follow, None if the arm is to be damped."""
+        """Return the command that the arm must follow, None if the arm must be damped."""
         if not self._aligned:
             return None
         if self._search.is_on:
@@ -455,7 +455,7 @@ class BridgeCycle:
         return homing.command
 
     def _set_zero(self, zero: Array) -> None:
-        """Set the (n,) reported angles [rad] at which the motor angles are zero."""
+        """Set the encoder zeros: angles (n,) [rad] that the boards report at motor angle zero."""
         self._references.set_zero(zero)
         self.state.read(self.links, zero, self._references.gains)
 

@@ -1,4 +1,4 @@
-"""Modes of the bridge and its answers to requests.
+"""Modes of the arm that the bridge publishes, and the bridge's answers to requests.
 
 - disconnected: a board does not answer.
 - idle: the boards answer and the motors are off.
@@ -39,15 +39,15 @@ MODES = (
 
 
 OFF = ('idle', 'unhomed')
-'Modes in which the boards respond and the motors are off: the first mode of a started bridge.'
+'Modes in which the boards answer and the motors are off; a bridge starts in one of them.'
 HELD = ('ready', 'running')
-'Modes in which the motors hold the arm.'
+"""Modes in which the motors carry the arm's weight, by position control or a command."""
 COMMANDABLE = (*HELD, 'damping')
-"""Modes in which the arm follows a command; damping ends with the next command."""
+"""Modes in which the arm accepts a joint command; a command ends the mode damping."""
 
 
 def to_switch_on(mode: str) -> str:
-    """Return the request, as the user types it, that switches the motors on in a given mode."""
+    """Return what the user types to switch the motors on, for the present arm mode."""
     return (
         "'arm home', with the arm in its home configuration"
         if mode == 'unhomed'
@@ -56,14 +56,14 @@ def to_switch_on(mode: str) -> str:
 
 
 class Answer(NamedTuple):
-    """Whether a request was accepted, with the consequence or the reason for rejection."""
+    """Answer to a request: whether it was accepted, and the result or the reason to reject it."""
 
     accepted: bool
     message: str
 
 
 Action = Callable[['BridgeCycle'], Answer]
-"""Request that the bridge runs between two cycles."""
+"""Function that executes a user's request in the bridge, between two cycles."""
 ACTIONS: dict[str, Action] = {
     'enable': lambda cycle: cycle.enable(),
     'hold': lambda cycle: cycle.hold(),
@@ -78,6 +78,6 @@ STOPS = {'disable', 'e_stop'}
 # safe, missing one is not.
 REACHES_ALL = {'e_stop'}
 NOT_ACTIVE = 'the bridge is not active: activate it first (ros2 lifecycle set)'
-"""End of a service's answer while no cycle is running."""
+"""Message in the answer of a service while the bridge runs no cycles."""
 BRIDGES = ('hardware_bridge', 'fake_hardware')
-"""Node names of the bridge."""
+"""Names of the two bridge nodes."""

@@ -1,4 +1,4 @@
-"""Detection of faults of boards, encoders and joints, and check of holding torques."""
+"""Detection of faults of boards, encoders and joints, and check of the arm's holding torques."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """Facts about a stopped arm, from which the recovery hint is derived.
+    """State of a stopped arm, from which `recovery_hint` derives the steps to recover.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ _BY_HAND = 'move the arm by hand to its home configuration'
 
 
 def recovery_hint(arm: StoppedArm, emulated: bool) -> str:
-    """Return a recovery hint for the user: steps separated by commas, with commands in quotes.
+    """Return the steps by which the user recovers a stopped arm, with commands in quotes.
 
     A driven arm holds its position if no board or encoder is in fault and no limit is exceeded.
     In all other cases the motors must be switched off first, because a restarted board must
@@ -99,7 +99,7 @@ def recovery_hint(arm: StoppedArm, emulated: bool) -> str:
 
 
 class FaultWatch:
-    """Monitors boards, encoders and joints, and makes the gate stop the arm after a fault.
+    """Monitors boards, encoders and joints, and stops the arm through the gate after a fault.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class FaultWatch:
         self._until_power_cycle = until_power_cycle
 
     def refusal(self, driven: bool) -> str:
-        """Return why the motors cannot be switched on; if `driven`, their fault; or ''."""
+        """Return why the motors cannot be switched on or, if `driven`, their fault; or ''."""
         if self._gate.stop:
             return f'clear the fault first: {self._gate.stop}'
         silent = [
@@ -140,11 +140,11 @@ class FaultWatch:
         if silent:
             return '; '.join(silent)
         if not driven and any(link.state.system_enabled for link in self._links):
-            return 'the boards are still switching off: try again in a moment'
+            return 'the boards are still switching their motors off: try again after a second'
         return '' if driven else self._heat.refusal()
 
     def boards(self, enabled: bool) -> None:
-        """Detect faults of the boards, and boards that were switched off and on.
+        """Stop the arm if a board has a fault, and record boards that restarted.
 
         An `enabled` arm is stopped if the zero of an encoder is lost, even if its motors are
         still driven.
@@ -169,7 +169,7 @@ class FaultWatch:
         feed_forward: Sequence[float],
         noise: Sequence[float],
     ) -> None:
-        """Check the encoders and joints of driven motors.
+        """Stop the arm if an encoder or joint of a driven motor has a fault.
 
         Parameters
         ----------
@@ -202,7 +202,7 @@ class FaultWatch:
             gate.trip(violation)
 
     def stopped(self, state: ArmMeasurements, driven: bool) -> StoppedArm:
-        """Return the facts that determine the recovery; `driven` if all motors are driven."""
+        """Return the state of the stopped arm; `driven` is true if all motors are driven."""
         trusted = self._encoders.trusted.tolist()
         doubted = {
             joint.board for joint, known in zip(self._joints, trusted, strict=True) if not known
@@ -245,7 +245,7 @@ _CURRENT_ERROR = 0.05
 
 
 class LoadCheck:
-    """Compares the joint torques of an arm at rest with its model.
+    """Compares the holding torques of a resting arm with those that its model predicts.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ class LoadCheck:
         self._current_error: Array = _CURRENT_ERROR * config.column('effort_max')
 
     def warnings(self, q: Array, held: Array, requested: Array) -> list[str]:
-        """Return warnings about joints whose torque deviates from the model, with what to check.
+        """Return warnings about joints whose torque deviates from model or request.
 
         Parameters
         ----------
@@ -303,7 +303,7 @@ class LoadCheck:
 
 
 class LoadWatch:
-    """Averages the joint torques while the arm holds its position, and warns if `LoadCheck` fails.
+    """Averages the torques of an arm that holds its position, and checks them with `LoadCheck`.
 
     The first second is excluded, because a person may still support the arm. Each cycle adds at
     most one sample; the model is evaluated only when warnings are requested.
@@ -323,7 +323,7 @@ class LoadWatch:
         self._begin()
 
     def update(self, is_held: bool, state: ArmMeasurements) -> None:
-        """Add the measurements of a cycle; `is_held` is true while the arm follows no command."""
+        """Add the measurements of a cycle; `is_held` is true while the bridge holds the arm."""
         if not is_held:
             if self._cycle:
                 self._begin()
@@ -333,7 +333,7 @@ class LoadWatch:
             self._add(state)
 
     def warnings(self) -> list[str]:
-        """Return warnings about the held configuration."""
+        """Return the warnings about the joint torques of the held arm."""
         means = self._means
         if means is None:
             return []

@@ -1,4 +1,4 @@
-"""Thermal model of the motors, which warns, reduces torque limits and stops the arm."""
+"""Estimates of motor temperatures, with warnings, torque reduction and stop of the arm."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _HALVINGS = 24
 
 
 class MotorTemperature:
-    """Thermal model of a motor: winding with stator, and housing with mount.
+    """Thermal model of a motor with two bodies: winding with stator, and housing with mount.
 
     Copper loss ``3/2 R i^2`` (thesis section 4.1, amplitude of the phase current) enters the
     winding. Heat flows through ``R_wh`` into the housing and through ``R_ha`` into the air. The
@@ -86,13 +86,13 @@ class MotorTemperature:
         self._capacity_housing = thermal.housing_time / self._to_ambient
 
     def resistance(self, temperature: float) -> float:
-        """Return the resistance of a phase [ohm] at a temperature of the winding [degC]."""
+        """Return the phase resistance [ohm] at a winding temperature [degC]."""
         grown = 1.0 + COPPER * (temperature - _COPPER_REFERENCE)
         rated = 1.0 + COPPER * (RATED_AMBIENT - _COPPER_REFERENCE)
         return max(self._reported, self._resistance * grown / rated)
 
     def report(self, resistance: float) -> None:
-        """Process the resistance [ohm] that the board reports; 0 if the board reports none."""
+        """Process the phase resistance [ohm] that the board reports; 0 if it reports none."""
         low, high = _PLAUSIBLE
         ratio = resistance / self._resistance
         self._reported = resistance if low < ratio < high else 0.0
@@ -103,7 +103,7 @@ class MotorTemperature:
             self.winding = max(self.winding, min(RATED_AMBIENT + grown, self._hottest))
 
     def update(self, square: float, duration: float) -> None:
-        """Advance the temperatures by a duration [s] with a mean squared current [A^2].
+        """Advance the temperatures by `duration` [s] with a mean squared current [A^2].
 
         The step uses the implicit Euler method, which is stable for any duration.
         """
@@ -117,7 +117,7 @@ class MotorTemperature:
         self.winding = (warmed + a * self.housing) / (1.0 + a)
 
     def time_until(self, temperature: float, square: float) -> float:
-        """Return the time [s] to a temperature [degC] at a squared current [A^2]; inf for never.
+        """Return the time [s] until the winding reaches a temperature [degC]; inf for never.
 
         The two linear equations are solved with the resistance at that temperature.
         """
@@ -172,7 +172,7 @@ _LOAD_SHARE = 0.2
 
 
 class ThermalLimit:
-    """Warns of a warm motor, then reduces its torque limit, then requests a stop of the arm.
+    """Warns of a warm motor, reduces its torque limit if it gets warmer, and then stops the arm.
 
     The limit of the squared current falls with the winding temperature: from the current of the
     effort limit to the continuous current, 5 K below the largest temperature. At that temperature
@@ -197,7 +197,7 @@ class ThermalLimit:
         reduced already, inf if it never will be.
     is_sinking
         Whether the load of the arm's weight exceeds the reduced torque.
-    lets_down
+    is_released
         Whether the joint is lowered slowly until its motor is off, because the warm motor can no
         longer hold the joint at a position limit.
     """
@@ -220,7 +220,7 @@ class ThermalLimit:
         'continuous_current',
         'effort_limit',
         'is_sinking',
-        'lets_down',
+        'is_released',
         'motor',
         'remaining',
     )
@@ -229,7 +229,7 @@ class ThermalLimit:
         thermal = joint.motor.thermal_or_guess
         self.motor = MotorTemperature(joint.motor, ambient, start)
         self.remaining = inf
-        self.is_sinking = self.lets_down = False
+        self.is_sinking = self.is_released = False
         self._load = 0.0
         self._name = joint.name
         self._effort_max = self.effort_limit = joint.effort_max
@@ -251,7 +251,7 @@ class ThermalLimit:
         return self.effort_limit < self._effort_max
 
     def recall(self, winding: float, housing: float, away: float) -> None:
-        """Use stored temperatures [degC], cooled for a time [s] with the motor off, if higher."""
+        """Use stored temperatures [degC] after `away` [s] of cooling where they are higher."""
         motor, most = self.motor, self._temperature_max + _KEPT_MAX
         before = motor.winding, motor.housing
         motor.winding, motor.housing = min(winding, most), min(housing, most)
@@ -261,12 +261,12 @@ class ThermalLimit:
         motor.housing = max(motor.housing, before[1])
 
     def add(self, current: float, duration: float) -> None:
-        """Add the heat of a motor current [A] that flowed for a time [s]."""
+        """Add the heat of a motor current [A] that flowed for `duration` [s]."""
         self._sum += current * current * duration
         self._duration += duration
 
     def update(self, resistance: float) -> None:
-        """Update temperatures and torque limit; the board reports a resistance [ohm] or 0."""
+        """Update temperatures and torque limit; `resistance` [ohm] is reported, 0 if unknown."""
         duration = self._duration
         if duration <= 0.0:
             return
@@ -277,29 +277,29 @@ class ThermalLimit:
         self._square += duration / (_MEAN_TIME + duration) * (square - self._square)
         winding, hottest = self.motor.winding, self._temperature_max
         self._stops = winding >= hottest
-        self.lets_down = self.lets_down or winding > hottest + _LETTING_DOWN
+        self.is_released = self.is_released or winding > hottest + _LETTING_DOWN
         warm = hottest - _WARNING - (_HYSTERESIS if self._is_warm else 0.0)
         self._is_warm = winding > warm or self.remaining < _WARNING_TIME
         self._limit(duration)
 
     def forecast(self) -> None:
-        """Estimate the time `remaining` until the torque reduction; call about once per second."""
+        """Update `remaining`, the time to the torque reduction; call about once per second."""
         threshold = self._temperature_max - _REDUCTION
         self.remaining = self.motor.time_until(threshold, self._square)
 
-    def carries(self, load: float) -> None:
+    def add_load(self, load: float) -> None:
         """Record the load torque [Nm] of the arm's weight and motion, after `update`."""
         self._load += _LOAD_SHARE * (load - self._load)
         share = _HELD if self.is_sinking else _SINKING
         self.is_sinking = self.is_reduced and abs(self._load) > share * self.effort_limit
 
     def rest(self) -> None:
-        """Record that the motor is off."""
-        self.is_sinking = self.lets_down = False
+        """Reset the load estimate, because the motor is off."""
+        self.is_sinking = self.is_released = False
         self._load = 0.0
 
     def stop(self) -> str:
-        """Return the thermal reason why the arm has to stop, or ''."""
+        """Return why the motor's temperature requires a stop of the arm, or ''."""
         if not self._stops:
             return ''
         return (
@@ -310,14 +310,14 @@ class ThermalLimit:
 
     @property
     def wait(self) -> str:
-        """Text on how long to wait before the motor may be driven again, or ''."""
+        """Text that states to which temperature the motor must cool before use, or ''."""
         cool = self._temperature_max - _REDUCTION
         if self.motor.winding <= cool:
             return ''
         return f'wait until the motor of {self._name} has cooled to {cool:.0f} degC'
 
     def refusal(self) -> str:
-        """Return why the motor may not be driven yet, or ''."""
+        """Return why the motor is too warm to be driven, or ''."""
         if not self.wait:
             return ''
         return (
@@ -325,16 +325,16 @@ class ThermalLimit:
         )
 
     def new_warning(self) -> str:
-        """Return the warning if it is more severe than all since the motor was cool, or ''."""
-        stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.lets_down))
+        """Return the warning if it is the most severe one since the motor was cool, or ''."""
+        stage = sum((self._is_warm, self.is_reduced, self.is_sinking, self.is_released))
         rises = stage > self._worst
         self._worst = max(stage, self._worst) if stage else 0
         return self.warning() if rises else ''
 
     def warning(self) -> str:
-        """Return the warning about the motor temperature, or ''."""
+        """Return the present warning about the motor temperature, or ''."""
         name, temperature = self._name, f'{self.motor.winding:.0f} degC (estimated)'
-        if self.lets_down:
+        if self.is_released:
             return (
                 f'{name} yields beyond its position limit because its motor has '
                 f'{temperature}: support the arm'
@@ -361,7 +361,7 @@ class ThermalLimit:
         )
 
     def _limit(self, duration: float) -> None:
-        """Move the torque limit towards the value that the temperature allows."""
+        """Move the torque limit towards the value for the present winding temperature."""
         left = self._temperature_max - _CONTINUOUS - self.motor.winding
         share = min(max(left / (_REDUCTION - _CONTINUOUS), 0.0), 1.0)
         square = self._continuous + share * (self._largest - self._continuous)
@@ -379,7 +379,7 @@ _COOLINGS = 100  # number of integration steps over the time in which no bridge 
 
 @dataclass(frozen=True)
 class KeptHeat:
-    """Stored motor temperatures, estimated by a bridge at a time [s, monotonic].
+    """Motor temperatures that a bridge estimated at a time [s, monotonic] and stored.
 
     Attributes
     ----------
@@ -398,7 +398,7 @@ _FORECASTS = 50
 
 
 class HeatWatch:
-    """Estimates motor temperatures, reduces torque limits, and makes the gate stop the arm.
+    """Updates all motor temperatures, reduces torque limits, and stops the arm through the gate.
 
     The barriers at the limits and the damping of a stopped arm may always use the full motor
     torque, because braking is short and needs it.
@@ -459,7 +459,7 @@ class HeatWatch:
         ]
 
     def update(self, state: ArmMeasurements, elapsed: float, enabled: bool) -> None:
-        """Process the measurements of a cycle, an elapsed time [s] after the previous one."""
+        """Process the measurements of a cycle, `elapsed` [s] after the previous cycle."""
         if elapsed == inf:
             return  # the first cycle
         currents = state.motor_current.tolist()
@@ -486,13 +486,13 @@ class HeatWatch:
             self._look_at_supplies(elapsed, enabled)
 
     def keep(self, now: float) -> KeptHeat:
-        """Return the temperature estimates at a time [s]."""
+        """Return the motor temperatures to store, estimated at `now` [s]."""
         motors = [limit.motor for limit in self.limits]
         windings = tuple(motor.winding for motor in motors)
         return KeptHeat(now, windings, tuple(motor.housing for motor in motors))
 
     def recall(self, kept: KeptHeat, now: float) -> None:
-        """Use the temperatures of a previous bridge, cooled since then, where they are higher."""
+        """Use temperatures stored by a previous bridge, cooled since, where they are higher."""
         away = max(now - kept.time, 0.0)
         rows = zip(self.limits, kept.windings, kept.housings, strict=False)
         for limit, winding, housing in rows:
@@ -500,21 +500,21 @@ class HeatWatch:
 
     @property
     def wait(self) -> str:
-        """Condition to wait for before the motors may be driven again, or ''."""
+        """Text that states which motors must cool, and to which temperature, or ''."""
         return ', '.join(filter(None, (limit.wait for limit in self.limits)))
 
     def refusal(self) -> str:
-        """Return why the motors may not be driven yet, or ''."""
+        """Return why a motor is too warm to be driven, or ''."""
         return next(filter(None, (limit.refusal() for limit in self.limits)), '')
 
     def warnings(self) -> list[str]:
-        """Return the warnings about motors and supply."""
+        """Return the warnings about motor temperatures and supply voltages."""
         texts = [limit.warning() for limit in self.limits]
         texts += [supply.warning() for supply in self.supplies]
         return [*filter(None, texts)]
 
     def _take_turn(self, joint: int, enabled: bool) -> None:
-        """Update the temperature of one motor and the torque limit of its joint."""
+        """Update temperature and torque limit of the motor of a joint."""
         limit, gate = self.limits[joint], self._gate
         link, channel = self._places[joint]
         limit.update(link.state.coil_resistance[channel])
@@ -524,15 +524,15 @@ class HeatWatch:
             limit.forecast()
         barrier = gate.barriers[joint]
         if enabled:
-            limit.carries(barrier.load)
+            limit.add_load(barrier.load)
             if limit.stop():
                 gate.trip(limit.stop())
         else:
             limit.rest()
         gate.limit_effort(joint, limit.effort_limit)
         self._references.motors[joint].effort_limit = limit.effort_limit
-        barrier.hold_back(limit.is_sinking)
-        barrier.lets_down = limit.lets_down
+        barrier.limit_speed(limit.is_sinking)
+        barrier.is_released = limit.is_released
         if warning := limit.new_warning():
             self.news.append(warning)
 

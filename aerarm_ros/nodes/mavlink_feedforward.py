@@ -73,42 +73,42 @@ PARAMETERS = ParameterTable(
                                              'this computer), udp:0.0.0.0:PORT (listen on all '
                                              'networks), udp:HOST:PORT (send first) or '
                                              'serial:DEVICE:BAUD'),
-        Parameter('imu_rate', 200.0, 'requested rate of HIGHRES_IMU messages; 0 for none', 'Hz',
-                  0.0, 1000.0),
-        Parameter('state_rate', 100.0, 'requested rate of attitude and position messages', 'Hz',
-                  10.0, 500.0),
+        Parameter('imu_rate', 200.0,
+            'rate of HIGHRES_IMU messages that the node requests; 0 for none', 'Hz', 0.0, 1000.0),
+        Parameter('state_rate', 100.0,
+            'rate of attitude and position messages that the node requests', 'Hz', 10.0, 500.0),
         Parameter('output_rate', 100.0,
-            'requested rate of the motor outputs (ACTUATOR_OUTPUT_STATUS, of ArduPilot '
-            'SERVO_OUTPUT_RAW), for rotor_command; 0 for none', 'Hz', 0.0, 500.0),
+            'rate of motor output messages that the node requests (ACTUATOR_OUTPUT_STATUS, from '
+            'ArduPilot SERVO_OUTPUT_RAW) for rotor_command; 0 for none', 'Hz', 0.0, 500.0),
         Parameter('output_range', [1000.0, 2000.0],
-            'output values at which a rotor stops and at which it gives thrust_max; the thrust '
-            'must rise linearly between them: set THR_MDL_FAC (PX4) or MOT_THST_EXPO (ArduPilot) '
-            'to 0', '', 0.0, 20000.0),
+            'output values of the autopilot at which a rotor stops and at which it gives '
+            'thrust_max. The thrust must rise linearly between them: set THR_MDL_FAC (PX4) or '
+            'MOT_THST_EXPO (ArduPilot) to 0', '', 0.0, 20000.0),
         Parameter('output_channels', [],
-            'output number of each rotor, from 1, in the order of the drone file. If empty: the '
-            "first outputs of PX4, or those of ArduPilot's motors for this frame", '', 1, 32,
-            element=int),
+            'number of the autopilot output (from 1) of each rotor, in the order of the drone '
+            "file. If empty: the first outputs of PX4, or those of ArduPilot's motors for this "
+            'frame', '', 1, 32, element=int),
     ),
     *FIRMWARE_PARAMETERS,
     *grouped(
         'Set points',
         Parameter('rate', 100.0, 'rate of set points', 'Hz', 10.0, 500.0),
-        Parameter('set_point_timeout', 0.5, 'age after which a set point is no longer sent, so '
-                                            'that the autopilot detects the loss; 0 keeps '
-                                            'sending the last one', 's', 0.0, 60.0),
-        Parameter('hold_heading', True, 'send a heading in set points; if false, the autopilot '
-            'does not control yaw'),
+        Parameter('set_point_timeout', 0.5, 'age after which the node stops sending a set point, '
+                                            'so that the autopilot detects the loss; 0: never', 's',
+                  0.0, 60.0),
+        Parameter('hold_heading', True, 'send the heading in set points; if false, the autopilot '
+            'does not control the heading'),
     ),
     *FEED_PARAMETERS,
     *LOOP_PARAMETERS,
     Parameter('yaw_gain', round(Px4Gains.mc_yaw_p * Px4Gains.mc_yawrate_p, 6),
-        'normalised torque per heading error (MC_YAW_P times MC_YAWRATE_P), for drones with tilted '
-        'rotors under PX4', '1/rad', 0.0, 50.0, group=LOOP_PARAMETERS[0].group),
+        'normalized torque per heading error of PX4 (MC_YAW_P times MC_YAWRATE_P), for drones with '
+        'tilted rotors', '1/rad', 0.0, 50.0, group=LOOP_PARAMETERS[0].group),
 )  # fmt: skip
 
 
 class MavlinkFeedforward:
-    """MAVLink connection to one autopilot.
+    """Node that forwards set points to an autopilot over a MAVLink connection.
 
     Raises
     ------
@@ -176,7 +176,7 @@ class MavlinkFeedforward:
         return Px4SetPoints(drone, None, acceleration, values.hold_heading)
 
     def run(self) -> None:
-        """Forward set points until SIGINT, SIGTERM, SIGHUP or a shutdown."""
+        """Forward set points until a signal (SIGINT, SIGTERM, SIGHUP) or a shutdown."""
         executor = SingleThreadedExecutor()
         executor.add_node(self.node)
         with StopSignals(self._on_stop):
@@ -185,12 +185,12 @@ class MavlinkFeedforward:
                 executor.spin_once(timeout_sec=0.0)
 
     def close(self) -> None:
-        """Destroy the node and close the connection."""
+        """Destroy the node and close the MAVLink connection."""
         self.node.destroy_node()
         self._line.close()
 
     def _listen(self, patience: float) -> None:
-        """Receive the autopilot's messages and publish them."""
+        """Receive messages of the autopilot, and publish them as ROS messages."""
         try:
             messages = self._line.messages(patience)
         except OSError as error:
@@ -252,7 +252,7 @@ class MavlinkFeedforward:
         self._sent += 1
 
     def _link_problem(self, now: float) -> str:
-        """Return why no set points may be sent over the connection, '' if they may."""
+        """Return why set points may not be sent to the autopilot, '' if they may."""
         found, wanted = self._autopilot.firmware, self.values.firmware
         if not self._autopilot.is_linked(now):
             return (
@@ -263,7 +263,7 @@ class MavlinkFeedforward:
         return ''
 
     def _wanted(self, now: float) -> FlightTarget | None:
-        """Return the drone's target, or None without a valid set point."""
+        """Return the present target of the drone, None without a valid set point."""
         if self._path is not None:
             begin, path = self._path  # the drone hovers at its end
             self._target, self._target_time = path.at(min(now - begin, path.duration)), now
@@ -308,7 +308,7 @@ class MavlinkFeedforward:
             response.message = problem
             return response
         if self._answered is not None:
-            response.message = 'another request waits for its answer: call again'
+            response.message = "another request waits for the autopilot's answer: call again"
             return response
         ask()
         self._answered, self._answer_by = Future(), time.monotonic() + _REPLY
@@ -340,7 +340,7 @@ class MavlinkFeedforward:
             self.node.get_logger().warning(f'rejected: {error}', throttle_duration_sec=1.0)
 
     def _problem(self, now: float) -> str:
-        """Return the first reason for a warning, '' without one."""
+        """Return the most important problem for the diagnostics, '' without one."""
         ahead, self._ahead = self._ahead, None
         if problem := self._link_problem(now):
             return problem
@@ -349,7 +349,7 @@ class MavlinkFeedforward:
         if now - self._rejected_at < _REMEMBERED:
             return f'rejected: {self._rejection}'
         if self._wanted(now) is None:
-            return 'no set points received, so none are sent'
+            return 'no set points received, so the node sends none'
         return '' if ahead is None else time_problem(ahead, self.values.feed_lead)
 
     def _report(self) -> None:
@@ -377,7 +377,7 @@ class MavlinkFeedforward:
 
 
 def _channels(values: Any, drone: DroneConfig) -> list[int]:
-    """Convert the output numbers to one index per rotor; raises ValueError."""
+    """Return the index of each rotor in the autopilot's outputs; raise ValueError."""
     given, count = list(values.output_channels), drone.n
     most = 16 if values.firmware == ARDUPILOT else 32
     if not given and values.firmware == ARDUPILOT and values.output_rate > 0.0:

@@ -45,7 +45,7 @@ _ZERO, _ALL = np.zeros(3), np.full(3, True)
 
 
 class MavrosFeedforward(SetPointNode):
-    """Feedforward node for MAVROS, in ROS's axes; MAVROS converts the axes."""
+    """Feedforward node that publishes set points for MAVROS, in ROS's axes."""
 
     def __init__(self) -> None:
         advice = 'install it (apt: ros-jazzy-mavros-msgs), or use px4_feedforward'
@@ -67,14 +67,14 @@ class MavrosFeedforward(SetPointNode):
     def with_acceleration(
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
-        """Return a PositionTarget with an acceleration added; raises RejectedInputError."""
+        """Return a PositionTarget with the acceleration added; raise RejectedInputError."""
         if self.values.firmware == PX4:
             return add_acceleration(set_point, acceleration, now_ns)
         dt, self._last_ns = 1e-9 * max(now_ns - self._last_ns, 0), now_ns
         return add_to_loop(set_point, acceleration, self._offset.update(acceleration, dt), now_ns)
 
     def moment_unit(self, drone: DroneConfig) -> float:
-        """Return the roll moment [Nm] of the autopilot's normalized torque 1, 0 if unknown."""
+        """Return the roll moment [Nm] for the autopilot's normalized torque 1, 0 if unknown."""
         if self.values.firmware == PX4:
             return super().moment_unit(drone)
         return ardupilot_moment_unit(drone, self.node.get_logger().warning)
@@ -83,7 +83,7 @@ class MavrosFeedforward(SetPointNode):
 def add_to_loop(
     set_point: Any, acceleration: NDArray[np.float64], moved: LoopMotion, now_ns: int
 ) -> Any:
-    """Return a PositionTarget for ArduCopter with an acceleration (3,), east-north-up [m/s^2].
+    """Add an acceleration (3,) [m/s^2], east-north-up, to a PositionTarget for ArduCopter.
 
     A position moves by the offset for which ArduCopter's loop commands the acceleration; without a
     position the acceleration is added. Raises RejectedInputError as `add_acceleration` does.
@@ -100,7 +100,7 @@ def add_to_loop(
 def add_acceleration(
     set_point: Any, acceleration: NDArray[np.float64], now_ns: int, firmware: str = PX4
 ) -> Any:
-    """Return a PositionTarget with an acceleration (3,), east-north-up, added [m/s^2].
+    """Return a PositionTarget to which an acceleration (3,) [m/s^2], east-north-up, is added.
 
     An axis without position, velocity and acceleration gets no acceleration. ArduCopter ignores a
     whole vector if one of its axes is ignored. ArduCopter also rejects position and acceleration
@@ -139,7 +139,7 @@ def add_acceleration(
 
 
 def _fill(vector: Any, given: NDArray[np.bool_], added: NDArray[np.float64] = _ZERO) -> None:
-    """Set the axes of a Vector3 that are not given to 0, then add a vector."""
+    """Add a vector to a Vector3, in which axes that are not `given` count as 0."""
     values = np.where(given, [vector.x, vector.y, vector.z], 0.0) + added
     vector.x, vector.y, vector.z = values.tolist()
 

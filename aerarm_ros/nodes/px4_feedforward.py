@@ -26,13 +26,13 @@ PARAMETERS = set_point_parameters(
     'trajectory_setpoint',
     '/fmu/in/trajectory_setpoint',
     '/fmu/out/vehicle_attitude',
-    Parameter('offboard_mode_topic', '/fmu/in/offboard_control_mode', 'topic of '
-              'OffboardControlMode, published with each set point; empty to publish none'),
+    Parameter('offboard_mode_topic', '/fmu/in/offboard_control_mode', 'topic on '
+              'which the node publishes OffboardControlMode with each set point; empty: none'),
 )  # fmt: skip
 
 
 class Px4Feedforward(SetPointNode):
-    """Feedforward node in PX4's axes: north-east-down and forward-right-down."""
+    """Feedforward node that publishes set points for PX4, in PX4's axes (NED, FRD)."""
 
     def __init__(self) -> None:
         advice = 'build it in the workspace and source it, or use MAVROS and mavros_feedforward'
@@ -55,7 +55,7 @@ class Px4Feedforward(SetPointNode):
         return attitude_ned_frd_to_enu_flu([x, y, z, w])
 
     def publish(self, set_point: Any, now_ns: int) -> None:
-        """Publish the offboard mode that PX4 monitors, then the set point."""
+        """Publish the OffboardControlMode that PX4 monitors, then the set point."""
         if self._offboard_mode is not None:
             mode = self._offboard_mode.msg_type()
             mode.timestamp = now_ns // 1000
@@ -66,12 +66,12 @@ class Px4Feedforward(SetPointNode):
     def with_acceleration(
         self, set_point: Any, acceleration: NDArray[np.float64], now_ns: int
     ) -> Any:
-        """Return a TrajectorySetpoint with an acceleration added."""
+        """Return a TrajectorySetpoint with the acceleration added."""
         return add_acceleration(set_point, acceleration, now_ns)
 
 
 def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: int) -> Any:
-    """Return a TrajectorySetpoint with an acceleration (3,), east-north-up, added [m/s^2].
+    """Return a TrajectorySetpoint to which an acceleration (3,) [m/s^2], in ENU axes, is added.
 
     An axis without set point (position, velocity and acceleration NaN) gets no acceleration,
     because PX4 would follow an acceleration alone.
@@ -86,7 +86,7 @@ def add_acceleration(set_point: Any, acceleration: NDArray[np.float64], now_ns: 
 
 
 def controlled_quantity(set_point: Any) -> str:
-    """Return the field of OffboardControlMode for a set point: its first quantity with a number."""
+    """Return the quantity that a set point controls, named as in OffboardControlMode."""
     names = ('position', 'velocity', 'acceleration')
     given = (name for name in names if not np.isnan(getattr(set_point, name)).all())
     return next(given, 'acceleration')

@@ -1,4 +1,4 @@
-"""Contact detection without a contact sensor, with confidence and distinction from a payload."""
+"""Contact detection from joint torques, with confidence and distinction from a payload."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
@@ -24,7 +24,7 @@ from aerarm_ros.online.payload_estimator import EffortWatch
 
 
 class Cause(Enum):
-    """Cause of an event; the value is its name in reports."""
+    """Cause of unexplained joint torque; the enum's value is the text in reports."""
 
     CONTACT = 'contact'
     PAYLOAD = 'undeclared payload'
@@ -56,13 +56,13 @@ class ContactSettings:
     payload_size: float = 0.2
 
     def __post_init__(self) -> None:
-        """Check that every setting is positive."""
+        """Check that every setting of the detector is positive."""
         for field in fields(self):
             positive(field.name, getattr(self, field.name))
 
 
 class ContactReport(NamedTuple):
-    """Result of contact detection after a state.
+    """Result of contact detection after a joint state.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class ContactReport(NamedTuple):
 
 @dataclass(eq=False)
 class ContactEvent:
-    """Interval in which the external torque exceeds the model's error bound.
+    """Event: interval in which the external joint torque exceeds the bound of model errors.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class ContactEvent:
 
 
 class _Felt(NamedTuple):
-    """One state for the detector; ratios are relative to the thresholds."""
+    """Joint state with external torque; ratios are torque divided by threshold."""
 
     state: ArmState
     now: float
@@ -159,7 +159,7 @@ _UNKNOWN = 1.0  # [s] without states, in which the load may have changed
 
 
 class ContactDetector:
-    """Detect contact in the external torque, and distinguish it from payload and model errors.
+    """Detects contacts in the external joint torque; distinguishes payloads and model errors.
 
     In motion, a joint's external torque counts if it exceeds the bound learnt from free motion. If
     all joints rest, static friction can hide a force, but the drives' torque is constant. A change
@@ -211,13 +211,13 @@ class ContactDetector:
 
     @property
     def event(self) -> ContactEvent | None:
-        """The present event, or None."""
+        """Event that lasts at present, None without one."""
         last = self.events[-1] if self.events else None
         return last if last is not None and np.isnan(last.end) else None
 
     @property
     def problem(self) -> str:
-        """Reason why contact cannot be detected; empty otherwise."""
+        """Reason why contacts cannot be detected at present; empty if they can."""
         event = self.event
         if self._unexplained > _GIVE_UP:
             event = self.events[-1]
@@ -244,7 +244,7 @@ class ContactDetector:
         return self._load.mass if self._load.is_loaded else None
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Set a declared payload, see `Dynamics.carry`; raises ValueError if no body has it.
+        """Set the payload that the user declares; raise ValueError if it is not physical.
 
         The declaration may come before or after the pick-up, so no event begins within 0.3 s of it.
         """
@@ -255,7 +255,7 @@ class ContactDetector:
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> ContactReport | None:
-        """Process the state at `now` [s]; return the report of the last window of states.
+        """Process a joint state at `now` [s]; return the report of the last window of states.
 
         Returns None until the first window is complete, also after a gap. Re-sent, late and invalid
         states are ignored. If states were lost in at most 1 s, detection continues with the next
@@ -301,7 +301,7 @@ class ContactDetector:
         return self._report
 
     def _is_saturated(self, state: ArmState) -> bool:
-        """Return whether a joint's torque is at its limit, so that its true demand is unknown."""
+        """Return whether a joint's torque is at its limit, at which contacts are not detected."""
         self._saturated = ''
         saturated = np.abs(state.tau) >= self._largest
         if saturated.any():
@@ -314,7 +314,7 @@ class ContactDetector:
         return bool(self._saturated)
 
     def _pass_over(self, state: ArmState) -> None:
-        """Update the reference torque at rest after `_blind` [s] without a window."""
+        """Reset the reference torque at rest after a long time without a complete window."""
         if self.event is None:
             self._rest.reset(0.0)
         elif np.abs(state.q - self._seen).max() > self._settings.rest_speed * self._blind:
@@ -370,7 +370,7 @@ class ContactDetector:
         return ContactReport(torque, threshold, cause is Cause.CONTACT, confidence, cause)
 
     def _seek(self, felt: '_Felt') -> None:
-        """Start an event once a threshold is exceeded for long enough."""
+        """Start an event if a threshold has been exceeded for the confirmation time."""
         if np.abs(felt.state.dq).max() > self._settings.rest_speed:
             self._unexplained = max(0.0, self._unexplained - _CALM * felt.dt)
         exceeds = felt.ratio.max() > 1.0
@@ -392,7 +392,7 @@ class ContactDetector:
         event.reference = 0.0 if self._rest.held is None else self._rest.held.copy()
 
     def _start(self, felt: '_Felt', size: Array, value: Array, limit: Array) -> ContactEvent:
-        """Start an event with a torque, its limit and their ratio `size`."""
+        """Start an event with torque `value`, its `limit`, and `size`, their ratio."""
         joint, q = int(np.argmax(size)), felt.state.q.copy()
         ratio = float(np.linalg.norm(size))
         event = ContactEvent(felt.now, joint, value.copy(), limit.copy(), q, ratio)
@@ -402,7 +402,7 @@ class ContactDetector:
         return event
 
     def _follow(self, event: ContactEvent, felt: '_Felt') -> None:
-        """Follow an event until it ends or its cause is known."""
+        """Update the present event: largest torque, cause and end."""
         moves = np.abs(felt.state.dq).max() > self._settings.rest_speed
         self._moving = self._moving + felt.dt if moves else 0.0
         if self._moving > _MOVED:
@@ -441,24 +441,24 @@ class ContactDetector:
             self._end(event, felt.now)
 
     def _pushed(self) -> Array:
-        """Return the joints on which the push at rest mainly acts."""
+        """Return flags of the joints on which a push at rest mainly acts."""
         share = self._peak / self._rest.limit
         return np.asarray(share > 0.5 * share.max())
 
     def _is_released(self, change: Array) -> bool:
-        """Return whether the external torque of a push at rest has mostly disappeared."""
+        """Return whether most of the external torque of a push at rest has disappeared."""
         falls = np.abs(change) < np.maximum(self._rest.limit, _RELEASED * self._peak)
         return bool(falls[self._pushed()].all())
 
     def _is_held(self, change: Array) -> bool:
-        """Return whether a push at rest continues, for example on a clamped person.
+        """Return whether a push at rest continues, for example against a clamped person.
 
         After the end of a push, friction holds a part of its torque, but hardly all of it.
         """
         return bool((np.abs(change) > _HELD * self._peak)[self._pushed()].any())
 
     def _weigh(self) -> None:
-        """Update the mass of the last payload event."""
+        """Update the mass in the last event that a payload caused."""
         for event in reversed(self.events):
             if event.cause is Cause.PAYLOAD:
                 event.mass, event.mass_std = self._load.mass, self._load.mass_std
@@ -471,7 +471,7 @@ class ContactDetector:
 
 
 class _Rest:
-    """Change of the external torque while all joints rest.
+    """Monitors the change of the external torque while all joints rest.
 
     The reference is the external torque when the arm came to rest, and follows slow drift. Friction
     relaxes after a motion, so the limit of the change is larger at first.
@@ -483,7 +483,7 @@ class _Rest:
         self.reset(np.inf)
 
     def reset(self, since: float) -> None:
-        """Restart the comparison; `since` [s] is the time since the arm came to rest."""
+        """Restart the comparison of torques at rest, `since` [s] after the arm came to rest."""
         self.held: Array | None = None
         self._reference: Array | None = None
         self._since = since
@@ -494,7 +494,7 @@ class _Rest:
         self.limit = np.full(self._n, np.inf)
 
     def hold(self) -> None:
-        """Keep the reference torque after a contact has begun at rest."""
+        """Store the present reference torque, because a contact has begun at rest."""
         self.held = self._reference
 
     def update(
@@ -506,7 +506,7 @@ class _Rest:
         bound: ResidualBound,
         in_event: bool,
     ) -> tuple[Array, Array]:
-        """Return the change (n,) [Nm] and its ratio to the limit, zeros in motion."""
+        """Return the torque change at rest (n,) [Nm] and its ratio to the limit; else zeros."""
         settings, nothing = self._settings, np.zeros(self._n)
         # Without dry friction, the model's error at rest appears as it does in motion.
         least = np.maximum(settings.rest_share * row.dry, bound.constant - row.dry)
@@ -550,7 +550,7 @@ def with_rest_share(
     motion: Callable[[], Iterable[tuple[float, ArmState]]],
     settings: ContactSettings | None = None,
 ) -> ResidualBound:
-    """Return a bound whose limit at rest exceeds the torque at every start of a free motion.
+    """Return the bound with a limit at rest that no start of a contact-free motion exceeds.
 
     A drive builds up torque before a joint breaks loose. The part of this torque that appears
     before the velocity depends on the arm, so it is learnt from free motion too.
@@ -575,7 +575,7 @@ def with_rest_share(
 
 
 def _begins_at_rest(detector: ContactDetector, motion: Iterable[tuple[float, ArmState]]) -> bool:
-    """Return whether the detector finds an event at rest."""
+    """Return whether the detector finds an event at rest in a motion."""
     for time, state in motion:
         detector.update(state, time)
         event = detector.event

@@ -1,4 +1,4 @@
-"""Location and force of a contact, as far as the arm's posture determines them."""
+"""Location and force of a contact, computed from external joint torques."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ _CONDITION = 30.0  # condition number of the Jacobian up to which the force is d
 
 
 class ContactPlace(NamedTuple):
-    """A single contact force that explains the external joint torque.
+    """Contact force and contact point that explain the external joint torque.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class ContactPlace(NamedTuple):
 
 
 class ContactLocator:
-    """Locate the contact of one arm; an instance contains working memory, use one per thread.
+    """Locates a contact on the arm; not thread-safe, so use an instance per thread.
 
     A contact causes no torque in joints beyond the touched link. So the last joint with external
     torque belongs to that link (Haddadin, De Luca, Albu-Schaeffer: Robot collisions: a survey,
@@ -56,7 +56,7 @@ class ContactLocator:
         self._ends = [_far_end(robot, joint) for joint in range(1, robot.n + 1)]
 
     def locate(self, q: Array, torque: Array, threshold: Array) -> ContactPlace | None:
-        """Return link, point and force of a contact, or None if no joint has external torque.
+        """Return link, point and force of a contact; None if no joint has external torque.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class ContactLocator:
 def _explained(
     at_joint: Array, offset: Array, weight: Array, torque: Array
 ) -> tuple[float, Array, float]:
-    """Return the weighted error, the force (3,) at a point and the Jacobian's condition number."""
+    """Return the error, force (3,) and condition number of a contact at a point of a link."""
     jacobian = at_joint[:3] - pin.skew(offset) @ at_joint[3:]
     rows = weight[:, np.newaxis] * jacobian.T
     force, _, _, sizes = np.linalg.lstsq(rows, weight * torque, rcond=0.02)
@@ -103,7 +103,7 @@ def _explained(
 
 
 def _far_end(robot: Robot, joint: int) -> Array:
-    """Return the farthest point (3,) fixed to a link (frame or joint), in its joint's frame [m]."""
+    """Return the farthest frame or joint (3,) on a link, in the frame of the link's joint [m]."""
     model = robot.model
     places = [
         np.array(frame.placement.translation)

@@ -1,4 +1,4 @@
-"""External joint torque from the momentum observer, and the bound of its model error."""
+"""External joint torque from a momentum observer, and the bound of its model error."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ FEATURES = (
     'constant', 'dry friction', 'dry friction at low speed', 'speed', 'gravity', 'acceleration',
     'jerk',
 )  # fmt: skip
-"""Features of the residual's bound, in the order of the columns of `ResidualBound.shares`."""
+"""Quantities from which `ResidualBound` computes its bound, in the order of its `shares`."""
 
 LONGEST_GAP = 0.1
-"""[s] Longest time without states in which an arm at rest keeps its posture and friction."""
+"""[s] Longest gap between joint states after which posture and friction count as unchanged."""
 
 WINDOW = 5e-3
-"""[s] Length of the windows over which states are averaged."""
+"""[s] Length of the windows over which joint states are averaged."""
 
 _CREEPING = 0.012  # [rad/s] below which dry friction may have another direction or be static
 _SLOW = 0.05  # [rad/s] below which the model of dry friction may be inaccurate
@@ -38,7 +38,7 @@ _LOST = 2.5  # cycles without a state, in which states were lost
 
 
 class EncoderWatch:
-    """Detect joints whose velocity is not zero while their position stays constant.
+    """Detects joints whose position stays constant although their velocity is not zero.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class EncoderWatch:
         self.problem = ''
 
     def update(self, state: ArmState, dt: float) -> None:
-        """Process a state, `dt` [s] after the previous one."""
+        """Process a joint state, `dt` [s] after the previous state."""
         stuck = (state.q == self._before) & (np.abs(state.dq) > _SLOW)
         self._before = np.array(state.q)
         self._same = np.where(stuck, self._same + dt, 0.0)
@@ -73,7 +73,7 @@ class EncoderWatch:
 
 
 class MeanState(NamedTuple):
-    """Mean state of consecutive cycles.
+    """Mean joint state of a window of consecutive cycles.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class MeanState(NamedTuple):
 
 
 class StateWindow:
-    """Average states over windows of 5 ms.
+    """Averages joint states over windows of 5 ms.
 
     The velocity of one state has the noise of the encoder's resolution. The mean velocity of a
     window is its travelled distance, in which this noise cancels. The change of mean momentum from
@@ -105,20 +105,20 @@ class StateWindow:
         self.reset()
 
     def reset(self) -> None:
-        """Start again after a gap."""
+        """Discard the states of the present window, after a gap in the states."""
         self._states.clear()
         self._lasted = 0.0
         self._former: Array | None = None
 
     def has_lost(self, dt: float) -> bool:
-        """Return whether states are missing in a time of `dt` [s] without states."""
+        """Return whether joint states were lost in the `dt` [s] since the last state."""
         self._cycle = self._cycle or min(dt, LONGEST_GAP)
         is_late = dt > max(WINDOW, _LOST * self._cycle)
         self._cycle += 0.05 * (min(dt, 2.0 * self._cycle) - self._cycle)
         return is_late
 
     def update(self, state: ArmState, dt: float) -> MeanState | None:
-        """Add the state after a cycle of `dt` [s]; return the window that it completes, or None."""
+        """Add a joint state after a cycle of `dt` [s]; return the mean of a complete window."""
         self._states.append(state)
         self._lasted += dt
         if self._lasted < WINDOW - 0.5 * dt:
@@ -136,7 +136,7 @@ class StateWindow:
 
 
 class Unexplained(NamedTuple):
-    """Unexplained joint torque of one state.
+    """Joint torque that the model does not explain, at a joint state.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ _JERK = np.exp(-1.0)  # largest response of two equal low-pass filters to an imp
 
 
 class ExternalTorque:
-    """Momentum observer, with the features on which its error depends.
+    """Momentum observer of external joint torque, with the quantities that determine its error.
 
     A second low-pass filter removes the encoder noise that the observer differentiates. Both are
     1.7 times faster than `gain`, so that a step rises to 90 % in the time of one filter.
@@ -196,20 +196,20 @@ class ExternalTorque:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the observer and the features of the bound."""
+        """Reset the observer and the quantities that determine its error."""
         self._observer.reset()
         self._momentum: Array | None = None
         self._residual = self._lagging = self._change = self._torque = np.zeros(self.n)
         self._held = self._decaying = np.zeros((self.n, 4))
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Set a declared payload, see `Dynamics.carry`; raises ValueError if no body has it."""
+        """Set the payload that the user declares; raise ValueError if it is not physical."""
         self.dynamics.carry(payload)
         if self._momentum is not None:
             self.rebase(*self._last)
 
     def rebase(self, q: Array, dq: Array, base: BaseMotion | None) -> None:
-        """Continue from a state with an unchanged result, after lost states or a new payload."""
+        """Continue with the same residual after lost states or a new payload."""
         if self._momentum is None:
             return
         self._observer.rebase(q, dq, base)
@@ -219,7 +219,7 @@ class ExternalTorque:
         self._lagging = self._lagging + gained
 
     def update(self, window: MeanState, base: BaseMotion | None = None) -> Unexplained:
-        """Process a window of states; return the unexplained torque at its end."""
+        """Process a window of joint states; return the unexplained torque at its end."""
         state, dt, count = window
         q, dq, tau = state
         self._last = q, dq, base
@@ -260,7 +260,7 @@ class ExternalTorque:
     def over(
         self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
     ) -> Iterator[tuple[float, ArmState, Unexplained]]:
-        """Yield time [s], state and result for each window of a recording on a still base.
+        """Yield time [s], mean state and unexplained torque of each window of a recording.
 
         Raises
         ------
@@ -304,7 +304,7 @@ _LEAST = 0.05  # of the residual's RMS, for the constant part
 
 @dataclass(frozen=True, eq=False)
 class ResidualBound:
-    """Bound of the unexplained torque in free motion, by joint and motion.
+    """Bound of the unexplained joint torque in contact-free motion, as a function of the motion.
 
     `|residual| <= margin (shares @ features) + friction_spread |friction|`. The shares are the
     smallest that bound every residual of a free motion (one linear program per joint). Friction
@@ -336,7 +336,7 @@ class ResidualBound:
 
     @classmethod
     def learnt(cls, rows: Iterable[Unexplained], gain: float) -> 'ResidualBound':
-        """Return the tightest bound of a free motion.
+        """Learn the tightest bound from the unexplained torque of a contact-free motion.
 
         Parameters
         ----------
@@ -366,11 +366,11 @@ class ResidualBound:
 
     @property
     def constant(self) -> Array:
-        """Part (n,) of the bound that does not depend on the motion [Nm]."""
+        """Part (n,) [Nm] of the bound that does not depend on the motion."""
         return self.margin * self.shares[:, 0]
 
     def threshold(self, unexplained: Unexplained) -> Array:
-        """Return the largest residual (n,) [Nm] that free motion explains."""
+        """Return the bound (n,) [Nm]: the largest residual in contact-free motion."""
         features = unexplained.features
         bound = np.einsum('jf,jf->j', features, self.shares)
         dry = features[:, 1] * self.shares[:, 1]  # dry friction has its own margin
@@ -378,7 +378,7 @@ class ResidualBound:
         return np.asarray(self.margin * (bound - dry) + dry + spread)
 
     def to_dict(self, joint_names: tuple[str, ...]) -> dict[str, Any]:
-        """Return plain values for a YAML file."""
+        """Return the values of the bound for a YAML file."""
         return {
             'joint_names': list(joint_names),
             'features': list(FEATURES),
@@ -394,7 +394,7 @@ class ResidualBound:
     def from_dict(
         cls, values: Mapping[str, Any], joint_names: tuple[str, ...], name: str
     ) -> 'ResidualBound':
-        """Create a bound from the values of `to_dict`; raises ValueError."""
+        """Create a bound from the values of `to_dict`; raise ValueError if they are invalid."""
         advice = 'learn the bound again with contact_estimator --free'
         if values.get('features') != list(FEATURES):
             raise ValueError(f'{name} is not a bound of residuals: {advice}')
@@ -422,7 +422,7 @@ class ResidualBound:
 def free_rows(
     external: ExternalTorque, recording: Recording, is_stopped: Callable[[], bool]
 ) -> Iterator[Unexplained]:
-    """Yield the unexplained torque of a free motion, once the observer has settled."""
+    """Yield the unexplained torque of a contact-free motion after the observer has settled."""
     begin = float(recording.time[0]) + _SETTLED / external.gain
     for time, _, row in external.over(recording, is_stopped):
         if time > begin:
@@ -430,7 +430,7 @@ def free_rows(
 
 
 def _noise(residual: Array, speed: Array) -> Array:
-    """Return the RMS (n,) of fast changes of the residual, preferably at rest."""
+    """Return the RMS (n,) [Nm] of the residual's fast changes, preferably those at rest."""
     steps = np.diff(residual, axis=0)
     rests = speed[1:] < _RESTING
     if rests.sum() >= _FEWEST // 4:
@@ -439,7 +439,7 @@ def _noise(residual: Array, speed: Array) -> Array:
 
 
 def _tightest(size: Array, features: Array) -> Array:
-    """Return the coefficients whose bound contains every residual and has the smallest mean."""
+    """Return the coefficients of the bound with the smallest mean that contains all residuals."""
     scale = np.maximum(features.max(axis=0), 1e-9)
     least = np.zeros(len(FEATURES))
     least[0] = max(_LEAST * float(np.sqrt(np.mean(size**2))), 1e-6)

@@ -1,4 +1,4 @@
-"""The low-passed equation of motion, as rows that are linear in the unknown parameters."""
+"""Equation of motion after a low-pass filter, as rows linear in payload and friction."""
 
 from typing import NamedTuple
 
@@ -12,9 +12,9 @@ from aerarm_ros.model.regressor import MomentumRegressor
 from aerarm_ros.motion.signals import ArmState, Array
 
 WINDOW = 5e-3
-"""[s] Interval of the momentum samples, over which torque is averaged; motion is much slower."""
+"""[s] Interval between momentum samples; the drive torque is averaged over this interval."""
 SLOW = 0.03
-"""[rad/s] Below this speed dry friction may act in either direction."""
+"""[rad/s] Speed of a joint below which the direction of its dry friction is unknown."""
 _SETTLED = 6.6  # time constants after which a step response has reached 99 %
 _TORQUE, _DOUBT, _MODELLED = -3, -2, -1  # columns
 _NO_SPIN = np.zeros(3)
@@ -22,7 +22,7 @@ _WIDTH = 0.01  # [rad/s] width of dry friction's change of direction
 
 
 class MotionRow(NamedTuple):
-    """Equation of motion at one instant.
+    """Rows of the filtered equation of motion at one time, one per joint.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class MotionRow(NamedTuple):
 
 
 class FilteredMotion:
-    """Pass both sides of the equation of motion through two equal first-order low-passes.
+    """Filters both sides of the equation of motion by two equal first-order low-passes.
 
     The momentum form of `MomentumRegressor` needs no second derivative of a measurement. The
     change of momentum over a window is the mean force in it, as the drives' torque is a mean. The
@@ -88,7 +88,7 @@ class FilteredMotion:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the filter, as after a gap."""
+        """Reset the filters after a gap in the joint states."""
         self._first: Array | None = None
         self._filtered: Array | None = None
         self._before: Array | None = None
@@ -100,11 +100,11 @@ class FilteredMotion:
 
     @property
     def is_settled(self) -> bool:
-        """Whether the effect of earlier data has decayed to 1 % since the last `reset`."""
+        """Whether the effect of the start has decayed to 1 % since the last `reset`."""
         return self._age * self._bandwidth > _SETTLED
 
     def update(self, state: ArmState, dt: float, base: BaseMotion) -> bool:
-        """Process the state at the end of a cycle of `dt` [s]; return whether a window has ended.
+        """Process a joint state after a cycle of `dt` [s]; return whether a window has ended.
 
         `state.tau` is the drives' torque during the cycle.
         """
@@ -151,7 +151,7 @@ class FilteredMotion:
         self._elapsed = 0.0
 
     def _of_turning(self, q: Array, dq: Array, base: BaseMotion) -> Array | float:
-        """Return the torque that rotates the arm with its base (n,), as a mean over the window.
+        """Return the mean joint torques (n,) in the window that rotate the arm with its base.
 
         The base's angular acceleration is the change of its rate. An instantaneous derivative
         would contain noise of much higher frequencies.
@@ -166,7 +166,7 @@ class FilteredMotion:
         return np.asarray(moved - unmoved)
 
     def _evaluate(self, q: Array, dq: Array, tau: Array, base: BaseMotion) -> Array:
-        """Return the values at an instant, without the payload's columns."""
+        """Return all columns of the row at an instant, except those of the payload."""
         instant, joints, n = self._instant, self._joints, self.n
         coriolis = self._dynamics.fixed.coriolis_matrix(q, dq)
         turning = base._replace(angular_acceleration=_NO_SPIN)

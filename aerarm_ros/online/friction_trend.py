@@ -1,4 +1,4 @@
-"""Changes of friction over days and weeks of use."""
+"""Trend of the joints' friction over days and weeks of use."""
 
 from bisect import insort
 from collections.abc import Iterable, Sequence
@@ -22,7 +22,7 @@ _CREEPING = 0.02  # [rad/s] at which the slowly rising part of friction counts a
 
 
 class JointFriction(FrictionCompensation):
-    """All identified friction of the joints by measured velocity.
+    """Friction of the joints with all identified terms, as a function of the measured velocity.
 
     It adds the terms that `FrictionCompensation` leaves out: saturating viscous friction,
     Stribeck friction, offsets, one-sided and coupled friction.
@@ -51,7 +51,7 @@ class JointFriction(FrictionCompensation):
                 self._dry[joint] += abs(value * float(known.basis(_at_creep, _at_creep, None)))
 
     def torque(self, dq: Array, load: Array | None = None, measured: Array | None = None) -> Array:
-        """Return the torque (n,) [Nm] that friction takes at a velocity and a load on the links.
+        """Return the friction torque (n,) [Nm] at a velocity and a load torque on the links.
 
         Stribeck friction falls with speed, so that a joint that slips is faster than its reference
         and needs less. With the measured velocity it is compensated in the direction of the
@@ -70,11 +70,11 @@ class JointFriction(FrictionCompensation):
         return torque
 
     def dry(self, load: Array) -> Array:
-        """Return the dry friction (n,) [Nm] that a joint can take at rest, in either direction."""
+        """Return the largest dry friction (n,) [Nm] of the joints at rest, for a load torque."""
         return np.asarray(self._dry + self._share * np.abs(load))
 
     def deficit(self, dq: Array) -> Array:
-        """Return the part (n,) of dry friction that the model omits around zero velocity."""
+        """Return the fraction (n,) of dry friction that the smoothed model omits at low speed."""
         return 1.0 - np.tanh(np.abs(dq) / self._width)
 
 
@@ -89,7 +89,7 @@ _CLEAR = 3.0  # standard deviations
 
 
 class FrictionRecord(NamedTuple):
-    """Identified friction at a time.
+    """Record of the joint friction that was identified at a time.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class FrictionRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class FrictionChange:
-    """Change of one friction coefficient.
+    """Change of a friction coefficient over all records.
 
     Attributes
     ----------
@@ -129,12 +129,12 @@ class FrictionChange:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the change is significant."""
+        """Whether the change exceeds three standard deviations."""
         return abs(self.deviations) > _CLEAR
 
 
 class FrictionTrend:
-    """Records of friction, oldest first.
+    """Friction records of an arm, oldest first, at most 500.
 
     If there are too many, every second record of the older half is deleted. The first and the
     newest records stay, and old records become sparse.
@@ -158,12 +158,12 @@ class FrictionTrend:
         return tuple(self._records)
 
     def add(self, record: FrictionRecord) -> None:
-        """Add a record of any time, because clocks may have been wrong."""
+        """Add a friction record; its time may be earlier than that of other records."""
         insort(self._records, record, key=lambda one: one.time)
         self._thin()
 
     def changes(self) -> list[FrictionChange]:
-        """Return the change of each coefficient; an empty list with fewer than two records."""
+        """Return the change of each friction coefficient; empty with fewer than two records."""
         if len(self._records) < 2 or self._records[0].time == self._records[-1].time:
             return []
         time = np.array([record.time for record in self._records])
@@ -182,7 +182,7 @@ class FrictionTrend:
 
 
 def _change(name: str, time: Array, value: Array, std: Array) -> FrictionChange:
-    """Fit a line by weighted least squares."""
+    """Return the change of a coefficient, by a weighted least-squares line through its records."""
     weight = 1.0 / std**2
     centre = float(weight @ time / weight.sum())
     since = (time - centre) / WEEK
@@ -202,11 +202,11 @@ _LARGEST = 1000 * MOST  # bytes; larger than any trend with the largest number o
 
 
 class TrendFileError(ValueError):
-    """The file does not contain a trend of this arm; the message states what to check."""
+    """A file does not contain the friction trend of this arm; the message states what to check."""
 
 
 def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> FrictionTrend:
-    """Return the trend written by `write_trend`, an empty one without a file.
+    """Return the friction trend that `write_trend` wrote; an empty trend if no file exists.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def read_trend(path: Path, joint_names: Sequence[str] | None = None) -> Friction
 
 
 def write_trend(path: Path, trend: FrictionTrend) -> None:
-    """Replace a trend file atomically; raises OSError."""
+    """Write a friction trend; a file of that name is replaced atomically."""
     lines = [_header(trend.joint_names)]
     for record in trend.records:
         date = datetime.fromtimestamp(record.time, UTC).isoformat(timespec='seconds')

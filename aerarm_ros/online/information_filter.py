@@ -1,4 +1,4 @@
-"""Recursive Bayesian regression that forgets toward its prior."""
+"""Recursive Bayesian regression, in which forgetting leads back to the prior."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class Belief(NamedTuple):
-    """Mean and information of m parameters.
+    """Mean and information matrix of the estimate of m parameters.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Belief(NamedTuple):
 
 
 class InformationFilter:
-    """Recursive estimate of parameters in units of their prior's standard deviations.
+    """Recursive estimate of parameters, scaled by the standard deviations of their prior.
 
     The prior mean is zero. Forgetting replaces information by the prior's, `L <- D L D + (1 -
     D^2)`, for every parameter at its own rate. Parameters that the motion does not excite return
@@ -50,7 +50,7 @@ class InformationFilter:
         self.belief = Belief(np.zeros(size), np.eye(size), np.eye(size))
 
     def update(self, rows: Array, values: Array, variances: Array, kept: Array) -> None:
-        """Forget, and add measurements.
+        """Forget a part of the information, and add measurements.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class InformationFilter:
         self.belief = Belief(covariance @ known, information, covariance)
 
     def forget(self, which: slice) -> None:
-        """Reset some parameters to the prior; the other parameters keep their information."""
+        """Reset parameters to the prior; all other parameters keep their information."""
         mean, _, covariance = self.belief
         mean, covariance = mean.copy(), covariance.copy()
         mean[which] = 0.0
@@ -84,7 +84,7 @@ class InformationFilter:
 
 
 SPECK = 1e-6
-"""Mass [kg] that represents no payload and is still a physical body."""
+"""Mass [kg] that stands for "no payload", positive because a body needs a mass."""
 _ITERATIONS = 6
 _DENSITY = 1000.0  # [kg/m^3] of the prior's ball: objects are about as dense as water
 _ENTROPY = 0.5  # weight of the prior against a squared standard deviation
@@ -93,14 +93,14 @@ _BASIS = pseudo_inertia(np.eye(10)).reshape(10, 16)
 
 
 def ball(mass: float, centre: npt.ArrayLike, radius: float) -> Array:
-    """Return the parameters (10,) of a ball with mass [kg], centre (3,) [m] and radius."""
+    """Return the inertial parameters (10,) of a ball with mass [kg], centre and radius [m]."""
     point = np.append(np.asarray(centre, dtype=float), 1.0)
     spread = np.diag([*[0.2 * radius**2] * 3, 0.0])
     return from_pseudo_inertia(mass * (np.outer(point, point) + spread))
 
 
 def nearest_body(mean: Array, information: Array, size: float) -> Array:
-    """Return physically consistent inertial parameters (10,) near an estimate.
+    """Return the physically consistent inertial parameters (10,) nearest to an estimate.
 
     The parameters minimize the squared deviation from `mean` weighted by `information`, plus an
     entropic divergence (`solve_entropic`). The divergence is that from a ball of water with the

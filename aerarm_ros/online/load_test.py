@@ -1,4 +1,4 @@
-"""Distinction of a payload, which follows gravity and inertia, from other external torque."""
+"""Test whether external joint torque follows gravity and inertia, as that of a payload does."""
 
 from collections import deque
 
@@ -23,7 +23,7 @@ _LOAD_SHARE = 0.1  # of a payload's torque, error of friction and torque constan
 
 
 class LoadTest:
-    """Test whether a body at the last link explains the external torque.
+    """Tests whether a payload at the last link explains the external joint torque.
 
     The body's ten parameters follow from a recursive regression. The columns of the regression
     pass the torque's observer: `dr/dt = K (d/dt(Y_p pi) + Y_f pi + r)` with `MomentumRegressor`.
@@ -71,7 +71,7 @@ class LoadTest:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether a detected payload is still present."""
+        """Whether the arm carries a detected payload."""
         return self._body is not None
 
     def pause(self) -> None:
@@ -81,12 +81,12 @@ class LoadTest:
         self._due = self._quiet = 0.0
 
     def declare(self, payload: npt.ArrayLike) -> None:
-        """Set the parameters (10,) of a declared payload, which replaces a detected one."""
+        """Set the inertial parameters (10,) of the declared payload; a detected one is dropped."""
         self._declared = np.array(payload, dtype=float)
         self._drop()
 
     def rebase(self, q: Array, dq: Array, base: BaseMotion | None) -> None:
-        """Continue from a state with unchanged columns, after lost states."""
+        """Continue with the same regression columns after lost states."""
         if self._integral is not None:
             momentum, _ = self._evaluate(q, dq, base)
             self._integral = self._integral + momentum - self._momentum
@@ -100,7 +100,7 @@ class LoadTest:
         threshold: Array,
         base: BaseMotion | None,
     ) -> None:
-        """Process a state and its unexplained torque."""
+        """Process a joint state and the joint torque that the model does not explain."""
         self.found = self.released = False
         if not self._is_needed(row.residual, threshold, dt):
             return
@@ -128,7 +128,7 @@ class LoadTest:
             self._learn(state, row, threshold)
 
     def suspect(self, ratio: Array, threshold: Array) -> None:
-        """Reset the estimate before a new event, unless it explains the torque of the event.
+        """Reset the payload estimate at a new event, unless it explains the event's torque.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class LoadTest:
         self._window.clear()
 
     def _is_needed(self, residual: Array, threshold: Array, dt: float) -> bool:
-        """Return whether there is torque to explain; the regression is half of all computation."""
+        """Return whether the regression must run, which takes half of all computation."""
         if (
             self.is_loaded
             or self._declared.any()
@@ -220,5 +220,5 @@ class LoadTest:
             self.mass, self.mass_std = mass, std
 
     def _is_body(self, mass: float) -> bool:
-        """Return whether a mass [kg] is possible; a push may look like an impossible mass."""
+        """Return whether a payload mass [kg] is possible: the last link keeps a positive mass."""
         return bool(mass > -self._own_mass - self._declared[0])

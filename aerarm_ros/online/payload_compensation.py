@@ -1,4 +1,4 @@
-"""Payload compensation: fade an estimated payload into a controller's model."""
+"""Payload compensation: move the payload in a controller's model to the estimated payload."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _SMALL = 0.1  # [Nm] tolerated difference
 
 
 class PayloadCompensation:
-    """Payload of a controller's model, which moves gradually to the estimated payload.
+    """Payload in a controller's model, which moves gradually to the estimated payload.
 
     The ten inertial parameters move along a straight line to the estimate times `share`. Physical
     bodies are a convex cone, so the payload is physical at every instant. Mass and first moment
@@ -56,7 +56,7 @@ class PayloadCompensation:
         self._worse = 0.0
 
     def offer(self, estimate: Array) -> None:
-        """Set a new estimate (10,) of a body; a tiny mass means no payload."""
+        """Set a new estimate (10,) of the payload; a mass of 2e-6 kg or less means no payload."""
         given = estimate if estimate[0] > 2.0 * SPECK else np.zeros(10)
         if self._refused is not None:
             if abs(given[0] - self._refused[0]) < 0.5 * self._refused[0]:
@@ -65,7 +65,7 @@ class PayloadCompensation:
         self._estimate = given
 
     def update(self, dt: float) -> Array:
-        """Advance by `dt` [s], and return the payload of the model, (10,)."""
+        """Advance by `dt` [s] and return the payload (10,) for the controller's model."""
         target = self.share * self._estimate
         way = target - self.carried
         if not way.any():
@@ -83,7 +83,7 @@ class PayloadCompensation:
         return self.carried
 
     def judge(self, residual: Array, share: Array, dt: float) -> bool:
-        """Check whether the payload increases the model's errors; return whether it was removed.
+        """Undo the compensation if it increases the model's errors; return whether it did.
 
         Parameters
         ----------
@@ -110,6 +110,6 @@ class PayloadCompensation:
 
 
 def _centre(first: Array, second: Array) -> Array:
-    """Return the centre (3,) of the heavier of two bodies, zeros if neither has mass."""
+    """Return the centre of mass (3,) [m] of the heavier body, zeros if neither has mass."""
     body = first if first[0] >= second[0] else second
     return np.asarray(body[1:4] / body[0]) if body[0] > 0.0 else np.zeros(3)

@@ -1,4 +1,4 @@
-"""Payload estimation while the arm moves."""
+"""Estimation of payload and friction while the arm moves."""
 
 from collections import deque
 from dataclasses import dataclass, fields
@@ -23,14 +23,14 @@ from aerarm_ros.online.information_filter import (
 )
 
 FRICTION_NAMES = ('viscous [Nms/rad]', 'Coulomb [Nm]', 'load')
-"""Names of the rows of `OnlineEstimate.friction`."""
+"""Names and units of the three rows of `OnlineEstimate.friction`."""
 
 _UNKNOWN = 0.5  # of the prior's standard deviation
 
 
 @dataclass(frozen=True, eq=False)
 class OnlineEstimate:
-    """One estimate of a `PayloadEstimator`.
+    """Estimate of payload and friction from a `PayloadEstimator`.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class OnlineEstimate:
 
     @property
     def unexcited(self) -> tuple[str, ...]:
-        """Names of the parameters that the motion hardly excites, and that are near the prior."""
+        """Names of the payload parameters that the motion hardly excites."""
         known = self.payload.std < _UNKNOWN * self.prior_std
         return tuple(
             name for name, is_known in zip(PARAMETER_NAMES, known, strict=True) if not is_known
@@ -109,18 +109,18 @@ class EstimatorSettings:
     friction_memory: float = 120.0
 
     def __post_init__(self) -> None:
-        """Check that every setting is positive."""
+        """Check that every setting of the estimator is positive."""
         for field in fields(self):
             positive(field.name, getattr(self, field.name))
 
     def body_scale(self, mass: float) -> np.ndarray:
-        """Return prior standard deviations (10,) of the parameters of a payload of `mass` [kg]."""
+        """Return prior standard deviations (10,) of a payload's parameters; `mass` in kg."""
         size = self.payload_size
         return mass * np.array([1.0, *[size] * 3, *[size**2] * 6])
 
 
 class ChangeTest:
-    """Cumulative sum test for errors that are larger than expected.
+    """Cumulative sum test, which detects that errors have become larger than expected.
 
     Page: Continuous inspection schemes (1954). The sum adds each squared error over its variance,
     minus `allowed`, up to a limit, so that a single outlier causes no detection.
@@ -139,11 +139,11 @@ class ChangeTest:
         self._sum = 0.0
 
     def reset(self) -> None:
-        """Reset the sum."""
+        """Reset the cumulative sum."""
         self._sum = 0.0
 
     def update(self, square: float) -> bool:
-        """Add a squared error over its variance, and return whether a change is detected."""
+        """Add a squared error divided by its variance; return whether a change is detected."""
         change = min(square, 0.5 * self._threshold) - self._allowed
         self._sum = max(0.0, self._sum + change)
         return self._sum > self._threshold
@@ -154,7 +154,7 @@ _MOVING = 0.05  # [rad/s]
 
 
 class EffortWatch:
-    """Detect joints that move while their torque stays constant to the last bit.
+    """Detects joints that move while their measured torque stays exactly constant.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ class EffortWatch:
         self.problem = ''
 
     def update(self, state: ArmState, dt: float) -> None:
-        """Process a state, `dt` [s] after the previous one."""
+        """Process a joint state, `dt` [s] after the previous state."""
         is_same = state.tau == self._before
         self._before = np.array(state.tau)
         if not is_same.any() and not self.problem:
@@ -192,7 +192,7 @@ class EffortWatch:
 
 
 PERIOD = 0.02
-"""[s] Shortest interval between estimates."""
+"""[s] Shortest interval between two payload estimates."""
 # [s] A longer silence may hide any event.
 _LONGEST_GAP = 0.05
 _TARE, _LOAD = slice(0, 10), slice(10, 20)
@@ -210,14 +210,14 @@ _LEAST_NOISE = 0.25  # smallest noise, relative to the initial one
 
 
 class _Phase(NamedTuple):
-    """Phase of the estimation, and its start [s]."""
+    """Phase of the estimation: with or without payload, and start time [s]."""
 
     carries: bool
     since: float
 
 
 class PayloadEstimator:
-    """Estimate payload and friction from states at 1 kHz, with one estimate per 20 ms.
+    """Estimates payload and friction from joint states at 1 kHz, every 20 ms.
 
     The estimator is a linear Bayesian filter with three blocks. The *bias* block is a body that
     corrects the arm's model at its last link, learnt without payload. The *payload* block has the
@@ -284,18 +284,18 @@ class PayloadEstimator:
 
     @property
     def problem(self) -> str:
-        """Reason why estimation is impossible; empty otherwise."""
+        """Reason why payload estimation is impossible at present; empty if possible."""
         return self._efforts.problem or self._fault
 
     @property
     def has_moved_empty(self) -> bool:
-        """Whether the arm has moved for a second without a payload."""
+        """Whether the arm has moved for at least 1 s without a payload."""
         return self._bare_time >= _TARE_TIME
 
     def update(
         self, state: ArmState, now: float, base: BaseMotion | None = None
     ) -> OnlineEstimate | None:
-        """Process the state at `now` [s], and return an estimate if a new one is due.
+        """Process a joint state at `now` [s]; return a new estimate, or None.
 
         A state with a missing number counts as lost. After a gap, or while there is a `problem`,
         the last valid estimate stays.
@@ -329,7 +329,7 @@ class PayloadEstimator:
         return self._learn(self._motion.row(), now)
 
     def pause(self) -> None:
-        """Stop learning while the base's motion is unknown, or another object holds the arm.
+        """Pause the estimation, because the base motion is unknown or an object holds the arm.
 
         The caller detects such an event late, so the last 0.3 s of learning are undone. Earlier
         data stay.
@@ -343,7 +343,7 @@ class PayloadEstimator:
         self._interrupt()
 
     def _interrupt(self) -> None:
-        """Handle missing states."""
+        """Restart the filters after missing joint states."""
         self._motion.reset()
         self._elapsed = 0.0
         self._last = None
@@ -389,25 +389,25 @@ class PayloadEstimator:
         return estimate
 
     def _rests(self, row: MotionRow) -> bool:
-        """Return whether all joints rest, so that friction and a push explain any torque."""
+        """Return whether all joints rest, where friction can hide or explain any torque."""
         n = self._motion.n
         return bool(np.abs(row.regressor[:, 10 : 10 + n]).max() < SLOW)
 
     def _rows(self, row: MotionRow) -> Array:
-        """Return the rows of the n torques for the filter's parameters."""
+        """Return the regression rows of the n torques, scaled for the filter."""
         body, friction = row.regressor[:, :10], row.regressor[:, 10:]
         load = self._load_scale if self._phase.carries else np.zeros(10)
         return np.hstack([body * self._tare_scale, body * load, friction * self._friction_scale])
 
     def _innovation(self, rows: Array, row: MotionRow) -> tuple[Array, float]:
-        """Return errors of prediction (n,) [Nm], and the largest square over its variance."""
+        """Return prediction errors (n,) [Nm], and the largest square divided by its variance."""
         belief = self._filter.belief
         error = row.torque - rows @ belief.mean
         spread = np.einsum('ij,jk,ik->i', rows, belief.covariance, rows)
         return error, float(np.max(error**2 / (self._variance(row) + spread)))
 
     def _variance(self, row: MotionRow) -> Array:
-        """Return the variance (n,) [Nm^2] due to noise, dry friction and model errors."""
+        """Return the torque variance (n,) [Nm^2] due to noise, dry friction and model errors."""
         return self._noise + row.doubt**2 + (self.settings.model_error * row.modelled) ** 2
 
     def _take(self, rows: Array, row: MotionRow, error: Array, now: float) -> None:
@@ -420,7 +420,7 @@ class PayloadEstimator:
         self._filter.update(rows, row.torque, variance, self._kept(now))
 
     def _kept(self, now: float) -> Array:
-        """Return the kept fraction of the information, for each parameter."""
+        """Return the fraction of the information that each parameter keeps in this period."""
         s, kept = self.settings, np.ones(20 + len(self._friction))
         if now - self._phase.since < _FAST:
             return kept
@@ -430,7 +430,7 @@ class PayloadEstimator:
         return kept
 
     def _measure_noise(self, error: Array, rows: Array, row: MotionRow) -> None:
-        """Update the unexplained torque where friction is known."""
+        """Update the noise estimate of joints whose friction is known."""
         square = np.minimum(error**2, _LARGEST**2 * self._noise)
         share = np.where(row.doubt**2 > 0.1 * self._noise, 0.0, self._period / _NOISE_TIME)
         self._noise = np.maximum(self._noise + share * (square - self._noise), self._least_noise)
@@ -453,7 +453,7 @@ class PayloadEstimator:
             )
 
     def _decide(self, rows: Array, row: MotionRow, now: float) -> None:
-        """Decide whether the arm without payload explains the present torques."""
+        """Decide after a detected change whether the payload was put down or has changed."""
         assert self._found is not None
         bare = rows.copy()
         bare[:, _LOAD] = 0.0
@@ -473,7 +473,7 @@ class PayloadEstimator:
         self.changes += 1
 
     def _look_again(self, rows: Array, row: MotionRow) -> None:
-        """Reset the filter once the arm without payload explains the torques."""
+        """Restart the estimation when the arm without payload explains the torques again."""
         _, square = self._innovation(rows, row)
         self._quiet = self._quiet + self._period if square < 3.0 else 0.0
         if self._quiet > 1.0:
@@ -506,6 +506,6 @@ class PayloadEstimator:
 
 
 def _is_nothing(payload: Payload) -> bool:
-    """Return whether the estimated body is within the noise."""
+    """Return whether an estimated payload is insignificant compared with its covariance."""
     body = payload.inertial
     return float(body @ np.linalg.solve(payload.covariance, body)) < _SIGNIFICANT**2

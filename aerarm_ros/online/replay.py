@@ -1,4 +1,4 @@
-"""Playback of recordings through the payload estimator."""
+"""Payload estimation from recordings, by the estimator that also runs online."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _ELSEWHERE = (*_FOLLOWED, TermKind.ROTOR, *COUPLED)
 
 @dataclass(frozen=True, eq=False)
 class KnownArm:
-    """Model and friction for a `PayloadEstimator`.
+    """Rigid-body model and friction of an arm, for a `PayloadEstimator`.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class KnownArm:
 
     @classmethod
     def identified(cls, robot: Robot, estimate: Estimate) -> 'KnownArm':
-        """Return the arm that an estimate describes."""
+        """Return the arm with the parameters of an identification."""
         model = estimate.model
         values = zip(model.joint_columns, estimate.theta[10 * model.n :], strict=True)
         return cls(
@@ -59,13 +59,13 @@ class KnownArm:
     def estimator(
         self, settings: EstimatorSettings | None = None, torque_noise: Array | None = None
     ) -> PayloadEstimator:
-        """Return an estimator that starts with this arm, see `PayloadEstimator`."""
+        """Return a `PayloadEstimator` for this arm."""
         dynamics = MovingBaseDynamics(self.robot, self.rotor_inertia)
         viscous, coulomb, load = self.friction
         return PayloadEstimator(dynamics, viscous, coulomb, load, settings, torque_noise)
 
     def other_torque(self, dq: Array) -> Array:
-        """Return the torque (M, n) of the other terms at velocities (M, n) [Nm]."""
+        """Return the torque (M, n) [Nm] of the terms in `others` at velocities (M, n)."""
         torque = np.zeros_like(dq)
         for joint, term, value in self.others:
             velocity = dq[:, joint]
@@ -75,7 +75,7 @@ class KnownArm:
     def states(
         self, recording: Recording, is_stopped: Callable[[], bool] = lambda: False
     ) -> Iterator[tuple[float, ArmState]]:
-        """Yield times and states of a recording, without the torque of the other terms.
+        """Yield times [s] and joint states of a recording, without the torque of `others`.
 
         Raises
         ------
@@ -108,7 +108,7 @@ def unexplained_torque(
     bandwidth: float,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> Array:
-    """Return the RMS torque (n,) [Nm] that an arm's model leaves unexplained without payload.
+    """Return the RMS torque (n,) [Nm] in a recording that the arm's model does not explain.
 
     The result follows from the median error, without a payload or with the payload that fits best,
     whichever is smaller. Thus neither a payload in the whole recording nor one in a part of it
@@ -160,7 +160,7 @@ _BETWEEN = 1.0  # [s] assumed between two recordings
 
 
 class LoadChange(NamedTuple):
-    """Time at which a payload was detected or released.
+    """Time in a recording at which a payload was picked up or put down.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ class LoadChange(NamedTuple):
 
 
 class Replay:
-    """Play recordings of one arm, one after the other, to a `PayloadEstimator`.
+    """Processes recordings of an arm one after the other with a `PayloadEstimator`.
 
     The first recording must begin without payload. The base stands still.
 
@@ -210,7 +210,7 @@ class Replay:
         self._is_load = False  # whether a payload explains the torque since the last pick-up
 
     def play(self, recording: Recording) -> list[LoadChange]:
-        """Process a recording, and return the detected payload changes.
+        """Process a recording; return the times at which the payload changed.
 
         Raises
         ------
@@ -242,7 +242,7 @@ class Replay:
         return changes
 
     def _drop_knock(self, changes: list[LoadChange]) -> None:
-        """Remove the last payload from the changes of a recording if its mass was insignificant."""
+        """Remove the last payload from `changes` if it was short or its mass insignificant."""
         begin = changes[-2] if len(changes) > 1 else None
         if begin is None:
             return  # The payload is that of an earlier recording.

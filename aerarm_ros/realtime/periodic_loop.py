@@ -1,4 +1,4 @@
-"""A loop with a fixed period and absolute deadlines."""
+"""Periodic loop with absolute deadlines, its clock, and statistics of its timing."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _PATIENCE = 5e-3  # [s], a few cycles: a thread need not wait for a stopped loop
 
 
 class CycleSlack:
-    """Let another thread start its work when a loop has just ended a cycle.
+    """Synchronizes a thread with a loop: the thread begins its work at the end of a cycle.
 
     Two Python threads use one interpreter. A loop that wakes while the other thread computes waits
     for the interpreter after each system call. A short piece of work that starts at the end of a
@@ -69,12 +69,12 @@ class CycleSlack:
         self._begun = Event()
 
     def begin(self) -> None:
-        """Signal the end of a cycle; the call takes 0.1 us if no thread waits."""
+        """Signal the end of a cycle to the waiting thread; takes 0.1 us if no thread waits."""
         if not self._begun.is_set():
             self._begun.set()
 
     def wait(self) -> None:
-        """Wait for the end of a cycle, at most 5 ms."""
+        """Wait for the end of the loop's present cycle, for at most 5 ms."""
         self._begun.clear()
         self._begun.wait(_PATIENCE)
 
@@ -87,7 +87,7 @@ _STEP_NS = 500_000_000
 
 
 class SteadyClock:
-    """Stamps for a stream whose receivers differentiate and integrate over time.
+    """Clock for message stamps that follows the system time without steps.
 
     Time servers and hypervisors correct the system time in steps of tens of milliseconds, even
     backwards. A SteadyClock follows the monotonic clock and approaches the system time by at most
@@ -119,7 +119,7 @@ class SteadyClock:
         self._offset = system() - self._last
 
     def now_ns(self) -> int:
-        """Return the time [ns since the epoch]."""
+        """Return the clock's time [ns since the Unix epoch]."""
         now = self._monotonic()
         error = self._system() - now - self._offset
         if abs(error) > _STEP_NS and self.may_step:
@@ -134,7 +134,7 @@ class SteadyClock:
 
 
 class PeriodicLoop:
-    """Call a function at every multiple of a period.
+    """Calls a function once per period, at absolute deadlines.
 
     Deadlines lie on a grid from the start of `run`, so lateness does not accumulate. A cycle whose
     deadline passes during the previous cycle is skipped and counted, because catching up would
@@ -185,7 +185,7 @@ class PeriodicLoop:
         return self._stopped
 
     def stop(self) -> None:
-        """End the loop permanently after the present cycle; callable from anywhere."""
+        """End the loop after the present cycle; any thread or signal handler may call this."""
         self._stopped = True
 
     def run(self, function: Callable[[int, int], None]) -> None:
@@ -221,7 +221,7 @@ class PeriodicLoop:
             deadline += (1 + behind) * period_ns
 
     def assess(self, interval: TimingSummary, execution: TimingSummary) -> tuple[int, str]:
-        """Return the level of the loop's timing (OK, WARN or ERROR), and its reason.
+        """Return the level (OK, WARN or ERROR) of this loop's timing, and the reason.
 
         Parameters
         ----------
@@ -231,7 +231,7 @@ class PeriodicLoop:
         return assess_timing(self.period_ns * 1e-9, interval, execution)
 
     def account(self) -> str:
-        """Return one summary line for the end of the log."""
+        """Return a line for the log with cycles, missed cycles and wake-up latency."""
         total = self.cycles + self.missed
         share = 100.0 * self.missed / total if total else 0.0
         lateness = self.lateness.summary()
@@ -265,14 +265,14 @@ class TimingSummary:
     maximum: float = 0.0
 
     def __str__(self) -> str:
-        """Return one line in microseconds."""
+        """Return a line with all statistics in microseconds."""
         fields = ('mean', 'std', 'p50', 'p99', 'p999', 'maximum')
         values = '  '.join(f'{name} {getattr(self, name) * 1e6:.0f}' for name in fields)
         return f'{values} us ({self.count} values)'
 
 
 class TimingStatistics:
-    """Collect durations in a histogram; `add` takes about 0.3 us without allocation.
+    """Collects durations in a histogram; adding a duration takes about 0.3 us.
 
     Mean, standard deviation (Welford's recursion), minimum and maximum are exact; quantiles are
     exact to one bin. Of durations beyond the last bin, only their number and maximum are known.
@@ -328,7 +328,7 @@ class TimingStatistics:
         self._bins[index] += 1
 
     def summary(self) -> TimingSummary:
-        """Return the statistics so far, in seconds."""
+        """Return the statistics of all durations added so far, in seconds."""
         count = self._count
         if not count:
             return TimingSummary()
@@ -345,7 +345,7 @@ class TimingStatistics:
         )
 
     def _quantile(self, cumulative: NDArray[np.int64], share: float) -> float:
-        """Return the upper edge of a quantile's bin [s], within the extremes."""
+        """Return a quantile [s]: the upper edge of its bin, limited to the extremes."""
         index = int(np.searchsorted(cumulative, math.ceil(share * cumulative[-1])))
         edge = self._maximum if index == self._last else (index + 1) * self._width
         return min(max(edge, self._minimum), self._maximum) / _NANOSECONDS
@@ -356,7 +356,7 @@ OK, WARN, ERROR = 0, 1, 2
 
 @dataclass(frozen=True)
 class TimingThresholds:
-    """Pairs of (warning, error) levels; the defaults are ros2_control's.
+    """Timing thresholds for warning and error; the defaults are those of ros2_control.
 
     Attributes
     ----------
@@ -377,7 +377,7 @@ def assess_timing(
     execution: TimingSummary,
     thresholds: TimingThresholds | None = None,
 ) -> tuple[int, str]:
-    """Return the worst timing level (OK, WARN or ERROR) and its reason.
+    """Return the worst level (OK, WARN or ERROR) of a loop's timing, and the reason.
 
     Parameters
     ----------

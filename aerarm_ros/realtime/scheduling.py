@@ -1,4 +1,4 @@
-"""Real-time requests to the operating system, each with advice if it is refused.
+"""Real-time settings of the operating system for a process, with advice if one is refused.
 
 Every function returns None on success, otherwise a warning with the consequences for the user. A
 robot on a desk therefore also runs without real-time rights.
@@ -22,7 +22,7 @@ THREAD_VARIABLES = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS'
 
 
 def use_one_thread(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Restrict this process's linear algebra to one thread, unless the user sets otherwise."""
+    """Restrict the linear algebra of this process to one thread, unless the user sets a number."""
     for name in THREAD_VARIABLES:
         environment.setdefault(name, '1')
 
@@ -71,7 +71,7 @@ def set_fifo(priority: int) -> str | None:
 
 
 def lock_memory() -> str | None:
-    """Keep all memory of the process, present and future, in RAM."""
+    """Keep all present and future memory of this process in RAM."""
     limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     advice = (
         f'a page fault can delay a cycle. Put the line "@realtime - memlock unlimited" into '
@@ -101,7 +101,7 @@ def set_affinity(cpus: Collection[int]) -> str | None:
 
 
 def keep_cpus_awake() -> str | None:
-    """Keep idle CPUs from sleeping during this process (kernel's PM QoS interface).
+    """Prevent sleep states of idle CPUs while this process runs (PM QoS of the kernel).
 
     A CPU in an idle state takes 10 to 50 us for every wake-up, several times per cycle. An awake
     CPU needs more power and cooling.
@@ -120,14 +120,14 @@ def keep_cpus_awake() -> str | None:
 
 @cache
 def _latency_request() -> int:
-    """Return the process's request file; the request is valid while the file is open."""
+    """Open the kernel's latency file with a request, valid while the file is open."""
     file = os.open(_LATENCY_FILE, os.O_WRONLY)
     os.write(file, struct.pack('=i', 0))
     return file
 
 
 def freeze_garbage_collector() -> str | None:
-    """Collect once, then switch Python's cyclic garbage collector off.
+    """Run Python's cyclic garbage collector once, then switch it off.
 
     The collector's pauses grow with the number of objects and occur at any time. Reference
     counting continues, so a loop without reference cycles does not grow.
@@ -145,5 +145,5 @@ def _try_affinity(cpus: Collection[int]) -> None:
 
 
 def _threads() -> list[int]:
-    """Return the threads of this process; one may end before it is used."""
+    """Return the thread ids of this process; a thread may end before its id is used."""
     return [int(name) for name in os.listdir('/proc/self/task')]

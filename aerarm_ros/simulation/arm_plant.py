@@ -1,4 +1,4 @@
-"""The simulated arm in a physics engine."""
+"""Simulated arm on a fixed base, in the physics engine MuJoCo."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ _OTHER_GEAR = 0.03
 
 @dataclass(frozen=True)
 class Spread:
-    """Bounds of a manufactured arm's deviations, each uniform within plus or minus its entry.
+    """Bounds of the random deviations of a manufactured arm from its model, uniform within them.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class PlantParameters:
-    """True parameters of the simulated arm, at the joint side unless the name says motor.
+    """True parameters of the simulated arm, on the joint side unless named `motor_`.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class PlantParameters:
 
     @classmethod
     def nominal(cls, config: ArmConfig, robot: Robot) -> 'PlantParameters':
-        """Return the parameters of the arm's URDF and configuration.
+        """Return the parameters that URDF and configuration specify.
 
         Raises ValueError if URDF and configuration do not name the same joints.
         """
@@ -123,12 +123,12 @@ class PlantParameters:
         )
 
     def without_friction(self) -> 'PlantParameters':
-        """Return the parameters without joint friction."""
+        """Return these parameters with zero joint friction."""
         zero = np.zeros(len(self.joint_names))
         return replace(self, viscous=zero, coulomb=zero, load_friction=zero)
 
     def carrying(self, mass: float, centre: Sequence[float], radius: float) -> 'PlantParameters':
-        """Return the parameters with a homogeneous ball fixed to the last link.
+        """Return these parameters with a homogeneous ball fixed to the last link.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class PlantParameters:
         return replace(self, inertial_parameters=inertial)
 
     def perturbed(self, seed: int, spread: Spread | None = None) -> 'PlantParameters':
-        """Return an arm with random manufacturing deviations from this one.
+        """Return the parameters of an arm with random manufacturing deviations from this arm.
 
         Each link's material is stretched and shifted by an affine map x -> A x + b, and its
         density scaled by a factor s. The link's pseudo-inertia P becomes s T P T' with T = [[A,
@@ -184,7 +184,7 @@ class PlantParameters:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers for a YAML file.
+        """Return the parameters as plain numbers for a YAML file.
 
         `parameters` has the names of the regressor's columns: `m_link1`, `fv_joint1`, `fs_joint1`,
         `Ja_joint1`. The motor's torque constant differs from the configuration's. So torques
@@ -230,7 +230,7 @@ class PlantError(ValueError):
 
 
 class ArmPlant:
-    """A simulated arm with rotor inertia, and viscous, Coulomb and load-dependent friction.
+    """Simulated arm with rotor inertia, and viscous, Coulomb and load-dependent friction.
 
     The engine is MuJoCo, built from the URDF's kinematics and the given parameters, without the
     controllers' model. Equation of motion, thesis (2.7) with rotors::
@@ -299,27 +299,27 @@ class ArmPlant:
 
     @property
     def position(self) -> Array:
-        """Joint angles (n,) [rad], a copy."""
+        """Copy of the joint angles (n,) [rad]."""
         return np.array(self._angle)
 
     @property
     def velocity(self) -> Array:
-        """Joint velocities (n,) [rad/s], a copy."""
+        """Copy of the joint velocities (n,) [rad/s]."""
         return np.array(self._velocity)
 
     @property
     def acceleration(self) -> Array:
-        """Joint accelerations (n,) of the last sub-step [rad/s^2], a copy."""
+        """Copy of the joint accelerations (n,) of the last sub-step [rad/s^2]."""
         return np.array(self._acceleration)
 
     @property
     def transmitted_effort(self) -> Array:
-        """Torque (n,) that the gears transmitted to the links in the last sub-step [Nm], a copy."""
+        """Copy of the torques (n,) that the gears transmitted in the last sub-step [Nm]."""
         return self._load.copy()
 
     @property
     def energy(self) -> float:
-        """Potential and kinetic energy, rotors included [J]."""
+        """Potential and kinetic energy of the arm with its motor rotors [J]."""
         mujoco.mj_forward(self._model, self._data)
         mujoco.mj_energyPos(self._model, self._data)
         mujoco.mj_energyVel(self._model, self._data)
@@ -327,7 +327,7 @@ class ArmPlant:
 
     @property
     def gravity_in_base(self) -> Array:
-        """Gravity in the base frame (3,) [m/s^2]."""
+        """Gravity (3,) [m/s^2] in the axes of the arm's base frame."""
         return self._gravity.copy()
 
     @gravity_in_base.setter
@@ -337,7 +337,7 @@ class ArmPlant:
 
     @property
     def support(self) -> float:
-        """Supported fraction of the arm's weight, 0 to 1."""
+        """Fraction of the arm's weight that an external support carries, 0 to 1."""
         return self._support
 
     @support.setter
@@ -346,7 +346,7 @@ class ArmPlant:
         self._set_gravity()
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Set the arm's posture, at rest unless a velocity (n,) [rad/s] is given."""
+        """Set the joint angles (n,) [rad] and velocities (n,) [rad/s], by default zero."""
         mujoco.mj_resetData(self._model, self._data)
         self._angle[:] = position
         self._velocity[:] = 0.0 if velocity is None else velocity
@@ -356,22 +356,22 @@ class ArmPlant:
         self._set_friction()
 
     def restart(self, position: ArrayLike) -> None:
-        """Set the arm's posture at rest, and return its vehicle to the initial pose."""
+        """Set the joint angles (n,) [rad] at rest, and the vehicle to its initial pose."""
         self.reset(position)
 
     def apply_effort(self, effort: ArrayLike) -> None:
-        """Set the motors' torques (n,) into the gears, referred to the joint side [Nm]."""
+        """Set the motor torques (n,) [Nm], referred to the joint side."""
         self._effort[:] = effort
 
     def scale_friction(self, factors: Sequence[float]) -> None:
-        """Scale the dry friction of each joint's gear by a factor (n,) from now on."""
+        """Multiply the dry friction of each joint by a factor (n,) from now on."""
         for row, coulomb, factor in zip(
             self._constants, self.parameters.coulomb.tolist(), factors, strict=True
         ):
             row[2] = factor * coulomb
 
     def grasp(self, parameters: PlantParameters) -> None:
-        """Replace the last link's inertia, as when the arm picks up a payload.
+        """Replace the inertia of the last link, as if the arm picked up a payload.
 
         The motion continues, because the payload already moved with the arm.
 
@@ -396,7 +396,7 @@ class ArmPlant:
         self.parameters = replace(self.parameters, inertial_parameters=inertial)
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) [m] of a moving link's frame in the world.
+        """Return rotation (3, 3) and position (3,) [m] in the world of a moving link's frame.
 
         Raises
         ------
@@ -410,19 +410,19 @@ class ArmPlant:
         return np.array(body.xmat).reshape(3, 3), np.array(body.xpos)
 
     def step(self) -> None:
-        """Advance by one sub-step."""
+        """Simulate one sub-step of 0.25 ms."""
         self._applied[:] = self._effort
         mujoco.mj_step(self._model, self._data)
         self._count += 1
         self._set_friction()
 
     def advance(self, seconds: float) -> None:
-        """Advance by a time, rounded to whole sub-steps, under constant effort."""
+        """Simulate a time [s], rounded to whole sub-steps, under constant motor torques."""
         for _ in range(round(seconds / SUBSTEP)):
             self.step()
 
     def true_parameters(self) -> dict[str, Any]:
-        """Return the true parameters of the arm, as plain numbers for a YAML file."""
+        """Return the true parameters of the arm and gravity, for a YAML file."""
         return {**self.parameters.as_dict(), 'gravity_in_base': self._gravity.tolist()}
 
     # Methods that a plant with its own base overrides.
@@ -431,15 +431,15 @@ class ArmPlant:
         return _fixed_base_model(robot, self.parameters)
 
     def _last_link(self) -> int:
-        """Return the number of the last link in the physics engine."""
+        """Return the physics engine's number of the arm's last link."""
         return int(self._model.jnt_bodyid[-1])
 
     def _body_name(self, link: str) -> str:
-        """Return the name of a link in the physics engine."""
+        """Return the physics engine's name of a link."""
         return link
 
     def _stribeck(self, dq: float) -> float:
-        """Return the ratio of dry friction at a velocity to that of a fast joint."""
+        """Return dry friction at a velocity [rad/s], relative to that at high speed."""
         share = self.parameters.stribeck
         if share == 0.0:
             return 1.0
@@ -447,14 +447,14 @@ class ArmPlant:
         return 1.0 + share * exp(-min(ratio * ratio, 50.0))
 
     def _set_gravity(self) -> None:
-        """Set the engine's gravity to the unsupported fraction of the arm's weight."""
+        """Set gravity in the physics engine to the fraction that no support carries."""
         self._model.opt.gravity = (1.0 - self._support) * self._gravity
 
     def _place_base(self) -> None:
-        """Set the commanded base pose, after a reset of the engine's data."""
+        """Set the pose of a moving base in the physics engine; a fixed base needs none."""
 
     def _set_friction(self) -> None:
-        """Update the gears' dry friction from their transmitted torque."""
+        """Update the dry friction of the gears for the torque that they transmit."""
         # Plain numbers: for few joints they are faster than a dozen array operations.
         rows = zip(
             self._constants,
@@ -498,7 +498,7 @@ def _fixed_base_model(robot: Robot, parameters: PlantParameters) -> Any:
 
 
 def bare_urdf(robot: Robot, parameters: PlantParameters) -> str:
-    """Return a URDF with the robot's kinematics and the given inertia only.
+    """Return a URDF that contains only the robot's kinematics and the given inertia.
 
     The URDF has no shapes, because there are no contacts, and no friction, because the plant has
     its own. `parameters` includes the inertia of fixed links in the links that carry them.

@@ -1,4 +1,4 @@
-"""The simulated arm with backlash in its gears."""
+"""Simulated arm with backlash in its gears."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ _ROTOR_BODY = 1e-6  # [kg], [kg m^2]; the joint's armature represents its inerti
 
 
 class BacklashPlant(ArmPlant):
-    """An `ArmPlant` with backlash between rotors and links.
+    """Simulated arm (`ArmPlant`) with backlash between motor rotors and links.
 
     Rotor and link of a joint move independently, within `backlash` of each other. At either end of
     the backlash the gear transmits torque. Rotor inertia and all friction are on the rotors' side.
@@ -62,16 +62,16 @@ class BacklashPlant(ArmPlant):
 
     @property
     def backlash(self) -> Array:
-        """Angle by which each link may turn while its rotor rests (n,) [rad], a copy."""
+        """Copy of the backlash (n,) [rad]: angle that each link can turn while its rotor rests."""
         return self._play.copy()
 
     @property
     def link_position(self) -> Array:
-        """Angles of the links (n,) [rad], a copy."""
+        """Copy of the link angles (n,) [rad], which differ from the rotor angles."""
         return np.array(self._data.qpos[: self.n])
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Set rotors and links to a posture, in the middle of the backlash, at rest by default."""
+        """Set rotors and links to joint angles (n,) [rad], in the middle of the backlash."""
         super().reset(position, velocity)
         self._data.qpos[: self.n] = position
         self._data.qvel[: self.n] = 0.0 if velocity is None else velocity
@@ -79,7 +79,7 @@ class BacklashPlant(ArmPlant):
         self._set_friction()
 
     def step(self) -> None:
-        """Advance by one sub-step."""
+        """Simulate one sub-step of 0.25 ms, with wear of the gears."""
         super().step()
         wear = self.parameters.backlash_wear
         if wear:
@@ -119,7 +119,7 @@ class BacklashPlant(ArmPlant):
         model.tendon_range[:, 1] = 0.5 * self._play
 
     def _set_friction(self) -> None:
-        """Update dry friction from the contact torque of the flanks."""
+        """Update the dry friction for the torque that the tooth flanks transmit."""
         coulomb = np.array([row[2] for row in self._constants])
         self._load[:] = self._data.qfrc_constraint[: self.n]
         limit = coulomb + self.parameters.load_friction * np.abs(self._load)

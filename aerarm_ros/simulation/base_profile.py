@@ -1,4 +1,4 @@
-"""A prescribed motion of the drone under which the arm hangs."""
+"""Prescribed motion of the arm's base, for simulations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class BaseState(NamedTuple):
-    """Pose and motion of the base.
+    """Pose, velocity and acceleration of the arm's base.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class BaseState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BaseProfile:
-    """A rotation by a constant and an oscillating angle, with an oscillating translation.
+    """Base motion with a constant tilt, an oscillating rotation and an oscillating translation.
 
     The rotation is about one axis, so angular velocity and acceleration are those of the angle.
     All oscillations grow smoothly from rest within `ramp`.
@@ -62,7 +62,7 @@ class BaseProfile:
     ramp: float = 2.0
 
     def evaluate(self, time: float) -> BaseState:
-        """Return the base's state at `time` [s], at rest before zero."""
+        """Return the state of the base at `time` [s]; before zero the base is at rest."""
         angle, rate, spin = self._oscillation(time, self.frequency)
         offset, speed, surge = self._oscillation(time, self.shift_frequency)
         half = 0.5 * (self.tilt + self.swing * angle)
@@ -78,7 +78,7 @@ class BaseProfile:
         )
 
     def _oscillation(self, time: float, frequency: float) -> tuple[float, float, float]:
-        """Return a sine that grows to amplitude 1, and its two derivatives."""
+        """Return a sine whose amplitude grows to 1, and its first two derivatives."""
         step = smooth_step(time / self.ramp)
         grown, growth = float(step.value), float(step.slope) / self.ramp
         bend = float(step.curvature) / self.ramp**2
@@ -99,4 +99,4 @@ BASE_PROFILES: Mapping[str, BaseProfile] = {
     # 30 degrees at 0.5 Hz about the roll axis, with a sway.
     MOVING: BaseProfile(swing=radians(30.0), shift=np.array([0.1, 0.15, 0.1])),
 }
-'Motion profile of a drone: none, tilt by 20 degrees, or swing by 30 degrees while it sways.'
+'Base motions by name: at rest, tilted by 20 degrees, or swinging by 30 degrees with sway.'

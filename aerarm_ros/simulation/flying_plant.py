@@ -1,4 +1,4 @@
-"""The simulated arm under a flying drone."""
+"""Simulated arm under a moving body: a prescribed base motion, or a flying drone."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,7 +19,7 @@ from aerarm_ros.simulation.wall import Wall
 
 
 class Rotors:
-    """Rotor thrusts that follow commands with a first-order lag, within limits.
+    """Simulated rotors, whose thrusts follow commands with limits and a first-order lag.
 
     Without commands for `timeout` the motor controllers stop the rotors, which spin down, as on a
     real drone. The moment of a propeller's own acceleration and the effect of its motion through
@@ -49,28 +49,28 @@ class Rotors:
 
     @property
     def is_commanded(self) -> bool:
-        """Whether a command arrived recently."""
+        """Whether the last rotor command is younger than the time-out."""
         return self._silence <= self._timeout
 
     @property
     def time_commanded(self) -> float:
-        """Time of uninterrupted commands [s]."""
+        """Time [s] for which rotor commands have arrived without interruption."""
         return self._commanded_for
 
     def command(self, thrust: ArrayLike) -> None:
-        """Set the commanded thrusts (n,) [N]; each rotor limits its own."""
+        """Set the commanded thrusts (n,) [N], limited to those that the rotors can produce."""
         self._target = np.clip(np.asarray(thrust, dtype=float), self._min, self._max)
         self._silence = 0.0
 
     def stop(self) -> None:
-        """Stop the rotors, as before the first command."""
+        """Stop the rotors at once, as before the first command."""
         self.thrust = self._stopped.copy()
         self._target = self._stopped
         self._silence = np.inf
         self._commanded_for = 0.0
 
     def step(self) -> Array:
-        """Advance by a sub-step; return the wrench (6,) on the body at its frame's origin."""
+        """Advance by a sub-step; return the rotors' wrench (6,) at the body frame's origin."""
         self._silence += self._substep
         if self._silence > self._timeout:
             self._target = self._stopped
@@ -83,14 +83,14 @@ class Rotors:
 
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Gravity in the world [m/s^2]."""
+"""Gravity vector in world axes [m/s^2]."""
 
 _FREE = 6
 
 
 @dataclass(frozen=True, eq=False)
 class BaseBody:
-    """The body that carries the arm.
+    """Mass properties of the body that carries the arm, with the poses of arm and IMU.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class BaseBody:
 
 
 class FreeBasePlant(ArmPlant):
-    """An `ArmPlant` under (or on) a free body; the engine simulates both in the world.
+    """Simulated arm (`ArmPlant`) on a free body; the engine simulates both in the world.
 
     The engine computes the interaction of arm and body. The parameters are those of the arm on a
     fixed base. The robot's own gravity is not used.
@@ -137,7 +137,7 @@ class FreeBasePlant(ArmPlant):
 
     @property
     def base(self) -> BaseState:
-        """Pose and motion of the body that carries the arm."""
+        """Pose, velocity and acceleration of the body that carries the arm."""
         data = self._data
         return BaseState(
             np.array(data.qpos[:3]),
@@ -150,7 +150,7 @@ class FreeBasePlant(ArmPlant):
 
     @property
     def imu(self) -> tuple[Array, Array, Array]:
-        """Readings of an ideal IMU.
+        """Readings of an ideal IMU on the body: attitude, angular velocity, specific force.
 
         Attitude (x, y, z, w), IMU to world; angular velocity [rad/s]; specific force [m/s^2], both
         (3,) in the IMU's axes.
@@ -177,14 +177,14 @@ class FreeBasePlant(ArmPlant):
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """Return the (3, 3) matrix of a quaternion (w, x, y, z)."""
+    """Return the rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, quaternion)
     return rotation.reshape(3, 3)
 
 
 def _with_free_base(robot: Robot, fixed: Any, base: BaseBody) -> Any:
-    """Return the engine's model of the arm under a free body, otherwise as in `fixed`."""
+    """Return the engine's model of the arm on a free body, with the settings of `fixed`."""
     spec = mujoco.MjSpec()
     tensor = base.inertia
     body = spec.worldbody.add_body(
@@ -229,7 +229,7 @@ _INERTIA = 1e6
 
 
 class MovingBasePlant(FreeBasePlant):
-    """An `ArmPlant` under a body that follows a `BaseProfile` exactly.
+    """Simulated arm on a base that follows a motion profile (`BaseProfile`) exactly.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ class MovingBasePlant(FreeBasePlant):
 
     @property
     def base(self) -> BaseState:
-        """State of the base."""
+        """Pose, velocity and acceleration of the base, as the profile prescribes them."""
         begun = self._start_count
         return self._profile.evaluate(-1.0 if begun is None else (self._count - begun) * SUBSTEP)
 
@@ -275,14 +275,14 @@ class MovingBasePlant(FreeBasePlant):
 
 
 SPIN_UP = 0.3
-"""[s] in which the rotors take the drone's weight from its support."""
+"""[s] Time with rotor commands after which the simulation releases the held drone."""
 
 # [kg], [kg m^2] of a held drone, which is put back in each sub-step.
 _HELD = 1e6
 
 
 class FlyingPlant(FreeBasePlant):
-    """An `ArmPlant` under a drone: one mechanism on a free joint, driven by rotors and gusts.
+    """Simulated arm under a drone, which rotors and gusts of wind move.
 
     The simulation has no ground. At first, the simulation holds the drone still and level. The
     drone is released once the motors hold the arm and the rotors have been commanded for 0.3 s.
@@ -334,7 +334,7 @@ class FlyingPlant(FreeBasePlant):
 
     @property
     def odometry(self) -> tuple[Array, Array, Array, Array]:
-        """Pose and motion of the body.
+        """Position, attitude, velocity and angular velocity of the drone's body.
 
         The position (3,) [m] is in the world, the attitude (x, y, z, w) rotates from body to world.
         The velocity (3,) of the body frame's origin [m/s] and the angular velocity (3,) [rad/s] are
@@ -345,28 +345,28 @@ class FlyingPlant(FreeBasePlant):
         return base.position, np.roll(base.quaternion, -1), velocity, base.angular_velocity
 
     def reset(self, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Set the arm's posture, at rest by default, and hold the drone level."""
+        """Set joint angles and velocities (default zero), and hold the drone level in place."""
         self._place = self._data.qpos[:3].copy()
         self._turn = _heading(self._data.qpos[3:7])
         self._hold(True)
         super().reset(position, velocity)
 
     def restart(self, position: ArrayLike) -> None:
-        """Set the arm's posture at rest, and return the drone to its initial pose."""
+        """Set the joint angles (n,) [rad] at rest, and the drone to its initial pose."""
         self._data.qpos[:7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         self.rotors.stop()
         super().restart(position)
 
     def let_go(self) -> None:
-        """Release the drone, which then moves by its rotors and gravity."""
+        """Release the held drone, which then moves under its rotors and gravity."""
         self._hold(False)
 
     def push(self, twist: ArrayLike) -> None:
-        """Set a released drone's velocity (6,): linear in the world, angular in body axes."""
+        """Set the drone's velocity (6,): linear in world axes, angular in body axes."""
         self._twist[:] = twist
 
     def touch(self, force: ArrayLike, link: str = '') -> None:
-        """Apply a constant force (3,) in the world [N] from now on; zero removes it.
+        """Apply a constant force (3,) [N] in world axes from now on; zero removes it.
 
         The force acts at the origin of a link's frame, or of the drone's body frame without a
         link.
@@ -382,7 +382,7 @@ class FlyingPlant(FreeBasePlant):
         self._touched = (body, place, force) if force.any() else None
 
     def build(self, wall: Wall, link: str) -> None:
-        """Put a wall into the world, which the origin of a link's frame can touch.
+        """Add a wall to the simulation, which the origin of a link's frame can touch.
 
         Raises
         ------
@@ -392,7 +392,7 @@ class FlyingPlant(FreeBasePlant):
         self.wall, self._leaning = wall, self.place_on(link)
 
     def place_on(self, link: str) -> tuple[int, Array]:
-        """Return the engine's body of a link, and the link frame's position in that body [m].
+        """Return the engine's body of a link, and the position of the link's frame in it [m].
 
         Raises
         ------
@@ -426,7 +426,7 @@ class FlyingPlant(FreeBasePlant):
         super().step()
 
     def true_parameters(self) -> dict[str, Any]:
-        """Return the true parameters of arm and drone, as plain numbers for a YAML file."""
+        """Return the true parameters of arm and drone for a YAML file."""
         drone = self.drone
         made = {'name': drone.name, 'mass': drone.mass, 'inertia': list(drone.inertia)}
         return {**super().true_parameters(), 'drone': made}
@@ -454,7 +454,7 @@ class FlyingPlant(FreeBasePlant):
         self._pull(body, place, wall.update(at, SUBSTEP))
 
     def _drive(self, wrench: Array) -> None:
-        """Apply the rotors' wrench, given in body axes at the origin, and the wind."""
+        """Apply the rotors' wrench (6,) in body axes, and the force of the wind."""
         rotation = rotation_of(self._pose[3:7])
         force = wrench[:3]
         if self._gust is None:
@@ -469,7 +469,7 @@ class FlyingPlant(FreeBasePlant):
 
 
 def _heading(quaternion: Array) -> Array:
-    """Return the rotation about the vertical of an attitude (w, x, y, z)."""
+    """Return the heading of an attitude (w, x, y, z) as a rotation about the vertical."""
     w, _, _, z = quaternion
     length = np.hypot(w, z)
     if length < 1e-6:
@@ -478,7 +478,7 @@ def _heading(quaternion: Array) -> Array:
 
 
 def _body(robot: Robot, drone: DroneConfig) -> BaseBody:
-    """Return the drone with the arm's base link, which is fixed to it."""
+    """Return the body that consists of the drone and the arm's base link."""
     mount, rotation = np.array(drone.mount.position), drone.mount.rotation
     link = robot.model.inertias[0]
     mass, centre, inertia = joined(

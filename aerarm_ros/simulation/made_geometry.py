@@ -1,4 +1,4 @@
-"""Geometry of a manufactured arm, with deviations from its URDF.
+"""Random geometry errors of a manufactured arm, for simulations of its calibration.
 
 The module shares no code with the calibration: rotations are computed from their formulas, and
 link poses by the physics engine.
@@ -20,7 +20,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class GeometrySpread:
-    """Standard deviations of a manufactured arm's geometry from its URDF.
+    """Standard deviations of a manufactured arm's geometry from the nominal geometry.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class GeometrySpread:
 
 @dataclass(frozen=True, eq=False)
 class MadeGeometry:
-    """A manufactured arm.
+    """Geometry of a manufactured arm: displaced joints, encoder zeros, mount and IMU.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class MadeGeometry:
 
     @classmethod
     def of(cls, robot: Robot, seed: int, spread: GeometrySpread | None = None) -> MadeGeometry:
-        """Return an arm with normally distributed errors of given standard deviations."""
+        """Return an arm with random errors, normally distributed with the given deviations."""
         spread = spread or GeometrySpread()
         random = np.random.default_rng([seed, 37])
         n = robot.n
@@ -88,7 +88,7 @@ class MadeGeometry:
         )
 
     def config(self, drawn: ArmConfig) -> ArmConfig:
-        """Return the configuration that relates motor angles to true positions."""
+        """Return the configuration with the true joint offsets."""
         joints = tuple(
             replace(joint, offset=joint.offset + float(offset))
             for joint, offset in zip(drawn.joints, self.offsets, strict=True)
@@ -96,7 +96,7 @@ class MadeGeometry:
         return replace(drawn, joints=joints)
 
     def drone(self, drawn: DroneConfig) -> DroneConfig:
-        """Return the drone with the true poses of the mount and the IMU."""
+        """Return the drone with the true poses of the arm's mount and of the IMU."""
         return replace(
             drawn,
             mount=_moved(drawn.mount, self.mount_shift, self.mount_turn, drawn.size),
@@ -104,7 +104,7 @@ class MadeGeometry:
         )
 
     def as_dict(self) -> dict[str, object]:
-        """Return the deviations as plain numbers for a YAML file."""
+        """Return the geometry errors as plain numbers for a YAML file."""
         values = {
             'joint_offsets': self.offsets,
             'mount_shift': self.mount_shift,
@@ -116,7 +116,7 @@ class MadeGeometry:
 
 
 def displaced_urdf(text: str, joint_names: tuple[str, ...], shifts: Array, turns: Array) -> str:
-    """Return a URDF with displaced joints.
+    """Return a copy of a URDF in which the joints are displaced.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def displaced_urdf(text: str, joint_names: tuple[str, ...], shifts: Array, turns
 
 
 def rotation_about(vector: Array) -> Array:
-    """Return the rotation (3, 3) of a rotation vector [rad], Rodrigues' formula."""
+    """Return the rotation matrix (3, 3) of a rotation vector [rad], by Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
         return np.eye(3)
@@ -152,7 +152,7 @@ def rotation_about(vector: Array) -> Array:
 
 
 def angles_of(rotation: Array) -> Array:
-    """Return roll, pitch and yaw (3,) [rad] of a rotation matrix, as defined in URDF."""
+    """Return roll, pitch and yaw (3,) [rad] of a rotation matrix, in URDF's convention."""
     pitch = -np.arcsin(np.clip(rotation[2, 0], -1.0, 1.0))
     if abs(np.cos(pitch)) < 1e-9:
         return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
@@ -161,7 +161,7 @@ def angles_of(rotation: Array) -> Array:
 
 
 def _moved(pose: PoseConfig, shift: Array, turn: Array, size: tuple[float, ...]) -> PoseConfig:
-    """Return a displaced pose, limited so that the part stays on the body."""
+    """Return a displaced pose whose position stays inside the body's box."""
     half = 0.5 * np.array(size)
     place = np.clip(np.array(pose.position) + shift, -half, half)
     angles = angles_of(rotation_about(turn) @ pose.rotation)

@@ -1,4 +1,4 @@
-"""Emulated motion capture and camera, which measure a link of the physics engine."""
+"""Emulated motion capture and emulated camera, which measure the pose of an arm link."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ITERATIONS = 15
 
 
 class Located(Protocol):
-    """Interface of an object that returns the pose of a link."""
+    """Interface of a simulated arm that returns the poses of its links."""
 
     def link_pose(self, link: str) -> tuple[Array, Array]:
         """Return rotation (3, 3) and position (3,) [m] of a link in the world."""
@@ -41,12 +41,12 @@ class Carried(Protocol):
 
     @property
     def base(self) -> BaseState:
-        """Pose and motion of the body that carries the arm."""
+        """Pose, velocity and acceleration of the body that carries the arm."""
 
 
 @dataclass(frozen=True)
 class MocapSettings:
-    """Errors of the motion capture.
+    """Measurement errors of the emulated motion capture.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class MocapSettings:
 
 
 class EmulatedMocap:
-    """Motion capture of markers on a link, in the capture system's own frame.
+    """Emulated motion capture system, which measures markers on a link in its own frame.
 
     A marker is visible if at least two of eight cameras on a ring are in front of it. The marker's
     normal points away from the link's axis.
@@ -106,13 +106,13 @@ class EmulatedMocap:
         return tuple(f'marker{k + 1}' for k in range(len(self._markers)))
 
     def true_positions(self, plant: Located) -> Array:
-        """Return the markers' positions in the motion capture's frame, (K, 3) [m]."""
+        """Return the true positions (K, 3) [m] of the markers in the capture system's frame."""
         rotation, place = plant.link_pose(self._link)
         in_world = place + self._markers @ rotation.T
         return np.asarray(in_world @ self.rotation.T + self.translation)
 
     def read(self, plant: Located) -> Array:
-        """Return a frame (K, 3) [m] with noise; NaN for a hidden marker."""
+        """Measure the marker positions (K, 3) [m] with noise; NaN for hidden or lost markers."""
         settings = self._settings
         seen = self._visible(plant)
         position = self.true_positions(plant)
@@ -122,7 +122,7 @@ class EmulatedMocap:
         return position
 
     def read_body(self, plant: Carried) -> tuple[Array, Array]:
-        """Return rotation (3, 3) and position (3,) [m] of the arm's vehicle, with noise.
+        """Measure rotation (3, 3) and position (3,) [m] of the arm's vehicle, with noise.
 
         The noise is that of a rigid body of markers with a distance of 0.2 m.
         """
@@ -143,7 +143,7 @@ class EmulatedMocap:
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """A camera and an optical marker.
+    """Properties of an emulated camera and of the optical marker that it detects.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ class CameraSettings:
 
 
 class EmulatedCamera:
-    """Camera that estimates the pose of an optical marker on a link, as ArUco's detector does.
+    """Emulated camera that estimates the pose of an optical marker, like an ArUco detector.
 
     The class projects the marker's four corners and adds noise to their pixels. Its reading is the
     pose with the least reprojection error. So depth and tilt are as uncertain as with a real
@@ -191,7 +191,7 @@ class EmulatedCamera:
         self._fixed = _looking((0.9, -0.9, 0.5), (0.1, 0.0, 0.3))
 
     def read(self, plant: Located) -> tuple[Array, Array] | None:
-        """Return rotation (3, 3) and position (3,) [m] of the marker in the camera's frame.
+        """Measure rotation (3, 3) and position (3,) [m] of the marker in the camera's frame.
 
         The result is None if the marker is turned away from the camera, or behind it.
         """
@@ -206,7 +206,7 @@ class EmulatedCamera:
         return self._solved(pixels, rotation, place)
 
     def true_pose(self, plant: Located) -> tuple[Array, Array]:
-        """Return the true pose of the marker in the camera's frame."""
+        """Return the true rotation and position of the marker in the camera's frame."""
         rotation, place = plant.link_pose(self._link)
         own_rotation, own_place = self._on_link
         on_link = rotation @ own_rotation, place + rotation @ own_place
@@ -214,7 +214,7 @@ class EmulatedCamera:
         return camera[0].T @ marker[0], camera[0].T @ (marker[1] - camera[1])
 
     def _solved(self, pixels: Array, rotation: Array, place: Array) -> tuple[Array, Array]:
-        """Return the pose of least reprojection error, by Gauss-Newton from a nearby pose."""
+        """Return the marker pose of least reprojection error, by the Gauss-Newton method."""
         focal = self._settings.focal_length
         for _ in range(_ITERATIONS):
             turned = self._corners @ rotation.T
@@ -242,21 +242,21 @@ class EmulatedCamera:
 
 
 def quaternion_of(rotation: Array) -> Array:
-    """Return the quaternion (x, y, z, w) of a rotation (3, 3)."""
+    """Return the quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
     return np.roll(quaternion, -1)
 
 
 def _rotation_of(quaternion: Array) -> Array:
-    """Return the rotation (3, 3) of a unit quaternion (w, x, y, z)."""
+    """Return the rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
     w, x, y, z = quaternion
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
 
 
 def _looking(at: tuple[float, ...], towards: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return a pose at a point, with its z axis toward another point."""
+    """Return the pose at a point whose z axis points to a second point."""
     place = np.array(at)
     forward = np.array(towards) - place
     forward /= np.linalg.norm(forward)

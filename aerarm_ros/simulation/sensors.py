@@ -1,4 +1,4 @@
-"""Emulated sensors: delay, drift, noise."""
+"""Errors of emulated sensors: delay, drift and noise."""
 
 from collections import deque
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from aerarm_ros.motion.signals import Array
 
 
 def turned(quaternion: Array, angle: Array) -> Array:
-    """Return a unit quaternion (x, y, z, w) after a small rotation (3,) [rad] in body axes."""
+    """Rotate a unit quaternion (x, y, z, w) by a small rotation (3,) [rad] in body axes."""
     x, y, z, w = quaternion.tolist()
     a, b, c = (0.5 * angle).tolist()
     result: Array = np.array(
@@ -31,7 +31,7 @@ Reading = TypeVar('Reading')
 
 
 class DelayedSensor(Generic[Reading]):
-    """Sensor that is read periodically, and whose readings arrive after a delay.
+    """Emulated sensor that is read periodically, and whose readings arrive after a delay.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ class DelayedSensor(Generic[Reading]):
         self._under_way: deque[tuple[int, int, Reading]] = deque()
 
     def restart(self) -> None:
-        """Take a reading in the next cycle, and drop readings that have not arrived."""
+        """Read the sensor in the next cycle, and drop readings that have not arrived."""
         self._count = 0
         self._under_way.clear()
 
     def update(self, stamp_ns: int) -> tuple[int, Reading] | None:
-        """Advance by a cycle that begins at `stamp_ns` [ns].
+        """Advance by a cycle that begins at `stamp_ns` [ns]; return an arriving reading.
 
         Returns
         -------
@@ -85,7 +85,7 @@ _BLOCK = 4096  # number of random numbers drawn at once
 
 
 class RandomDrift:
-    """A first-order Gauss-Markov process of three independent axes (white noise, filtered).
+    """Random process with three independent axes: a first-order Gauss-Markov process.
 
     The autocorrelation is `deviation^2 exp(-|t| / correlation_time)`. The process is the
     longitudinal gust of Dryden's spectrum, with the scale length over the airspeed as correlation
@@ -115,7 +115,7 @@ class RandomDrift:
         self.value = deviation * random.standard_normal(3)
 
     def update(self) -> Array:
-        """Return the value (3,) one period later."""
+        """Advance by a period and return the new value (3,)."""
         if self._next == len(self._noise):
             self._noise = self._drive * self._random.standard_normal((_BLOCK, 3))
             self._next = 0
@@ -125,7 +125,7 @@ class RandomDrift:
 
 
 class BandLimitedNoise:
-    """White noise of three independent axes through a Butterworth filter of second order.
+    """Random process with three independent axes: white noise after a Butterworth filter.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class BandLimitedNoise:
         self._next = 0
 
     def update(self) -> Array:
-        """Return the value (3,) one period later."""
+        """Advance by a period and return the new value (3,)."""
         if self._next == len(self._values):
             self._draw()
         self.value = self._values[self._next]
@@ -180,7 +180,7 @@ _ATTITUDE_TIME = 10.0  # [s] correlation time of an attitude filter's error
 
 @dataclass(frozen=True)
 class ImuErrors:
-    """Errors of an IMU; each value is a standard deviation per axis.
+    """Errors of an emulated IMU; each value is a standard deviation per axis.
 
     Attributes
     ----------
@@ -200,7 +200,7 @@ class ImuErrors:
 
 
 class FaultyImu:
-    """Add `ImuErrors` to ideal readings.
+    """Adds errors (`ImuErrors`) to the readings of an ideal IMU.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class FaultyImu:
         self._attitude = RandomDrift(errors.attitude, _ATTITUDE_TIME, period, random)
 
     def apply(self, reading: ImuReading) -> ImuReading:
-        """Return attitude (x, y, z, w), angular velocity and specific force with errors."""
+        """Return attitude (x, y, z, w), angular velocity and specific force with added errors."""
         attitude, rate, force = reading
         errors, noise = self._errors, self._random.standard_normal((2, 3))
         return (
@@ -234,7 +234,7 @@ OdometryReading = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class OdometryErrors:
-    """White noise of an odometry's readings; each value is a standard deviation per axis.
+    """White noise of an emulated odometry; each value is a standard deviation per axis.
 
     Attributes
     ----------
@@ -249,7 +249,7 @@ class OdometryErrors:
 
 
 class NoisyOdometry:
-    """Add `OdometryErrors` to true readings.
+    """Adds noise (`OdometryErrors`) to the true odometry.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ class NoisyOdometry:
         self._random = np.random.default_rng(seed)
 
     def apply(self, reading: OdometryReading) -> OdometryReading:
-        """Return position, attitude (x, y, z, w), velocity and angular velocity with noise."""
+        """Return position, attitude, velocity and angular velocity with added noise."""
         position, attitude, velocity, rate = reading
         errors, noise = self._errors, self._random.standard_normal((4, 3))
         return (

@@ -1,4 +1,4 @@
-"""A compliant wall that the tool of a simulated arm can touch."""
+"""Simulated compliant wall, which the tool of a simulated arm can touch."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class WallParameters:
-    """Parameters of a `Wall`.
+    """Position, stiffness and friction of a simulated wall.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class WallParameters:
     yield_speed: float = np.inf
 
     def __post_init__(self) -> None:
-        """Check that every value is in its range."""
+        """Check that every parameter of the wall is in its range."""
         place = np.array([*self.point, *self.normal], dtype=float)
         if place.shape != (6,) or not np.all(np.isfinite(place)) or not np.any(place[3:]):
             raise ValueError('the wall needs a finite point and a finite normal that is not zero')
@@ -54,7 +54,7 @@ class WallParameters:
 
 
 class Wall:
-    """Spring, damper and dry friction of a plane against one point.
+    """Simulated plane that acts on a touching point by spring, damper and dry friction.
 
     The force along the normal is `k d + c dd/dt` for a depth d, and never pulls. A tangential
     spring of the same stiffness models the friction. It slips at the friction coefficient times
@@ -74,7 +74,7 @@ class Wall:
         self.reset()
 
     def reset(self) -> None:
-        """Return to the state before the first touch."""
+        """Reset the wall to the state before the first touch."""
         self.force = np.zeros(3)
         self._depth: float | None = None
         self._anchor: Array | None = None  # tangential point at which the friction's spring rests
@@ -100,12 +100,12 @@ class Wall:
         return self.force
 
     def _yielded(self, touched_for: float) -> float:
-        """Return the distance [m] by which the wall has moved away."""
+        """Return the distance [m] by which the wall has yielded after the first touch."""
         wall, late = self.parameters, touched_for - self.parameters.yields_after
         return wall.yield_speed * late if late > 0.0 else 0.0
 
     def _rubbed(self, offset: Array, pressed: float) -> Array:
-        """Return the friction force (3,) [N] for a normal force [N]."""
+        """Return the friction force (3,) [N] on the point for a normal force [N]."""
         wall, along = self.parameters, offset - (offset @ self._normal) * self._normal
         if self._anchor is None:
             self._anchor = along

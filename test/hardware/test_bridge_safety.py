@@ -178,7 +178,7 @@ def test_an_arm_released_during_alignment_is_stopped_and_switched_off(make_rig):
 
 def test_enabling_waits_until_the_boards_are_off(rig):
     rig.bridge.disable()
-    assert 'still switching off' in rig.bridge.enable().message
+    assert 'still switching their motors off' in rig.bridge.enable().message
     rig.run(0.01)
     assert rig.bridge.enable().accepted
 

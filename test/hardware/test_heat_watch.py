@@ -33,7 +33,7 @@ def events(rig: AttackRig, joint: int) -> dict[str, bool]:
         'reduction': limit.is_reduced,
         'sinking': limit.is_sinking,
         'stop': bool(rig.bridge.gate.stop),
-        'let down': limit.lets_down,
+        'let down': limit.is_released,
         'error 3': rig.boards.boards[board].error == 3,
     }
 

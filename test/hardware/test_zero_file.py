@@ -98,7 +98,7 @@ def test_a_bad_file_gives_unknown_zeros_and_one_warning(path, make_rig, spoil, r
     spoiled = spoil(path.read_text())
     path.write_bytes(spoiled if isinstance(spoiled, bytes) else spoiled.encode())
     kept = ZeroFile(path, rig.config).read(rig.now)
-    assert kept.startswith(f'the state file {path} cannot be used, because it ')
+    assert kept.startswith(f'the state file {path} cannot be used, because ')
     assert reason in kept
     rig.bridge = BridgeCycle(rig.config, rig.boards, robot=rig.robot, kept=kept)
     rig.run(0.02)
@@ -147,7 +147,7 @@ def test_no_file_and_one_that_cannot_be_written(tmp_path, make_rig):
 def test_a_pipe_or_device_is_not_read(tmp_path, config):
     pipe = tmp_path / 'arm.json'
     os.mkfifo(pipe)
-    assert 'is not a regular file' in ZeroFile(pipe, config).read(time.monotonic())
+    assert 'the path is not a regular file' in ZeroFile(pipe, config).read(time.monotonic())
     endless = tmp_path / 'endless.json'
     endless.write_text('[' * 10_000_000)
     assert 'is incomplete' in ZeroFile(endless, config).read(time.monotonic())

@@ -1,4 +1,4 @@
-"""Motion of the arm's base that affects the arm's dynamics.
+"""Motion of the arm's base (gravity, acceleration, angular velocity), and samples of its IMU.
 
 PX4 and ArduPilot use north-east-down for the world and forward-right-down for the body; ROS uses
 east-north-up and forward-left-up (REP 103, REP 105). MAVROS converts the axes.
@@ -25,12 +25,12 @@ _NED_IN_ENU = np.array([_HALF, _HALF, 0.0, 0.0])
 
 
 def frd_to_flu(vector: npt.ArrayLike) -> Array:
-    """Return a body vector (3,) in forward-left-up axes; the function is its own inverse."""
+    """Convert a vector (3,) between forward-right-down and forward-left-up body axes."""
     return np.asarray(vector, dtype=float) * (1.0, -1.0, -1.0)
 
 
 def attitude_ned_frd_to_enu_flu(quaternion: npt.ArrayLike) -> Array:
-    """Return the attitude (4,) of a forward-left-up body in an east-north-up world.
+    """Convert an attitude quaternion (4,) from PX4's axes to ROS axes (ENU, FLU).
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ def attitude_ned_frd_to_enu_flu(quaternion: npt.ArrayLike) -> Array:
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
-    """Return the Hamilton product a b of (x, y, z, w) quaternions: rotation b, then a."""
+    """Return the product a b of two quaternions (x, y, z, w): rotation b, followed by a."""
     vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
     return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])
 
 
 def rotation_matrix(quaternion: Array) -> Array:
-    """Return the (3, 3) matrix of a unit quaternion (x, y, z, w)."""
+    """Return the rotation matrix (3, 3) of a unit quaternion (x, y, z, w)."""
     x, y, z, w = quaternion
     return np.array(
         [
@@ -71,7 +71,7 @@ _ANGULAR_VELOCITY_MAX = 40.0
 
 @dataclass(frozen=True, eq=False)
 class ImuSample:
-    """A checked sample in the IMU's frame, with the conventions of sensor_msgs/Imu.
+    """Checked sample of an IMU, in the axes of the IMU, with the conventions of sensor_msgs/Imu.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class ImuSample:
     specific_force: Array
 
     def __post_init__(self) -> None:
-        """Check that every number is finite and plausible."""
+        """Check that every value of the sample is finite and plausible."""
         numbers = [self.stamp, *self.angular_velocity, *self.specific_force]
         if self.attitude is not None:
             numbers += [*self.attitude]
@@ -119,7 +119,7 @@ class ImuSample:
 
 
 class BaseMotion(NamedTuple):
-    """Motion of the base frame at its origin, all in base axes.
+    """Motion of the arm's base frame at its origin, with all vectors in base axes.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ _GRAVITY_IN_WORLD = np.array(STANDARD_GRAVITY)
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """Pose of the IMU in the arm's base frame.
+    """Position and orientation of the IMU in the arm's base frame.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ class Mount:
 
     @classmethod
     def from_drone(cls, drone: DroneConfig) -> 'Mount':
-        """Return the mount of a drone's IMU."""
+        """Return the pose of the IMU that the drone file describes."""
         base, imu = drone.mount, drone.imu
         to_base = base.rotation.T
         offset = np.array(imu.position) - base.position
@@ -200,14 +200,14 @@ class Mount:
         return cls(np.array(placement.rotation), np.array(placement.translation))
 
     def gravity_in_base(self, attitude: Array) -> Array:
-        """Return gravity (3,) [m/s^2] for an attitude (x, y, z, w) of the IMU in the world."""
+        """Return gravity in base axes (3,) [m/s^2] for an IMU attitude (x, y, z, w)."""
         gravity: Array = self.rotation_imu_to_base @ (
             rotation_matrix(attitude).T @ _GRAVITY_IN_WORLD
         )
         return gravity
 
     def acceleration_of_base(self, rate: Array, spin: Array) -> Array:
-        """Return the acceleration of the base's origin minus that of the IMU, (3,) [m/s^2].
+        """Return the acceleration of the base's origin relative to the IMU (3,) [m/s^2].
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Estimator of the base's motion from the drone's IMU, with a fallback if the IMU fails."""
+"""Estimate of the base's motion from the drone's IMU, and fallback if the IMU fails."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class AccelerationEstimate:
-    """Derivative of the velocity, through a first-order low-pass.
+    """Estimates acceleration: derivative of a velocity after a first-order low-pass filter.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ class AccelerationEstimate:
         self._rest = np.zeros(n)
 
     def reset(self) -> None:
-        """Reset the filter; the next velocity initializes it."""
+        """Reset the low-pass filter; the next velocity initializes it."""
         self._smooth = None
 
     def update(self, dq: Array, dt: float) -> Array:
-        """Return ddq (n,) [rad/s^2] after a cycle of `dt` [s] with velocity `dq` [rad/s]."""
+        """Process a velocity (n,) [rad/s] after `dt` [s]; return the acceleration [rad/s^2]."""
         if self._smooth is None:
             self._smooth = np.array(dq)
             return self._rest
@@ -50,7 +50,7 @@ _TREND_TIME = 0.02
 
 
 class BaseMotionPrediction:
-    """Extrapolation of a measured base motion with the measured angular rate.
+    """Extrapolates a measured base motion in time, with the measured angular velocity.
 
     A vector that is constant in the world rotates in base axes: `dv/dt = -w x v`. At 30 degrees
     and 0.5 Hz gravity rotates by 1.6 mrad per millisecond. Without extrapolation, the age of an
@@ -88,7 +88,7 @@ class BaseMotionPrediction:
         self._jerk = np.zeros(3) if jerk is None else jerk
 
     def after(self, time: float) -> BaseMotion:
-        """Return the motion `time` [s] after the measurement.
+        """Return the base motion predicted for `time` [s] after the measurement.
 
         The rotation of vectors is exact to second order in the angle.
         """
@@ -117,7 +117,7 @@ _TREND_CUTOFF = 3.0  # decision 20
 
 
 class BaseMotionEstimator:
-    """Estimate `BaseMotion` from IMU samples.
+    """Estimates the motion of the arm's base (`BaseMotion`) from IMU samples.
 
     Mode 'none' uses the configured gravity. Mode 'attitude' rotates gravity with the drone and
     otherwise assumes a still base. Mode 'full' also uses angular rate and specific force. Mode
@@ -198,11 +198,11 @@ class BaseMotionEstimator:
 
     @property
     def uses_imu(self) -> bool:
-        """Whether the estimate depends on IMU samples."""
+        """Whether the mode of the estimator uses IMU samples."""
         return self.mode != NONE
 
     def status(self, now: float) -> str:
-        """Return the source of the motion at `now` [s], for diagnostics."""
+        """Return text for the diagnostics: the source of the base motion at `now` [s]."""
         if self.mode == NONE:
             return 'configured gravity'
         age = now - self._received
@@ -218,12 +218,12 @@ class BaseMotionEstimator:
         return f'no IMU sample for {age:.2f} s: using the configured gravity'
 
     def problem(self, now: float) -> str:
-        """Return the problem at `now` [s], or an empty text."""
+        """Return why the estimate uses a fallback at `now` [s], or an empty text."""
         source = self.status(now)
         return '' if self.mode == NONE or source == 'IMU' else source
 
     def observe(self, state: ArmState, now: float) -> None:
-        """Process the arm's state at `now` [s], to monitor its torques."""
+        """Process the arm's state at `now` [s], to detect oscillating joint torques."""
         if self._watch is None:
             return
         self._watch.add_torque(state.tau)
@@ -232,12 +232,12 @@ class BaseMotionEstimator:
             self._unwatched = None
 
     def reject(self, reason: str) -> None:
-        """Count an unreadable sample."""
+        """Count an IMU message that could not be read."""
         self.rejections += 1
         self.last_rejection = reason
 
     def offer(self, sample: ImuSample, now: float) -> None:
-        """Process a sample received at `now` [s].
+        """Process an IMU sample received at `now` [s].
 
         Raises
         ------
@@ -262,7 +262,7 @@ class BaseMotionEstimator:
                 self._calm = self._predict_calm(sample)
 
     def motion(self, now: float, ahead: float = 0.0) -> BaseMotion:
-        """Return the base's motion at `now` + `ahead` [s]; a negative `ahead` is the past."""
+        """Return the base motion at the time `now` + `ahead` [s]; `ahead` may be negative."""
         if self.mode == NONE:
             return self.configured
         age = now - self._received
@@ -291,7 +291,7 @@ class BaseMotionEstimator:
         raise RejectedInputError(reason)
 
     def _predict(self, sample: ImuSample, step: float | None) -> BaseMotionPrediction:
-        """Return the prediction from a sample, `step` [s] after the previous one."""
+        """Return the prediction from an IMU sample, `step` [s] after the previous sample."""
         rotation, rest = self._mount.rotation_imu_to_base, np.zeros(3)
         rate = rotation @ sample.angular_velocity
         force = rotation @ sample.specific_force
@@ -313,7 +313,7 @@ class BaseMotionEstimator:
         return BaseMotionPrediction(motion, rate, None if step is None else slope, jerk)
 
     def _predict_calm(self, sample: ImuSample) -> BaseMotionPrediction:
-        """Return the prediction from a sample's attitude, or for a level base without attitude."""
+        """Return the prediction that uses only a sample's attitude; level without attitude."""
         if sample.attitude is None:
             return BaseMotionPrediction(self.configured, np.zeros(3))
         rotation = self._mount.rotation_imu_to_base
@@ -321,7 +321,7 @@ class BaseMotionEstimator:
         return BaseMotionPrediction(BaseMotion.still(gravity), rotation @ sample.angular_velocity)
 
     def _angular_acceleration(self, rate: Array, step: float | None) -> tuple[Array, Array]:
-        """Return angular acceleration and its rate; zeros without a previous sample."""
+        """Return angular acceleration and its derivative; zeros without a previous sample."""
         if step is None:
             self._spin.reset()
             self._jerk.reset()
@@ -337,7 +337,7 @@ def _moved(weight: float, change: float) -> float:
 
 
 def _between(first: BaseMotion, second: BaseMotion, weight: float) -> BaseMotion:
-    """Interpolate between two motions, with `weight` for the second."""
+    """Interpolate between two base motions; `weight` (0 to 1) is that of the second."""
     if weight == 1.0:
         return second
     pairs = zip(first, second, strict=True)

@@ -1,4 +1,4 @@
-"""Check whether a drone is heavy enough for direct feedback of its IMU."""
+"""Check whether a drone is heavy enough for a controller that uses its IMU's acceleration."""
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ LARGEST_GAIN = 0.67  # decision 28
 
 
 def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
-    """Return the largest `feedback_gain` over a sample of the arm's postures."""
+    """Return the largest `feedback_gain` of 200 random arm postures."""
     robot = whole.robot
     low = np.maximum(robot.position_min, -np.pi)
     high = np.minimum(robot.position_max, np.pi)
@@ -25,7 +25,7 @@ def largest_feedback_gain(whole: WholeBodyDynamics) -> float:
 
 
 def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
-    """Check that joint torques may depend directly on the base's measured acceleration.
+    """Check that the controller is stable if it uses the measured acceleration of the base.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def check_feedback(drone: DroneConfig, whole: WholeBodyDynamics) -> None:
 
 
 def largest_delay(gain: float, kp: float, kd: float) -> float:
-    """Return the delay [s] up to which feedback of computed torque is stable on a free base.
+    """Return the largest delay [s] with which computed torque is stable on a free base.
 
     A base that moves freely reduces the joints' inertia by a factor of up to `1 + gain`. The loop
     is then `(1 + gain) (kd s + kp) / s^2`. The result is its phase margin divided by its crossover
@@ -84,7 +84,7 @@ _RIDGE = 1e-3  # regularization: at half the IMU's rate two consecutive torques 
 
 
 class OscillationWatch:
-    """Detect an oscillation of joint torques and base motion above 8 Hz.
+    """Detects an oscillation of joint torques together with the base, above 8 Hz.
 
     If torques follow an IMU that their own reaction moves, torques and base oscillate together.
     For any delay of the loop, each IMU sample y then follows from the torques x before it::
@@ -123,13 +123,13 @@ class OscillationWatch:
         self.found = ''
 
     def add_torque(self, tau: Array) -> None:
-        """Process the joint torques (n,) [Nm] of a cycle, NaN where not measured."""
+        """Process the joint torques (n,) [Nm] of a cycle; NaN marks an unmeasured torque."""
         if not self.found:
             self._sum = self._sum + (tau if np.isfinite(tau.sum()) else np.nan_to_num(tau))
             self._count += 1
 
     def add_sample(self, sample: ImuSample) -> None:
-        """Process the IMU sample that follows the torques added so far."""
+        """Process an IMU sample together with the mean of the torques added before it."""
         if self.found or self._count == 0:
             return
         n, step = self._n, sample.stamp - self._stamp
@@ -177,7 +177,7 @@ class OscillationWatch:
             )
 
     def _explained(self) -> Array:
-        """Return the fraction of each axis' power that each joint's torques explain, (n, 6)."""
+        """Return which fraction (n, 6) of each axis' power each joint's torque explains."""
         n, moments = self._n, self._moments
         now, before = slice(0, n), slice(n, 2 * n)
         power = moments.diagonal()

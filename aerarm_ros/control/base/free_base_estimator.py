@@ -1,4 +1,4 @@
-"""Estimate a free base's motion from rotor commands, the arm's model and, slowly, the IMU."""
+"""Estimate of a drone's motion from rotor commands and the arm's model, corrected by its IMU."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from aerarm_ros.motion.signals import ArmState, Array
 
 
 class FreeBaseMotion(BaseMotion):
-    """A `BaseMotion` whose accelerations exclude the base's response.
+    """Base motion whose accelerations do not include the base's response to rotors and arm.
 
     With the response `M_bb^-1 (w - c_b - M_bj ddq)` of `WholeBodyDynamics`, the base accelerates
     by `s = s_0 + share * response`. The term s_0 consists of `specific_force` and
@@ -32,7 +32,7 @@ class FreeBaseMotion(BaseMotion):
     share: Array
 
     def __new__(cls, motion: BaseMotion, wrench: Array, share: Array) -> 'FreeBaseMotion':
-        """Create a motion with the wrench and the weight of the response."""
+        """Create a base motion with the wrench of the rotors and the weight of the response."""
         free = super().__new__(cls, *motion)
         free.wrench = wrench
         free.share = share
@@ -53,7 +53,7 @@ _LIMIT = np.repeat([6.0, 6.0], 3)
 
 
 class AnswerCorrection:
-    """Complementary filter of predicted (x) and measured (y) acceleration of a base.
+    """Complementary filter: combines predicted (x) and measured (y) acceleration of the base.
 
     The accelerations x and y are deviations from hover, (6,), linear before angular. Below the
     cut-off frequency the filter uses the measurement, above it the prediction::
@@ -114,7 +114,7 @@ class AnswerCorrection:
     sustained_cutoff = 1.0 / (2.0 * np.pi * _BIAS_TIME)
 
     def reset(self) -> None:
-        """Reset the filter."""
+        """Reset the complementary filter."""
         zero = np.zeros(6)
         self._seen = self.disagreement = 0.0
         self.predicted_slow = self._measured_slow = zero
@@ -127,11 +127,11 @@ class AnswerCorrection:
 
     @property
     def is_ready(self) -> bool:
-        """Whether the filter has processed enough samples."""
+        """Whether the filter has processed samples for at least 1 s."""
         return self._seen >= _WARM_UP
 
     def update(self, predicted: Array | None, measured: Array, dt: float) -> None:
-        """Process x and y (6,) [m/s^2], [rad/s^2] over the last `dt` [s].
+        """Process predicted and measured acceleration (6,) of the last `dt` [s].
 
         Without a prediction the filter learns nothing, and the next prediction starts without a
         correction.
@@ -189,7 +189,7 @@ _TURN_TIME, _TURN_ERROR, _TURN_CUT = 0.2, 1.0, 20.0  # [s], [rad/s], [rad/s]
 
 
 class ImuWatch:
-    """Compare IMU samples with earlier ones.
+    """Rejects implausible IMU samples by comparison with earlier samples.
 
     After a jump, samples are rejected while they stay at the new value. Only `forget` accepts the
     new value, once no estimate depends on the IMU any more.
@@ -202,11 +202,11 @@ class ImuWatch:
         self.forget()
 
     def forget(self) -> None:
-        """Accept the next sample without comparison."""
+        """Accept the next IMU sample without comparison with earlier samples."""
         self._taken: ImuSample | None = None
 
     def check(self, sample: ImuSample) -> None:
-        """Accept a sample if it is plausible.
+        """Check an IMU sample, and store it for later comparisons if it is plausible.
 
         Raises
         ------
@@ -263,7 +263,7 @@ class ImuWatch:
 
 
 def _turn(before: Array, after: Array) -> Array:
-    """Return the small rotation (3,) [rad] in the IMU's axes between two quaternions."""
+    """Return the small rotation (3,) [rad] between two attitudes, in the axes of the IMU."""
     # Twice the vector of the product conj(before) after; numpy's cross takes ten times as long.
     (a, b, c, d), (x, y, z, w) = before.tolist(), after.tolist()
     sign = np.copysign(2.0, a * x + b * y + c * z + d * w)
@@ -302,7 +302,7 @@ _FLYING = 0.5  # of the weight; with less thrust the drone stands on the ground
 
 
 class FreeBaseEstimator:
-    """Estimate `FreeBaseMotion` from rotor commands, IMU samples and joint states.
+    """Estimates the motion of a drone under the arm from rotor commands, IMU and joint states.
 
     A control law that used the IMU's acceleration directly would close a loop with the arm's own
     reaction. The gain of that loop is about the arm's mass divided by the drone's mass. The
@@ -381,7 +381,7 @@ class FreeBaseEstimator:
         self.last_rejection = ''
 
     def status(self, now: float) -> str:
-        """Return the source of the base's motion at `now` [s], for diagnostics."""
+        """Return text for the diagnostics: the source of the base motion at `now` [s]."""
         imu, rotors = self._imu_problem(now), self._rotor_problem(now)
         if imu:
             return f'neither rotor commands nor IMU, the base is assumed to hover: {imu}'
@@ -390,17 +390,17 @@ class FreeBaseEstimator:
         return f'rotor commands + IMU below {self.correction.cutoff:g} Hz'
 
     def problem(self, now: float) -> str:
-        """Return the problem at `now` [s], or an empty text."""
+        """Return which input is missing or invalid at `now` [s], or an empty text."""
         wrong = self._imu_problem(now) or self._rotor_problem(now)
         return self.status(now) if wrong else ''
 
     def reject(self, reason: str) -> None:
-        """Count an unreadable sample."""
+        """Count a message that could not be read."""
         self.rejections += 1
         self.last_rejection = reason
 
     def offer(self, sample: ImuSample, now: float) -> None:
-        """Process an IMU sample received at `now` [s]; raises RejectedInputError."""
+        """Process an IMU sample received at `now` [s]; raise RejectedInputError if invalid."""
         step = sample.stamp - self._stamp
         try:
             # A stamp far in the past means that the clock was set back, so start again.
@@ -421,7 +421,7 @@ class FreeBaseEstimator:
         self._stamp, self._received = sample.stamp, now
 
     def offer_rotors(self, names: Sequence[str], thrust: Array, stamp: float, now: float) -> None:
-        """Process a rotor command, see `RotorWrench.offer`."""
+        """Process a rotor command; for arguments and errors see `RotorWrench.offer`."""
         try:
             self.rotors.offer(names, thrust, stamp, now)
         except RejectedInputError as error:
@@ -429,7 +429,7 @@ class FreeBaseEstimator:
             raise
 
     def observe(self, state: ArmState, now: float) -> None:
-        """Compare prediction and IMU after a new sample, at the arm's state of `now` [s]."""
+        """Compare the predicted with the measured base acceleration after a new IMU sample."""
         q, dq, _ = state
         if self._count == 0:
             return
@@ -455,7 +455,7 @@ class FreeBaseEstimator:
         self.correction.update(predicted, measured - self._hover, step)
 
     def motion(self, now: float, ahead: float = 0.0) -> FreeBaseMotion:
-        """Return the base's motion at `now` + `ahead` [s]; a negative `ahead` is the past."""
+        """Return the base motion at the time `now` + `ahead` [s]; `ahead` may be negative."""
         self._fade(now)
         correction = self.correction
         share = self._rotor_share * correction.trust
@@ -468,7 +468,7 @@ class FreeBaseEstimator:
         return FreeBaseMotion(motion, self.rotors.wrench(now + ahead) + self.contact, share)
 
     def _fade(self, now: float) -> None:
-        """Fade the effect of inputs that are lost or return."""
+        """Fade out the effect of lost inputs, and fade in that of returned inputs."""
         if now == self._updated:
             return
         change = 0.0 if self._updated is None else self._fade_rate * max(now - self._updated, 0.0)

@@ -1,4 +1,4 @@
-"""Inverse dynamics of an arm whose base moves, or responds to the arm."""
+"""Inverse dynamics of an arm on a base that moves, or that responds to the arm's forces."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class MovingBaseDynamics:
-    """`B(q) ddq + h(q, dq, base) = xi`: thesis (2.5) on a moving base.
+    """Arm dynamics on a moving base, thesis (2.5): `B(q) ddq + h(q, dq, base) = xi`.
 
     For a base with known motion, the arm is attached to a free joint without gravity, whose
     acceleration is the base's specific force. One recursion yields the joint torques and the
@@ -69,7 +69,7 @@ class MovingBaseDynamics:
         self._zero = np.zeros(robot.n)
 
     def carry(self, payload: npt.ArrayLike) -> None:
-        """Attach a body to the last link, see `Dynamics.carry`; no change after an exception."""
+        """Attach a body to the last link, see `Dynamics.carry`; an exception changes nothing."""
         self._arm.carry(payload)
         if self.whole is not self._arm:
             self.whole.carry(payload)
@@ -83,7 +83,7 @@ class MovingBaseDynamics:
         base: BaseMotion | None = None,
         planned: Array | None = None,
     ) -> Array:
-        """Return the joint torques xi of a motion, (n,) [Nm]; rotors included, friction not.
+        """Return the joint torques xi (n,) [Nm] of a motion; motor rotors included, friction not.
 
         Parameters
         ----------
@@ -110,11 +110,11 @@ class MovingBaseDynamics:
         return torques
 
     def bias(self, q: Array, dq: Array, base: BaseMotion | None = None) -> Array:
-        """Return h(q, dq, base), (n,) [Nm]: the torques for zero joint acceleration."""
+        """Return h(q, dq, base) (n,) [Nm], the joint torques of a motion with constant velocity."""
         return self.inverse(q, dq, self._zero, base)
 
     def gravity(self, q: Array, base: BaseMotion | None = None, ddq: Array | None = None) -> Array:
-        """Return the torques [Nm] that hold the arm at rest on the base, (n,).
+        """Return the joint torques (n,) [Nm] that hold the arm at rest relative to its base.
 
         On a still base this is g(q) of thesis (2.5). The joint acceleration `ddq` (n,) [rad/s^2]
         moves a base that responds, but adds no inertial torque to the result.
@@ -143,7 +143,7 @@ class MovingBaseDynamics:
         return self.fixed.inertia_matrix(q) - given
 
     def mobility_matrix(self, q: Array, base: BaseMotion | None = None) -> Array:
-        """Return the inverse of `inertia_matrix`, (n, n) [1/(kg m^2)].
+        """Return the inverse (n, n) [1/(kg m^2)] of the matrix from `inertia_matrix`.
 
         On a base whose response has a weight between zero and one, the result is a mean of the
         results for weights zero and one.
@@ -157,7 +157,7 @@ class MovingBaseDynamics:
     def mount_wrench(
         self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
     ) -> Array:
-        """Return the wrench of the base on the arm at the base frame's origin, in its axes.
+        """Return the wrench of the base on the arm, at the origin and in the axes of the base.
 
         Returns
         -------
@@ -167,11 +167,11 @@ class MovingBaseDynamics:
         return self._recursion(q, dq, ddq, base)[:6]
 
     def composite_inertia(self, q: Array) -> tuple[float, Array, Array]:
-        """Return mass, centre of mass and inertia of the arm, as `WholeBodyDynamics` does."""
+        """Return mass, centre of mass and inertia of the arm, like `WholeBodyDynamics`."""
         return self._arm.composite_inertia(q)
 
     def _felt(self, base: FreeBaseMotion, answer: Array) -> Array:
-        """Return the acceleration (6,) of a base that responds to the arm."""
+        """Return the acceleration (6,) of a base, including its response to the arm."""
         felt = self._acceleration
         felt[:3] = base.specific_force
         felt[3:] = base.angular_acceleration
@@ -186,7 +186,7 @@ class MovingBaseDynamics:
 
 
 class BaseReaction:
-    """Wrench of the arm on the drone at the mount, and the arm's mass properties.
+    """Model of the wrench that the arm exerts on the drone, and of the arm's mass properties.
 
     The model assumes that only gravity and the drone act on the arm, so their wrench follows from
     the arm's motion. Contact of the arm with other bodies is not included. The motors' rotors are
@@ -205,7 +205,7 @@ class BaseReaction:
     """
 
     class ArmReaction(NamedTuple):
-        """Wrench and mass properties in the base frame's axes, moments about its origin.
+        """Wrench of the arm on the drone and mass properties of the arm, in base axes.
 
         `wrench` (6,) is force [N] and moment [Nm] of the arm on the drone. Its part `static` is due
         to gravity with all bodies at rest; `dynamic` is the remainder. `mass` [kg], `com` (3,) [m]
@@ -225,7 +225,7 @@ class BaseReaction:
     def evaluate(
         self, q: Array, dq: Array, ddq: Array, base: BaseMotion | None = None
     ) -> 'BaseReaction.ArmReaction':
-        """Return wrench and mass properties of a motion.
+        """Return the arm's wrench on the drone and its mass properties during a motion.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Cartesian impedance of the tool."""
+"""Cartesian impedance control: the tool behaves like a spring and damper."""
 
 import numpy as np
 import numpy.typing as npt
@@ -73,7 +73,7 @@ class CartesianImpedance:
         self._floor = positive('regularisation', regularisation) ** 2 * np.eye(3)
 
     def take_over(self, q: Array) -> None:
-        """Start at the present configuration; the law has no memory."""
+        """Do nothing, because the law has no memory of earlier cycles."""
 
     def update(
         self,
@@ -82,7 +82,7 @@ class CartesianImpedance:
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the effort (n,) [Nm]; `dt` is not used."""
+        """Return the joint efforts (n,) [Nm] of the impedance; `dt` is not used."""
         q, dq, _ = state
         jacobian = self._kinematics.position_jacobian(q)
         mobility = self._dynamics.mobility_matrix(q, base) @ jacobian.T
@@ -102,7 +102,7 @@ class CartesianImpedance:
 
 
 def _solved(matrix: Array, vector: Array) -> Array:
-    """Return x of A x = b for a symmetric positive definite A (3, 3), by Cramer's rule.
+    """Solve A x = b for a symmetric positive definite matrix A (3, 3), by Cramer's rule.
 
     For three equations LAPACK takes three times as long, and may start threads.
     """

@@ -1,4 +1,4 @@
-"""Trajectory tracking by computed torque, thesis 2.6.2, with feedback on the host."""
+"""Trajectory tracking by computed torque, thesis 2.6.2, with feedback on host or boards."""
 
 import numpy.typing as npt
 
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointRefere
 
 
 class InverseDynamicsLaw:
-    """Joint torque for a desired acceleration, thesis (2.18), optional friction and integral term.
+    """Joint torques for a desired acceleration, thesis (2.18), with friction and integral term.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class InverseDynamicsLaw:
         self._friction = friction
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture, with a zero integral."""
+        """Reset the integral term to zero."""
         if self._integral is not None:
             self._integral.reset()
 
@@ -43,7 +43,7 @@ class InverseDynamicsLaw:
         base: BaseMotion | None,
         measured: Array,
     ) -> Array:
-        """Return the torque (n,) [Nm] for an acceleration `a` [rad/s^2] at q [rad], dq [rad/s].
+        """Return the joint torques (n,) [Nm] for a desired acceleration `a` (n,) [rad/s^2].
 
         Friction is compensated for the velocity of the reference `along`, its part that falls with
         speed for the `measured` velocity (n,) [rad/s]. A base that responds is assumed to respond
@@ -57,11 +57,12 @@ class InverseDynamicsLaw:
 
 
 class ComputedTorque(InverseDynamicsLaw):
-    """Thesis (2.21): `u = B(q) a + n(q, dq)`, `a = ddqd + Kp (qd - q) + Kd (dqd - dq)`.
+    """Computed torque with feedback on the host, thesis (2.21).
 
-    The error obeys (2.22), `dde + Kd de + Kp e = 0`, in every joint and posture. An integral of
-    the error can be added to `a` (the PID of thesis 2.6.2). Friction is compensated for the
-    reference velocity.
+    The law is `u = B(q) a + n(q, dq)` with `a = ddqd + Kp (qd - q) + Kd (dqd - dq)`. The error
+    obeys (2.22), `dde + Kd de + Kp e = 0`, in every joint and posture. An integral of the error
+    can be added to `a` (the PID of thesis 2.6.2). Friction is compensated for the reference
+    velocity.
 
     The error equation assumes a torque that acts at once and a velocity without delay. With `delay`
     the model is evaluated at the time when the torque acts, with the acceleration assumed constant
@@ -119,7 +120,7 @@ class ComputedTorque(InverseDynamicsLaw):
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
+        """Return the joint efforts (n,) [Nm] for this cycle of `dt` [s]."""
         q, dq, _ = state
         error = reference.q - q
         a = reference.ddq + self.stiffness_share * self.kp * error
@@ -137,7 +138,7 @@ class ComputedTorque(InverseDynamicsLaw):
 
 
 class BoardComputedTorque(InverseDynamicsLaw):
-    """Inverse dynamics as feedforward to the boards' control law, thesis (2.18) and (4.4).
+    """Inverse dynamics (2.18) as feedforward torque for the control law (4.4) of the boards.
 
     The boards add `Kp (qd - q) + Kd (dqd - dq)` at 40 kHz, so the host's cycle does not delay the
     feedback. In exchange the gains are torques per error, not multiplied by B(q), so the joints'
@@ -154,7 +155,7 @@ class BoardComputedTorque(InverseDynamicsLaw):
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return position [rad], velocity [rad/s] and effort [Nm], each (n,)."""
+        """Return reference position [rad] and velocity [rad/s], and effort [Nm], (n,) each."""
         a = reference.ddq
         if self._integral is not None:
             a = a + self._integral.update(reference.q - state.q, dt)

@@ -1,4 +1,4 @@
-"""Position control by gravity compensation, thesis 2.6.1."""
+"""Position control with gravity compensation, thesis 2.6.1, and hand guiding."""
 
 import numpy.typing as npt
 
@@ -9,16 +9,16 @@ from aerarm_ros.control.compensation import Fade, FrictionCompensation
 from aerarm_ros.motion.signals import ArmState, Array, JointCommand, JointReference
 
 HAND_GUIDING_DAMPING = 0.02
-"""Fraction of Kd in hand guiding, enough to stop a released arm."""
+"""Fraction of Kd that remains in hand guiding; it slows a released arm to rest."""
 
 
 class GravityCompensation:
-    """Thesis (2.14): `u = g(q) + Kp (qd - q) + Kd (dqd - dq)` plus friction.
+    """PD control with gravity and friction compensation, thesis (2.14).
 
-    With `hand_guiding` the gains fade to nearly zero. Gravity and part of the friction are still
-    compensated, so that a person can move the arm. Gains fade over `fade_time` in both directions,
-    so the torque never jumps. A caller that ends hand guiding must let the reference start at the
-    present posture.
+    The law is `u = g(q) + Kp (qd - q) + Kd (dqd - dq)` plus friction. With `hand_guiding` the gains
+    fade to nearly zero. Gravity and part of the friction are still compensated, so that a person
+    can move the arm. Gains fade over `fade_time` in both directions, so the torque never jumps. A
+    caller that ends hand guiding must let the reference start at the present posture.
 
     Parameters
     ----------
@@ -66,11 +66,11 @@ class GravityCompensation:
 
     @property
     def stiffness(self) -> float:
-        """Effective fraction of the gains, 0 (hand guiding) to 1."""
+        """Effective fraction of the gains, from 0 (hand guiding) to 1 (position control)."""
         return self._fade.share
 
     def take_over(self, q: Array) -> None:
-        """Start at the present posture, with full gains or, in hand guiding, with none."""
+        """Start with full gains; in hand guiding, start with none."""
         self._fade.share = 0.0 if self.hand_guiding else 1.0
 
     def update(
@@ -80,7 +80,7 @@ class GravityCompensation:
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the effort (n,) [Nm] for this cycle of `dt` [s]."""
+        """Return the joint efforts (n,) [Nm] for this cycle of `dt` [s]."""
         stiffness = self._fade.update(dt, not self.hand_guiding)
         q, dq, _ = state
         damping = stiffness + (1.0 - stiffness) * HAND_GUIDING_DAMPING

@@ -1,4 +1,4 @@
-"""Velocity control of joints or tool by a damped inverse of the Jacobian."""
+"""Velocity control of joints or tool with a damped inverse of the Jacobian."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from aerarm_ros.motion.signals import ArmState, Array, JointCommand, TaskReferen
 
 
 class DampedInverse:
-    """Pseudo-inverse that stays bounded where the Jacobian loses rank.
+    """Damped pseudo-inverse of a Jacobian, bounded also at singularities.
 
     Each singular value s is inverted as `s / (s^2 + d^2)`, with a damping that grows from zero at
     `threshold` to `damping` at s = 0::
@@ -44,7 +44,7 @@ class DampedInverse:
     """
 
     class InvertedJacobian(NamedTuple):
-        """Inverse (n, m), projector into the null space (n, n), least singular value."""
+        """Damped inverse (n, m), null space projector (n, n), and least singular value."""
 
         inverse: Array
         null_space: Array
@@ -55,7 +55,7 @@ class DampedInverse:
         self._damping = positive('damping', damping)
 
     def of(self, jacobian: Array) -> InvertedJacobian:
-        """Invert a Jacobian (m, n), m <= n."""
+        """Return the damped inverse of a Jacobian (m, n), m <= n."""
         left, values, right = np.linalg.svd(jacobian, full_matrices=False)
         scaled = np.minimum(values / self._threshold, 1.0)
         damping = self._damping**2 * (1.0 - scaled * scaled)
@@ -66,7 +66,7 @@ class DampedInverse:
 
 
 class VelocityResolution:
-    """Inverse differential kinematics of a position task, thesis (2.8).
+    """Joint velocities for a desired velocity of the tool: inverse kinematics, thesis (2.8).
 
     The joint velocity gives the frame's origin the desired velocity. The remaining freedom moves
     the arm toward a home configuration, and reduces an objective. The speed of a joint toward a
@@ -131,7 +131,7 @@ class VelocityResolution:
         self.slowdown = 1.0
 
     def resolve(self, q: Array, velocity: Array) -> Array:
-        """Return joint velocities (n,) [rad/s].
+        """Return joint velocities (n,) [rad/s] that move the tool with a desired velocity.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class VelocityResolution:
     def _within_bounds(
         self, jacobian: Array, velocity: Array, preferred: Array, low: Array, high: Array
     ) -> Array:
-        """Return the joint rates; fix joints that exceed a bound at it, the worst joint first."""
+        """Return joint rates within bounds, and store the least singular value."""
         dq, self.least_singular_value = resolve_within(
             self._inverse, jacobian, velocity, preferred, low, high
         )
@@ -169,7 +169,7 @@ def resolve_within(
     low: Array,
     high: Array,
 ) -> tuple[Array, float]:
-    """Return joint rates (n,) of a task within their bounds, and the least singular value.
+    """Return joint rates (n,) within bounds for a task, and the Jacobian's least singular value.
 
     A joint beyond a bound is fixed there, and the other joints move instead. The joint that
     exceeds its bound most comes first (Flacco, De Luca, Khatib 2012). Applies to velocities and
@@ -208,7 +208,9 @@ def resolve_within(
 
 
 class CartesianMotionControl:
-    """Thesis figure 2.7: feedback by direct kinematics, `dq = J#(q) (dpd + K (pd - k(q)))`.
+    """Velocity control with feedback of the tool position, thesis figure 2.7.
+
+    The law is `dq = J#(q) (dpd + K (pd - k(q)))`, where `k(q)` is the tool position.
 
     Parameters
     ----------
@@ -226,7 +228,7 @@ class CartesianMotionControl:
         self._gain = non_negative('gain', gain, 3)
 
     def take_over(self, q: Array) -> None:
-        """Start at the present configuration; the law has no memory."""
+        """Do nothing, because the law has no memory of earlier cycles."""
 
     def update(
         self,
@@ -235,18 +237,19 @@ class CartesianMotionControl:
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the velocity (n,) [rad/s]; `dt` and `base` are not used."""
+        """Return the joint velocities (n,) [rad/s]; `dt` and `base` are not used."""
         error = reference.p - self._resolution.kinematics.position(state.q)
         velocity = reference.dp + self._gain * error
         return JointCommand(dq=self._resolution.resolve(state.q, velocity))
 
 
 class JointMotionControl:
-    """Thesis figure 2.6: the desired path in joint space, `dq = dqd + K (qd - q)`.
+    """Velocity control with feedback of the joint positions, thesis figure 2.6.
 
-    `qd` is the integral of `dqd = J#(qd) (dpd + drift_gain (pd - k(qd)))`, computed from the
-    Cartesian path. The second term corrects the errors of integration and damping. Measured joint
-    angles enter only through K, so the reference does not depend on the measurements.
+    The law is `dq = dqd + K (qd - q)`, where `qd` is the integral of
+    `dqd = J#(qd) (dpd + drift_gain (pd - k(qd)))`, computed from the Cartesian path. The term with
+    `drift_gain` corrects the errors of integration and damping. Measured joint angles enter only
+    through K, so the reference does not depend on the measurements.
 
     Parameters
     ----------
@@ -276,7 +279,7 @@ class JointMotionControl:
         self.qd = np.zeros(n)
 
     def take_over(self, q: Array) -> None:
-        """Start the reference at the present posture `q` (n,) [rad]."""
+        """Start the joint reference `qd` at the present posture `q` (n,) [rad]."""
         self.qd = np.array(q)
 
     def update(
@@ -286,7 +289,7 @@ class JointMotionControl:
         dt: float,
         base: BaseMotion | None = None,
     ) -> JointCommand:
-        """Return the velocity (n,) [rad/s] for this cycle of `dt` [s]; `base` is not used."""
+        """Return the joint velocities (n,) [rad/s] after a cycle of `dt` [s]."""
         error = reference.p - self._resolution.kinematics.position(self.qd)
         dqd = self._resolution.resolve(self.qd, reference.dp + self._drift_gain * error)
         dq = dqd + self._gain * (self.qd - state.q)

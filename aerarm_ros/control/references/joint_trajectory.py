@@ -1,4 +1,4 @@
-"""Checked trajectory of a planner."""
+"""Joint trajectory received from a planner, checked against the limits of the arm."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ _NEAR = 0.05
 
 
 class JointTrajectory:
-    """Points that joints pass at given times; checked, and in the arm's joint order.
+    """Checked joint trajectory: points that the joints pass at given times.
 
     Parameters
     ----------
@@ -72,11 +72,11 @@ class JointTrajectory:
 
     @property
     def is_single_point(self) -> bool:
-        """Whether the trajectory is one point without a time: a streamed reference."""
+        """Whether the trajectory is a single point at time zero, as in a stream of references."""
         return len(self.times) == 1 and self.times[0] == 0.0
 
     def posture(self) -> JointReference:
-        """Return the last point, at which the arm stays.
+        """Return the last point as a reference at rest.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class JointTrajectory:
         start_dq: Array | None = None,
         start_ddq: Array | None = None,
     ) -> PolynomialPath:
-        """Return the motion along the points.
+        """Return the polynomial path through the points of the trajectory.
 
         A trajectory whose first point is in the future begins at `start`. Missing velocities and
         accelerations are the slopes between neighbouring points, zero at the ends.
@@ -186,7 +186,7 @@ def _check_times(times: Sequence[float]) -> Array:
 
 
 def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -> Array | None:
-    """Return (M, n) numbers in the arm's order, or None if all rows are empty."""
+    """Return the rows as (M, n) array in the arm's joint order, None if all rows are empty."""
     if rows is None or all(len(row) == 0 for row in rows):
         return None
     if len(rows) != points or any(len(row) != n for row in rows):
@@ -198,7 +198,7 @@ def _rows(what: str, rows: Rows | None, points: int, n: int, order: list[int]) -
 
 
 def _slopes(times: Array, values: Array) -> Array:
-    """Return the slope at each point from its neighbours, zero at both ends."""
+    """Return the slope at each point from its two neighbours; zero at the first and last point."""
     slopes = np.zeros_like(values)
     if len(times) > 2:
         slopes[1:-1] = (values[2:] - values[:-2]) / (times[2:] - times[:-2])[:, np.newaxis]

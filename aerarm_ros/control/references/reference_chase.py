@@ -1,4 +1,4 @@
-"""Reference that follows another one with limited velocity and acceleration."""
+"""Joint reference that follows another reference with limited velocity and acceleration."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class MotionLimit(NamedTuple):
-    """Limits of a motion whose path is unknown.
+    """Limits of a streamed joint motion, whose path is unknown.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class MotionLimit(NamedTuple):
     turn_max: float
 
     def within(self, dq: Array, ddq: Array, rate: float) -> Array:
-        """Return an acceleration (n,) with which `turning dq` keeps or approaches `turn_max`.
+        """Return joint accelerations (n,) with which the drone's rotation stays below its limit.
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ _REFRESHED = 0.01  # [s] after which limits are computed again; they take 0.1 ms
 
 
 class ReferenceChase:
-    """Follow a reference exactly, or as fast as limits of velocity and acceleration allow.
+    """Follows a joint reference exactly, or as fast as velocity and acceleration limits allow.
 
     With the largest acceleration a of a joint, the joint aims at the followed velocity plus an
     approach from which it can brake::
@@ -89,14 +89,14 @@ class ReferenceChase:
         self.start(JointReference.at_rest(np.zeros(limits.n)))
 
     def start(self, reference: JointReference) -> None:
-        """Continue from a reference."""
+        """Start at a reference, without lag."""
         self._now = reference
         self.is_behind = False
         self._present: MotionLimit | None = None
         self._age = 0.0
 
     def update(self, followed: JointReference, dt: float, is_limited: bool) -> JointReference:
-        """Return the reference, (n,) each, `dt` [s] after the last one.
+        """Return the limited reference, `dt` [s] after the last call.
 
         Parameters
         ----------
@@ -119,7 +119,7 @@ class ReferenceChase:
         return self._now
 
     def ahead(self, followed: JointReference, times: Array, is_limited: bool) -> JointReference:
-        """Return the references (M, n) at times (M,) [s] for a followed motion (M, n).
+        """Predict the limited references (M, n) at times (M,) [s] for a followed motion.
 
         The first time is that of the last update.
         """
@@ -133,7 +133,7 @@ class ReferenceChase:
         return JointReference(*map(np.array, zip(*rows, strict=True)))
 
     def _bounds(self, q: Array, dq: Array) -> tuple[Array, Array, MotionLimit]:
-        """Return the largest acceleration and velocity (n,) of each joint, and all limits."""
+        """Return acceleration and velocity limits (n,) of the joints, and the `MotionLimit`."""
         if self._present is None or self._age >= _REFRESHED:
             self._present = self._limit(q, dq, _SHARE * self._limits.acceleration_max)
             self._age = 0.0
@@ -159,7 +159,7 @@ class ReferenceChase:
         return self._within_positions(q, dq, limit.within(dq, ddq, _VELOCITY_RATE))
 
     def _within_positions(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the acceleration with which no joint passes a position limit."""
+        """Return `ddq` limited so that no joint passes a position limit."""
         most = self._limits.acceleration_max
         left = np.maximum(self._limits.position_max - _LIMIT_MARGIN - q, 0.0)
         right = np.maximum(q - self._limits.position_min - _LIMIT_MARGIN, 0.0)

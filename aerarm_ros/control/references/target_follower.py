@@ -1,4 +1,4 @@
-"""A smooth motion of the tool toward successive targets."""
+"""Smooth tool motion towards successive target positions."""
 
 from math import sqrt
 
@@ -16,7 +16,7 @@ _SILENT_PERIODS = 2.0
 
 
 class TargetFollower:
-    """Reference generator of thesis 2.5: second order, critically damped, limited.
+    """Moves the tool's reference to targets by a limited second-order system, thesis 2.5.
 
     The tool approaches a single target without overshoot. The tool follows a stream of targets
     with the velocity between them, so a constant velocity causes no lag. After the stream the tool
@@ -55,13 +55,13 @@ class TargetFollower:
         self.take_over(np.zeros(kinematics.robot.n))
 
     def take_over(self, q: Array) -> None:
-        """Stay at the tool's position at `q` (n,) [rad] until a target arrives."""
+        """Start at the tool's position for joint angles `q` (n,) [rad], and stay there."""
         self.start(self._kinematics.position(q))
 
     def start(self, p: Array, velocity: Array | None = None, target: Array | None = None) -> None:
-        """Continue to a target from a position (3,) [m] and a velocity (3,) [m/s], by default 0.
+        """Start at a position (3,) [m] with a velocity (3,) [m/s], by default zero.
 
-        Without a target the tool stays at that position.
+        The reference then moves to `target` (3,) [m]; without a target it stays.
         """
         self._p = p
         self._v = np.zeros(3) if velocity is None else velocity
@@ -72,16 +72,16 @@ class TargetFollower:
 
     @property
     def place(self) -> Array:
-        """Present position of the tool's reference (3,) [m]."""
+        """Present position (3,) [m] of the tool's reference, in the base frame."""
         return self._p
 
     @property
     def velocity(self) -> Array:
-        """Present velocity of the tool's reference (3,) [m/s]."""
+        """Present velocity (3,) [m/s] of the tool's reference, in the base frame."""
         return self._v
 
     def set_target(self, p: npt.ArrayLike, now: float) -> None:
-        """Set the target `p` (3,) [m], in the base frame, valid at `now` [s].
+        """Set the target position `p` (3,) [m] in the base frame, valid at `now` [s].
 
         Raises
         ------
@@ -107,7 +107,7 @@ class TargetFollower:
         self._target, self._target_velocity, self._target_time = target, velocity, now
 
     def update(self, q: Array, now: float, dt: float) -> TaskReference:
-        """Return the reference after a cycle of `dt` [s] that ends at `now` [s].
+        """Return the tool's reference after a cycle of `dt` [s] that ends at `now` [s].
 
         The arm's posture `q` is not used: the reference does not follow the arm.
         """

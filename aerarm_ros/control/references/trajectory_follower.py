@@ -1,4 +1,4 @@
-"""Execution of trajectories, set points and streamed references."""
+"""Execution of joint trajectories, set points and streamed joint references."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 
 class MotionEnd(Enum):
-    """Reason for the end of a motion."""
+    """Reason why the motion of a trajectory follower ended."""
 
     REACHED = 'the motion reached its goal'
     OFF_PATH = 'the arm left the tolerance around its path'
@@ -36,7 +36,7 @@ class MotionEnd(Enum):
 
 @dataclass(frozen=True, eq=False)
 class FollowerTolerances:
-    """Position tolerances of n joints, and time limits of a motion.
+    """Position tolerances of n joints, and time limits for a motion of the follower.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class FollowerTolerances:
         goal_time: float = 1.0,
         stream_timeout: float = 0.1,
     ) -> 'FollowerTolerances':
-        """Return equal tolerances for each of n joints.
+        """Return tolerances with the same value for each of n joints.
 
         Raises
         ------
@@ -94,7 +94,7 @@ _JOINED = 3.0
 
 
 class TrajectoryFollower:
-    """Follow trajectories and streamed points; references are continuous up to the acceleration.
+    """Follows joint trajectories and streamed points with references of continuous acceleration.
 
     A new motion replaces the running one at any time, by a transition within the limits (see
     `find_transition`). A stop follows the path of the present motion, see `stop_along`. For a
@@ -150,21 +150,21 @@ class TrajectoryFollower:
 
     @property
     def limits(self) -> JointLimits:
-        """Limits that every reference satisfies."""
+        """Joint limits that every reference of the follower respects."""
         return self._limits
 
     @property
     def tolerances(self) -> FollowerTolerances:
-        """Tolerances of motions without their own tolerances."""
+        """Default tolerances, for motions that specify none."""
         return self._tolerances
 
     @property
     def elapsed(self) -> float:
-        """Time since the start of the present motion at the last update [s]."""
+        """Time [s] from the start of the present motion to the last update."""
         return self._elapsed
 
     def take_over(self, q: npt.ArrayLike) -> None:
-        """Hold the present posture `q` (n,) [rad] from now on."""
+        """Hold the present joint positions `q` (n,) [rad] from now on."""
         if self.status != 'holding':
             self.outcome, self.end = 'stopped: the controller was reset', MotionEnd.STOPPED
         self.reference = JointReference.at_rest(q)
@@ -180,7 +180,7 @@ class TrajectoryFollower:
         tolerances: FollowerTolerances | None = None,
         is_goal: bool = False,
     ) -> None:
-        """Start a trajectory, or follow a streamed point.
+        """Start a joint trajectory, or follow a streamed point.
 
         Parameters
         ----------
@@ -210,14 +210,14 @@ class TrajectoryFollower:
     def check_goal(
         self, trajectory: JointTrajectory, now: float, start: float | None = None
     ) -> None:
-        """Raise RejectedInputError if a goal could not start now; callable from any thread.
+        """Raise RejectedInputError if a trajectory cannot start now; any thread may call this.
 
         For the arguments see `follow`. The follower does not change.
         """
         self._goal(trajectory, now, now if start is None else start)
 
     def go_to(self, q: Array, now: float) -> None:
-        """Move to rest at `q` (n,) [rad] on a quintic that uses half of the limits.
+        """Move to joint positions `q` (n,) [rad] on a quintic that uses half of the limits.
 
         A moving arm first stops on its path.
 
@@ -234,7 +234,7 @@ class TrajectoryFollower:
         self._replace(self._govern(path), now, now, 'moving')
 
     def stop(self, now: float, reason: str, q: Array | None = None) -> None:
-        """Stop and hold, at `q` (n,) [rad] or as soon as the motion can stop on its path."""
+        """Stop the motion along its path and hold; if `q` (n,) [rad] is given, hold there."""
         if q is None:
             motion: FollowedMotion = self._stop(now)
         else:
@@ -244,7 +244,7 @@ class TrajectoryFollower:
         self.outcome, self.end = reason, MotionEnd.STOPPED
 
     def update(self, q: Array, now: float, dt: float = 0.0) -> JointReference:
-        """Return the reference at `now`, with the arm measured at `q` (n,) [rad].
+        """Return the reference at `now` [s]; `q` (n,) [rad] are the measured positions.
 
         `dt` [s] since the last update limits the acceleration of streams; otherwise the reference
         is a function of time.
@@ -258,7 +258,7 @@ class TrajectoryFollower:
         return self.reference
 
     def ahead(self, times: Array) -> JointReference:
-        """Return the references (M, n) at times (M,) [s] from now, without new inputs."""
+        """Return the references (M, n) planned for times (M,) [s], if no new input arrives."""
         rows = [self._evaluate(time) for time in times.tolist()]
         followed = JointReference(*map(np.array, zip(*rows, strict=True)))
         if self._chase is None or not len(times):
@@ -274,7 +274,7 @@ class TrajectoryFollower:
         return self._chase is not None and self._chase.is_behind
 
     def _after(self, now: float) -> Callable[[float], JointReference]:
-        """Return the reference as a function of the time [s] after `now`, without new inputs."""
+        """Return the planned reference as a function of the time [s] after `now`."""
         if self._lags:
             return brake(self.reference, self._limits.acceleration_max).evaluate
         motion, start = self._under_way
@@ -282,11 +282,11 @@ class TrajectoryFollower:
 
     @property
     def moves(self) -> bool:
-        """Whether the reference moves, also while the follower stops."""
+        """Whether the reference has a velocity or acceleration, also during a stop."""
         return bool(np.any(self.reference.dq) or np.any(self.reference.ddq))
 
     def _stop(self, now: float, share: float = 1.0) -> PolynomialPath:
-        """Return the stop of the present motion with a fraction of the acceleration limits."""
+        """Return the path that stops the present motion with a fraction of the limits."""
         acceleration_max = share * self._limits.acceleration_max
         if self._lags:
             return brake(self.reference, acceleration_max)
@@ -296,7 +296,7 @@ class TrajectoryFollower:
         return stop_along(motion, 0.0, acceleration_rows(acceleration_max)).path(motion)
 
     def _transition(self, motion: PolynomialPath | Posture, now: float, begin: float) -> Transition:
-        """Return the transition to a motion whose time zero is `begin` [s]."""
+        """Return the transition from the present motion to one with time zero `begin` [s]."""
         return find_transition(
             self._after(now),
             lambda share: self._stop(now, share),
@@ -331,7 +331,7 @@ class TrajectoryFollower:
     def _goal(
         self, trajectory: JointTrajectory, now: float, begin: float
     ) -> tuple[FollowedMotion, float]:
-        """Return the motion along a trajectory from `now` on, and its time zero [s].
+        """Return the motion that follows a trajectory from `now` on, and its time zero [s].
 
         A trajectory without an initial point starts at the present reference.
         """
@@ -372,7 +372,7 @@ class TrajectoryFollower:
         self._begin(motion, now, zero, status)
 
     def _begin(self, motion: FollowedMotion, start: float, zero: float, status: str) -> None:
-        """Execute a motion from `start`; `zero` is the time zero of its trajectory [s]."""
+        """Make a motion the present one; `zero` is the time zero of its trajectory [s]."""
         # One assignment, because another thread may be checking a goal.
         self._under_way = motion, start
         self._zero = zero
@@ -383,7 +383,7 @@ class TrajectoryFollower:
         self._used = self._tolerances
 
     def _watch(self, q: Array, now: float) -> None:
-        """End the motion at its goal, after a missing streamed point, or after a path error."""
+        """End the motion at its goal, if streamed points stop, or if the arm leaves the path."""
         error, used = np.abs(self.reference.q - q), self._used
         if (error > used.path).any():
             joint = int(np.argmax(error / used.path))

@@ -1,4 +1,4 @@
-"""Goals of a trajectory follower, one at a time."""
+"""Trajectory goals of an action server, of which one is active at a time."""
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import replace
@@ -27,7 +27,7 @@ def resolve_tolerances(
     goal: Iterable[tuple[str, float]] = (),
     goal_time: float = _DEFAULT,
 ) -> FollowerTolerances:
-    """Return the tolerances of one goal by the rules of joint_trajectory_controller.
+    """Return the tolerances of a goal, by the rules of ROS 2's joint_trajectory_controller.
 
     Zero means the follower's own value, -1 no check.
 
@@ -100,7 +100,7 @@ class ResultCode(IntEnum):
 
 
 class GoalResult(NamedTuple):
-    """Result of a goal: SUCCEEDED, ABORTED or CANCELED, with code and text."""
+    """Result of a goal: SUCCEEDED, ABORTED or CANCELED, with error code and text."""
 
     state: str
     code: ResultCode
@@ -117,7 +117,7 @@ _RESULTS = {
 
 
 class TrajectoryGoals:
-    """Start and cancel goals, and report their results.
+    """Starts and cancels trajectory goals, and reports their results.
 
     A new goal replaces the active one, and so does any other motion of the follower, for example
     from a topic. A goal that cannot start leaves the active one unchanged.
@@ -146,7 +146,7 @@ class TrajectoryGoals:
         start: float | None = None,
         tolerances: FollowerTolerances | None = None,
     ) -> list[tuple[Hashable, GoalResult]]:
-        """Start a goal; return the replaced goal with its result.
+        """Start a goal; return the goal that it replaces, with the result of that goal.
 
         Parameters
         ----------
@@ -167,14 +167,14 @@ class TrajectoryGoals:
         return before
 
     def cancel(self, goal: Hashable, now: float) -> list[tuple[Hashable, GoalResult]]:
-        """Brake and hold, if this goal is active; return the goal with its result."""
+        """Stop the arm if this goal is active; return the goal with its result."""
         if goal != self.active:
             return []
         self._follower.stop(now, 'stopped: the goal was canceled')
         return self._end(GoalResult(CANCELED, ResultCode.SUCCESSFUL, 'canceled'))
 
     def give_up(self, reason: str) -> list[tuple[Hashable, GoalResult]]:
-        """End the active goal because the arm is no longer controlled; return the goal."""
+        """Abort the active goal because the controller stops; return the goal and its result."""
         return self._end(GoalResult(ABORTED, ResultCode.INVALID_GOAL, reason))
 
     def update(self) -> list[tuple[Hashable, GoalResult]]:

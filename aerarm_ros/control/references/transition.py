@@ -1,4 +1,4 @@
-"""Transition from the present motion to the next one, within the limits."""
+"""Transition from the present joint motion to the next motion, within the joint limits."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
@@ -24,22 +24,22 @@ _TRAVEL_RESERVE, _TIME_RESERVE = 0.02, 1e-3
 
 
 class Posture(NamedTuple):
-    """A motion that stays at `reference`."""
+    """Motion that stays at a joint reference."""
 
     reference: JointReference
 
     @property
     def duration(self) -> float:
-        """Duration of the motion [s]: zero."""
+        """Duration [s] of the motion, which is zero."""
         return 0.0
 
     def evaluate(self, time: float) -> JointReference:
-        """Return the posture at any time [s]."""
+        """Return the constant reference."""
         return self.reference
 
 
 def blend_duration(deviation: JointReference, limits: JointLimits) -> float:
-    """Return the duration [s] of a blend that removes a deviation with a fraction of the limits."""
+    """Return the duration [s] in which a blend removes a deviation with part of the limits."""
     needed = (
         np.abs(deviation.q) / (_SHARE * limits.velocity_max),
         np.sqrt(np.abs(deviation.q) / (_SHARE * limits.acceleration_max)),
@@ -51,7 +51,7 @@ def blend_duration(deviation: JointReference, limits: JointLimits) -> float:
 
 
 class StreamedPoint:
-    """Motion along a single streamed point until the next one, and the braking after it.
+    """Motion that follows a streamed point until its time-out, and then brakes.
 
     The point is extrapolated with constant acceleration. The deviation of the present reference
     from the extrapolated point goes to zero along a quintic, so that the reference never steps.
@@ -99,7 +99,7 @@ class StreamedPoint:
     def longest(
         cls, point: JointReference, present: JointReference, timeout: float, limits: JointLimits
     ) -> 'StreamedPoint':
-        """Return the motion with the blend that follows the point for the longest time.
+        """Return the motion whose blend lets it follow the point for the longest time.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class StreamedPoint:
         return best
 
     def evaluate(self, time: float) -> JointReference:
-        """Return the reference `time` [s] after the point."""
+        """Return the reference `time` [s] after the point was received."""
         if time <= self.duration:
             return self._follow(time)
         if self._braking is None:
@@ -138,7 +138,7 @@ class StreamedPoint:
         return JointReference(followed.q + rest.q, followed.dq + rest.dq, followed.ddq + rest.ddq)
 
     def _check(self, timeout: float, limits: JointLimits) -> float:
-        """Return the time for which the point can be followed within the limits [s]."""
+        """Return the time [s] for which the point can be followed within the joint limits."""
         times = timeout * _CHECKED
         q, dq, ddq = self._point
         rest = self._blend.evaluate(times[:, 0])
@@ -186,20 +186,20 @@ _WAY_SHARE = 0.5
 
 
 class FollowedMotion(Protocol):
-    """Interface of a motion that a follower executes."""
+    """Interface of a joint motion that a trajectory follower executes."""
 
     @property
     def duration(self) -> float:
-        """Time [s] after which the motion rests at its goal, or brakes."""
+        """Time [s] after which the motion has reached its goal, or begins to brake."""
         ...
 
     def evaluate(self, time: float) -> JointReference:
-        """Return the reference (n,) at `time` [s]."""
+        """Return the joint reference at `time` [s] of the motion."""
         ...
 
 
 class Transition:
-    """A path that leads to a motion, followed by the motion.
+    """Motion that begins with a connecting path and continues with a given motion.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ class Transition:
         self.duration = max(path.duration, delay + motion.duration)
 
     def evaluate(self, time: float) -> JointReference:
-        """Return the reference `time` [s] from now."""
+        """Return the joint reference at `time` [s] after the transition began."""
         if time < self._path.duration:
             return self._path.evaluate(time)
         return self._motion.evaluate(time - self.delay)
@@ -228,7 +228,7 @@ def find_transition(
     delay: float,
     limits: JointLimits,
 ) -> Transition:
-    """Return the transition from the present motion to another one, within the limits.
+    """Return a transition from the present motion to another motion, within the limits.
 
     The transition is a weighted mean, in which the new motion's weight rises from 0 to 1. So no
     joint leaves the range between two motions that respect the position limits. If the new motion
@@ -272,7 +272,7 @@ def find_transition(
 def _stop_first(
     stop: PolynomialPath, motion: PolynomialPath | Posture, delay: float, limits: JointLimits
 ) -> Transition:
-    """Return the transition that begins the new motion once the arm rests."""
+    """Return the transition that stops the arm first and then begins the new motion."""
     rest = stop.evaluate(stop.duration)
     skipped = max(0.0, -delay)
     begin = motion.evaluate(skipped)
@@ -293,7 +293,7 @@ def _stop_first(
 
 
 def rest_to_rest_path(start: Array, end: Array, limits: JointLimits) -> PolynomialPath:
-    """Return the quintic between two postures (n,) [rad] that uses half of the limits."""
+    """Return the quintic path between two postures (n,) [rad] that uses half of the limits."""
     velocity, acceleration = (
         _WAY_SHARE * limits.velocity_max,
         _WAY_SHARE * limits.acceleration_max,
@@ -303,7 +303,7 @@ def rest_to_rest_path(start: Array, end: Array, limits: JointLimits) -> Polynomi
 
 
 def joined(first: PolynomialPath, second: PolynomialPath) -> PolynomialPath:
-    """Return the sequence of two paths."""
+    """Return a path that follows two paths one after the other."""
     times = first.times + tuple(first.duration + time for time in second.times[1:])
     return PolynomialPath(times, np.concatenate([first.coefficients, second.coefficients]))
 
@@ -316,7 +316,7 @@ def _cross_fade(
     duration: float,
     limits: JointLimits,
 ) -> tuple[PolynomialPath, str]:
-    """Return the path from one motion to the other, and the exceeded limit or an empty text.
+    """Return a cross-fade between two motions, and which limit it exceeds or an empty text.
 
     The path passes through evenly spaced instants, and through `knots` [s] of the first motion.
     """
@@ -336,7 +336,7 @@ def _cross_fade(
 
 
 def _exceeded(samples: JointReference, limits: JointLimits) -> str:
-    """Return the limit that references (M, n) exceed, or an empty text."""
+    """Return a text with the limit that references (M, n) exceed, or an empty text."""
     try:
         limits.including(samples.q[0]).check_position('it', samples.q)
     except RejectedInputError as error:

@@ -1,4 +1,4 @@
-"""Exchange of frames with one board, and the state of that board."""
+"""Exchange of SPI frames with a motor board, and the last state that the board reported."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _DRIFT = 0.01  # ... relative to the time between the answers
 
 
 class RestartWatch:
-    """Detects from the answers of a board that the board restarted.
+    """Detects from the answers of a motor board that this board restarted.
 
     A board may restart between two answers or while it does not answer; its encoders then count
     from zero again. Three signs reveal a restart: an unexpected board time, a missing index pulse
@@ -44,7 +44,7 @@ class RestartWatch:
         self._detected = (False, False)
 
     def saw(self, state: BoardState, longest: float) -> bool:
-        """Process an answer; return whether the board restarted since the previous answer.
+        """Process a board's answer; return whether the board restarted since its previous answer.
 
         Parameters
         ----------
@@ -77,34 +77,34 @@ _SATURATION_MIN = 0.5  # [A]
 
 
 class Transport(Protocol):
-    """Full-duplex exchange of frames with a number of boards.
+    """Interface for the full-duplex exchange of SPI frames with the motor boards.
 
     Once open, `exchange` never raises and takes a bounded time. An unreachable board returns no
     bytes, and `problem` gives the reason.
     """
 
     def open(self) -> None:
-        """Open the bus; raise TransportError with advice if that fails."""
+        """Open the SPI bus; if that fails, raise TransportError with advice on what to check."""
         ...
 
     def close(self) -> None:
-        """Close the bus; closing again is allowed."""
+        """Close the SPI bus; do nothing if it is closed already."""
         ...
 
     def advance(self, now: float) -> None:
-        """Advance the boards to the cycle's time [s, monotonic]; only emulated boards use it."""
+        """Simulate emulated boards up to the time `now` [s, monotonic]; real boards ignore it."""
         ...
 
     def exchange(self, board: int, frame: bytes) -> bytes:
-        """Send a frame to a board and return the received one; b'' if none arrived."""
+        """Send a frame to a board and return the frame received from it; b'' if none arrived."""
         ...
 
     def exchange_time(self, board: int) -> float:
-        """Duration of the last exchange with a board [s]."""
+        """Duration of the last frame exchange with a board [s]."""
         ...
 
     def exchanged_at(self, board: int) -> float:
-        """End time of the last exchange with a board [s], on the clock of `advance`.
+        """End time of the last frame exchange with a board [s], on the clock of `advance`.
 
         A board prepares its answer at most one period of its control loop before the exchange
         begins; the exchange begins `exchange_time` before its end.
@@ -112,12 +112,12 @@ class Transport(Protocol):
         ...
 
     def problem(self, board: int) -> str:
-        """Reason why the last exchange with a board failed, '' if it succeeded."""
+        """Reason why the last frame exchange with a board failed, '' if it succeeded."""
         ...
 
 
 class BoardLink:
-    """Exchanges one frame per cycle with a board.
+    """Exchanges one frame per bridge cycle with a motor board.
 
     Parameters
     ----------
@@ -196,17 +196,17 @@ class BoardLink:
 
     @property
     def is_connected(self) -> bool:
-        """Whether the board has answered reliably for long enough to count as connected."""
+        """Whether the board has sent enough consecutive valid answers to count as connected."""
         return self.monitor.mode is not BoardMode.DISCONNECTED
 
     @property
     def answered_at(self) -> float:
-        """Time of the last valid answer [s], -inf before the first."""
+        """Time of the board's last valid answer [s], -inf before the first answer."""
         return self._latest
 
     @property
     def may_be_damped(self) -> bool:
-        """Whether the board may stay on and damp its joints after a fault of the arm.
+        """Whether the board may keep damping its joints after a fault has stopped the arm.
 
         A board that restarted must be switched off, because it must not align without a request.
         A board that does not answer may stay on: on a half-broken wire it may still receive
@@ -217,18 +217,18 @@ class BoardLink:
 
     @property
     def is_damped_without_answer(self) -> bool:
-        """Whether the board is sent damping commands although it sends no valid answers."""
+        """Whether the bridge sends damping commands although the board sends no valid answers."""
         return self._command.enable_system and self.monitor.is_silent
 
     def drive_only(self, channel: int | None) -> None:
-        """Make `exchange` enable only the motor of one channel; None means all motors in use."""
+        """Restrict `exchange` to the motor of one channel; None enables all motors in use."""
         channels = [used for _, used in self.joints] if channel is None else [channel]
         self._used = [number in channels for number in (0, 1)]
         self.monitor.watch(channels)
         self.is_aligned = self.monitor.is_aligned(self.state)
 
     def exchange(self, references: MotorReferences, enable: bool, running: bool) -> None:
-        """Send the references of the board's motors and store its measurements.
+        """Send the board the references of its motors, and store the measurements that it returns.
 
         If `enable` is False, the board is commanded to switch its motors off. If no frame can
         represent the references, that is a fault, and the board's motors get no current in this
@@ -267,7 +267,7 @@ class BoardLink:
             command.current_saturation[channel] = min(self._saturation[channel], least)
 
     def switch_off(self) -> None:
-        """Send one frame with zero current and system disabled to the board."""
+        """Send the board one frame that switches its motors off."""
         self._command.index = (self._command.index + 1) & 0xFFFF
         self._transport.exchange(self._number, self._codec.encode(self._switched_off()))
 
@@ -292,7 +292,7 @@ class BoardLink:
             self.monitor.missed(enable, problem)
 
     def _time(self, earliest: float, latest: float, board_interval: float) -> None:
-        """Store an answer's time bounds, and the time elapsed on the board's clock [s]."""
+        """Store the time bounds of an answer [s] and its interval on the board's clock [s]."""
         self.interval = latest - self._latest
         # The board's clock is independent of delays of the host, and includes the age of the data.
         by_board = board_interval % TIMESTAMP_PERIOD
@@ -360,7 +360,7 @@ class MotorPower:
         self._torque_constant = config.column('motor.torque_constant')
 
     def update(self, current: Array, velocity: Array, voltage: Array, dt: float) -> None:
-        """Add the power of (n,) motor currents [A], speeds [rad/s], voltages [V] for dt [s].
+        """Compute the motor powers (n,) and add their energy over the time `dt` [s].
 
         Power and energy stay zero while an input is NaN because the boards have not answered yet.
         """
@@ -377,7 +377,7 @@ class MotorPower:
 
 
 def resistance_by_boards(links: Sequence[BoardLink], n: int) -> Array:
-    """Return the phase resistances (n,) that the boards report for n motors [ohm].
+    """Return the phase resistances (n,) [ohm] that the boards report for the n motors.
 
     NaN where the frames carry no resistance or the board reports zero (unknown).
     """
@@ -395,7 +395,7 @@ Gains = Sequence[tuple[float, float]]
 
 
 class ArmMeasurements:
-    """Last valid measurements of n joints and their motors.
+    """Last valid measurements of the arm's n joints and their motors.
 
     Attributes
     ----------
@@ -444,7 +444,7 @@ class ArmMeasurements:
         self._reliable = unknown()
 
     def reliable_motion(self, is_reliable: Sequence[bool]) -> tuple[Array, Array]:
-        """Return the best known positions [rad] and velocities [rad/s] of all joints, (n,) each.
+        """Return positions [rad] and velocities [rad/s], (n,) each, of the last reliable readings.
 
         A joint whose encoder is unreliable (its flag of the n flags `is_reliable` is False) keeps
         its last reliable values, because wrong positions would falsify the computed loads of the
@@ -463,7 +463,7 @@ class ArmMeasurements:
         gains: Gains,
         lag: float | None = None,
     ) -> None:
-        """Compute joint positions, velocities and torques from the last states of all boards.
+        """Compute joint positions, velocities and torques from the boards' last valid answers.
 
         A board keeps its references for one cycle while the motor turns. The motor current
         therefore falls by Kp times the change of the angle and Kd times the change of the
@@ -509,7 +509,7 @@ class ArmMeasurements:
         self.tau[:] = self._drive.current_to_effort(self.motor_current + self._droop(gains, lag))
 
     def age(self, now: float, last: float) -> tuple[list[float], list[float]]:
-        """Return n ages of the measurements, and n times between the last two measurements [s].
+        """Return the age of each joint's measurement, and the time between its last two [s].
 
         Call this method once per cycle. `now` is the start of this cycle [s], and `last` the
         start of the cycle whose frames `read` has processed [s]. The time between measurements is

@@ -1,4 +1,4 @@
-"""State machine of one board, and counter of commands lost on the way to the board."""
+"""State machine of a motor board, and counter of the commands that did not reach the board."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CHECK = 'check the MOSI wire, its connector, the ground wire and clock_hz'
 
 
 class CommandEcho:
-    """Counts the commands that did not reach one board although its answers reach the host.
+    """Counts the commands that did not reach a board although the board's answers reach the host.
 
     A board answers before it reads the command of the same exchange, so an answer echoes the
     previous command. A command is counted as lost only if its own exchange and the next exchange
@@ -70,7 +70,7 @@ class CommandEcho:
 
     @property
     def is_losing(self) -> bool:
-        """Whether a command was lost in the last few seconds."""
+        """Whether a command to the board was lost in the last few seconds."""
         return self.rate > _RECENT_RATE
 
     @property
@@ -80,7 +80,7 @@ class CommandEcho:
 
     @property
     def fault(self) -> str:
-        """Description of the fault of a cut wire, without the name of the board."""
+        """Fault text for a cut command wire, without the name of the board."""
         return (
             f'{self.lost_in_row} consecutive commands did not reach the board over MOSI, '
             f'although its answers reach the host: {_CHECK}'
@@ -88,7 +88,7 @@ class CommandEcho:
 
     @property
     def warning(self) -> str:
-        """Warning about the wire while too many commands are lost, otherwise ''."""
+        """Warning about the command wire if too many commands are lost, otherwise ''."""
         if self.is_cut:
             return f'{self._name}: {self.fault}'
         if self.rate <= self._settings.lost_commands_warning:
@@ -99,7 +99,7 @@ class CommandEcho:
         )
 
     def answered(self, echoed: int, sent: int) -> None:
-        """Process the command index that a valid answer echoes; `sent` was sent before it."""
+        """Compare the command index in a valid answer with that of the previous command."""
         if not self._echoes:
             return
         behind = (sent - echoed) % _INDICES
@@ -114,7 +114,7 @@ class CommandEcho:
         self._answered = True
 
     def missed(self) -> None:
-        """Record an exchange without a valid answer."""
+        """Record that the exchange with the board brought no valid answer."""
         self.unconfirmed += 1
         self._answered = False
 
@@ -123,7 +123,7 @@ _ADVICE = 'check supply, wires and SPI mode'
 
 
 class BoardMonitor:
-    """State machine of one board, driven by the board's answers; a fault stays until cleared.
+    """State machine of a board, driven by the board's answers; a fault stays until it is cleared.
 
     A board goes from disconnected to idle once it answers reliably. When the system is enabled,
     the board goes to aligning, and to ready once every motor in use is aligned. A board is running
@@ -181,15 +181,15 @@ class BoardMonitor:
         self._enabled_since: float | None = None
 
     def watch(self, channels: Sequence[int]) -> None:
-        """Set the channels (0, 1) of the motors that must be driven when the system is enabled."""
+        """Set the channels (0, 1) of the motors that the board must drive while it is enabled."""
         self._channels = tuple(channels)
 
     def sent(self, index: int) -> None:
-        """Record the index of the command that has just been sent."""
+        """Record the index of the command that the bridge has just sent to the board."""
         self._index = index
 
     def slow(self, duration: float) -> None:
-        """Check the duration of an exchange [s]; too many slow ones in a row are a fault."""
+        """Check the duration of an exchange [s]; too many slow exchanges in a row are a fault."""
         if duration <= self._settings.exchange_time_max:
             self._slow_in_row = 0
             return
@@ -262,13 +262,13 @@ class BoardMonitor:
             self._follow(state, now, enable, running)
 
     def fail(self, text: str) -> None:
-        """Enter the mode fault with a description; an earlier fault keeps its description."""
+        """Enter the mode fault with a fault text; the text of an earlier fault is kept."""
         if self.mode is not BoardMode.FAULT:
             self.mode = BoardMode.FAULT
             self.fault = f'{self.name}: {text}'
 
     def counters(self) -> dict[str, int]:
-        """Return the counters of frames and commands by name."""
+        """Return the numbers of good frames, bad frames, lost commands and slow exchanges."""
         return {
             'good frames': self.good_frames,
             'bad frames': self.bad_frames,
@@ -277,7 +277,7 @@ class BoardMonitor:
         }
 
     def clear(self, state: BoardState) -> str:
-        """Leave the mode fault; return the reason if this is impossible, otherwise ''."""
+        """Leave the board's mode fault; return the reason if the fault persists, otherwise ''."""
         if self.mode is not BoardMode.FAULT:
             return ''
         silent = self.is_silent
@@ -294,11 +294,11 @@ class BoardMonitor:
 
     @property
     def is_silent(self) -> bool:
-        """Whether too many consecutive exchanges have failed, or no answer was ever valid."""
+        """Whether too many exchanges in a row have failed, or no valid answer has arrived yet."""
         return self._bad_in_row >= self._settings.bad_frames_max or self.good_frames == 0
 
     def is_aligned(self, state: BoardState) -> bool:
-        """Whether every motor in use is driven and aligned."""
+        """Whether the board drives every motor in use, and every such motor is aligned."""
         if not state.system_enabled:
             return False
         for channel in self._channels:
@@ -307,7 +307,7 @@ class BoardMonitor:
         return True
 
     def _is_frozen(self, now: float) -> bool:
-        """Whether consecutive answers have carried identical data for too long."""
+        """Whether the board's answers have carried the same timestamp for too long."""
         looks = self._frozen_in_row >= self._settings.bad_frames_max
         return looks and now - self._fresh_time > self._settings.state_age_max
 
@@ -341,7 +341,7 @@ _SHOWN = 5.0
 
 
 class SupplyWatch:
-    """Warns near the limits of a board's supply voltage, and requests a stop beyond the limits.
+    """Warns if a board's supply voltage is near its limits, and stops the arm if it exceeds them.
 
     The voltage of a supply that cannot absorb braking energy rises with each braking, so a stop
     must end the motion. At a low voltage the boards would switch off and drop the arm, while an
@@ -374,7 +374,7 @@ class SupplyWatch:
         self._warned_for = 0.0
 
     def update(self, voltage: float, duration: float) -> None:
-        """Process a voltage reading [V], a time [s] after the previous one."""
+        """Process a supply voltage reading [V], `duration` [s] after the previous reading."""
         self.voltage = voltage
         self.lowest, self.highest = min(self.lowest, voltage), max(self.highest, voltage)
         self._low_in_row = self._low_in_row + 1 if voltage < self._stage.voltage_min else 0
@@ -388,7 +388,7 @@ class SupplyWatch:
             self._warning = ''
 
     def stop(self) -> str:
-        """Return the voltage reason why the arm has to stop, or ''."""
+        """Return why the supply voltage requires a stop of the arm, or ''."""
         if self._high_in_row >= _IN_ROW:
             return (
                 f'the supply of {self._name} has {self.voltage:.1f} V, above its limit of '
@@ -404,7 +404,7 @@ class SupplyWatch:
         return ''
 
     def warning(self) -> str:
-        """Return the warning about the supply voltage, or ''."""
+        """Return the present warning about the supply voltage, or ''."""
         return self._warning
 
     def _warn(self, text: str) -> None:

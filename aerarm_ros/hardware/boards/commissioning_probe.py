@@ -1,7 +1,7 @@
-"""Commissioning functions: measure motors that a person turns, and drive one motor.
+"""Commissioning in the bridge: measure motors that a person turns, and drive one motor.
 
-A client sends its request repeatedly, as long as the request is needed. A lost message therefore
-has no effect, and a motor stops if its client no longer sends the request.
+A client repeats its request until the step has ended. A lost message therefore has no effect,
+and a motor stops if its client stops.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _LONGEST_REQUEST = 1024
 
 @dataclass(frozen=True)
 class ProbeRequest:
-    """Request of a commissioning step to the bridge.
+    """Request to the bridge to run a step of the commissioning procedure.
 
     Attributes
     ----------
@@ -48,16 +48,16 @@ class ProbeRequest:
 
     @property
     def client(self) -> str:
-        """Name of the client that sent the request."""
+        """Name of the commissioning client that sent the request."""
         return self.id.partition(':')[0]
 
     def text(self) -> str:
-        """Return the request as JSON."""
+        """Return the commissioning request as JSON."""
         return json.dumps(asdict(self))
 
     @classmethod
     def parse(cls, text: str) -> ProbeRequest:
-        """Parse a request; raises ValueError with the reason for any other text."""
+        """Parse a commissioning request; raise ValueError with the reason if it is invalid."""
         if len(text) > _LONGEST_REQUEST:
             raise ValueError(f'a commissioning request of {len(text)} characters is too long')
         fields = _object(text)
@@ -74,7 +74,7 @@ class ProbeRequest:
 
 @dataclass(frozen=True)
 class Stroke:
-    """Mean values of a driven motor while its joint turns in one direction.
+    """Mean current and speed of a driven motor while its joint turns in one direction.
 
     Attributes
     ----------
@@ -139,12 +139,12 @@ class ProbeReport:
     emulated: bool = False
 
     def text(self) -> str:
-        """Return the report as JSON."""
+        """Return the commissioning report as JSON."""
         return json.dumps(asdict(self))
 
     @classmethod
     def parse(cls, text: str) -> ProbeReport:
-        """Parse a report; raises ValueError for any other text."""
+        """Parse a commissioning report; raise ValueError with the reason if it is invalid."""
         fields = _object(text)
         try:
             strokes = [Stroke(**stroke) for stroke in fields.pop('strokes')]
@@ -156,17 +156,17 @@ class ProbeReport:
             arrays = (report.boards, report.travel, report.span, report.pulses, report.pulse_angle)
             n = len(lists['joints'])
             if not all(isinstance(array, tuple) and len(array) == n for array in arrays):
-                raise ValueError('an array does not have one value per joint')
+                raise ValueError('an array of the report does not have one value per joint')
             numbers = [*report.travel, *report.span, *report.pulses, report.current_max]
             numbers += [angle for angle in report.pulse_angle if angle is not None]
             for stroke in report.strokes:
                 numbers += [stroke.requested, stroke.measured, stroke.speed]
             if not all(isfinite(number) for number in numbers):
-                raise ValueError('a number is not finite')
+                raise ValueError('a number in the report is not finite')
             texts = [report.id, report.phase, report.reason, report.mode]
             texts += [*report.joints, *report.boards]
             if not all(isinstance(text, str) for text in texts):
-                raise ValueError('a name or a reason is not a string')
+                raise ValueError('a name or reason in the report is not a string')
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise ValueError(f'not a commissioning report: {error}') from None
         return report
@@ -217,7 +217,7 @@ _PARTS = (
 
 
 class CommissioningProbe:
-    """Measures how motors, encoders and joints are connected, at low torque and speed.
+    """Checks the wiring and signs of motors, encoders and joints, at low torque and speed.
 
     No encoder zero is needed. In the watch phase all motors are off, and the probe counts the
     rotation and the index pulses of each motor. In the drive phase one motor is on and all others
@@ -270,17 +270,17 @@ class CommissioningProbe:
 
     @property
     def is_driving(self) -> bool:
-        """Whether a motor is on or aligning."""
+        """Whether the commissioning drive aligns or drives a motor."""
         return self._phase in ('aligning', 'driving')
 
     @property
     def refusal(self) -> str:
-        """Reason why other requests may not switch motors on, while a drive runs; otherwise ''."""
+        """Reason to reject requests that switch motors on while a drive runs, otherwise ''."""
         name = self._config.joint_names[self._joint]
         return f'{name} is being commissioned: end that procedure first' if self.is_driving else ''
 
     def ask(self, request: ProbeRequest, mode: str) -> ProbeReport:
-        """Process a request and return the report that answers it; call between two cycles.
+        """Process a commissioning request and return the report; call between two cycles.
 
         Parameters
         ----------
@@ -301,7 +301,7 @@ class CommissioningProbe:
         return self._report(self._id, self._phase, self._reason, mode)
 
     def end(self, reason: str) -> None:
-        """Switch off the driven motor, if any, and end the measurement."""
+        """End the commissioning step: stop counting, or switch the driven motor off."""
         if self.is_driving:
             self._links[self._config.joints[self._joint].board].drive_only(None)
             self._phase, self._reason = 'failed', reason
@@ -309,7 +309,7 @@ class CommissioningProbe:
             self._phase = 'off'
 
     def drive(self, now: float, stop: str) -> BoardLink | None:
-        """Set the reference of the driven motor; return its board's link, or None without a drive.
+        """Set the driven motor's reference and return its board's link; None without a drive.
 
         Parameters
         ----------
@@ -340,7 +340,7 @@ class CommissioningProbe:
         return self._links[joint.board]
 
     def look(self, now: float) -> None:
-        """Process the last answers of the boards at the time `now` [s]; call once per cycle."""
+        """Update the commissioning step from the boards' last answers; call once per cycle."""
         self._now = now
         if self._phase == 'watching':
             self._count.look()
@@ -383,7 +383,7 @@ class CommissioningProbe:
         travel = (position - self._drive.start) / self._reduction[i]
         if abs(speed) > _SPEED_FACTOR * SPEED:
             self.end(
-                f'{joint.name} ran at {abs(speed):.2f} rad/s instead of {SPEED:g}, so its motor '
+                f'{joint.name} moved at {abs(speed):.2f} rad/s instead of {SPEED:g}, so its motor '
                 'turns against its encoder: check the motor phases and the channel'
             )
         elif abs(travel) > _TRAVEL_FACTOR * REACH:
@@ -431,7 +431,7 @@ def _board_problem(link: BoardLink) -> str:
 
 
 class _TravelCount:
-    """Rotation of each motor since counting began, and motor angles of its index pulses."""
+    """Rotation and index pulses of each motor since the commissioning request began."""
 
     def __init__(self, state: ArmMeasurements) -> None:
         self._state = state
@@ -471,14 +471,14 @@ class _TravelCount:
             self._last[i] = position
 
     def pulse_angle(self, joint: int) -> float | None:
-        """Return the mean angle of a motor's pulses modulo a turn [rad], None without one."""
+        """Return the mean motor angle of the index pulses modulo a turn [rad], None without one."""
         if not (self._sines[joint] or self._cosines[joint]):
             return None
         return atan2(self._sines[joint], self._cosines[joint]) % (2.0 * pi)
 
 
 class _Drive:
-    """References of a motor that turns its joint back and forth, and means of its measurements."""
+    """Reference of a motor that turns its joint back and forth, and means of its measurements."""
 
     def __init__(self, start: float, begin: float = inf) -> None:
         self.start = start
@@ -486,7 +486,7 @@ class _Drive:
         self._sums = {1: [0.0] * 4, -1: [0.0] * 4}
 
     def reference(self, now: float) -> tuple[float, float]:
-        """Return the reference: joint displacement from the start [rad] and speed [rad/s]."""
+        """Return the joint's reference: displacement from the start [rad] and speed [rad/s]."""
         direction, since, offset = self._part(now)
         return offset + direction * SPEED * since, direction * SPEED
 
@@ -494,7 +494,7 @@ class _Drive:
         return now - self._begin > sum(duration for _, duration in _PARTS)
 
     def add(self, now: float, *values: float) -> None:
-        """Add a sample of the joint's requested and measured current [A] and speed [rad/s]."""
+        """Add a sample: requested current [A], measured current [A] and joint speed [rad/s]."""
         direction, since, _ = self._part(now)
         if direction and since > _SETTLING:
             sums = self._sums[direction]
@@ -502,14 +502,14 @@ class _Drive:
                 sums[i] += value
 
     def strokes(self) -> tuple[Stroke, ...]:
-        """Return the mean values of the strokes in positive and in negative direction."""
+        """Return the means while the joint moved in positive, and in negative direction."""
         return tuple(
             Stroke(*(value / max(count, 1.0) for value in values))
             for count, *values in (self._sums[1], self._sums[-1])
         )
 
     def _part(self, now: float) -> tuple[int, float, float]:
-        """Return direction, elapsed time [s] and initial displacement [rad] of the present part."""
+        """Return direction, elapsed time [s] and initial displacement [rad] of the present move."""
         left, offset = now - self._begin, 0.0
         for direction, duration in _PARTS:
             if left <= duration:

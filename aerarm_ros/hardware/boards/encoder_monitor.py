@@ -1,4 +1,4 @@
-"""Detection of implausible readings of the motor encoders."""
+"""Detection of implausible readings of motor encoders: jumps, and standstill under torque."""
 
 from collections.abc import Sequence
 from math import copysign, inf, nan
@@ -29,7 +29,7 @@ _LOAD_TURNS = 2.0
 
 
 class ExpectedMotion:
-    """Estimates the load of a motor, and the motion that its current must cause at standstill.
+    """Estimates a motor's load, and the least motion that its current must have caused.
 
     The estimate uses no model of the arm's weight. The torque that does not accelerate the motor is
     its load, which includes any payload and any base orientation. While the measured angle does
@@ -94,7 +94,7 @@ class ExpectedMotion:
         self._is_followed = True
 
     def restart(self) -> None:
-        """Reset the estimate: assume a motor at rest, whose present current holds its load."""
+        """Restart with a motor at rest, whose present current is assumed to hold its load."""
         self._load = self._current = self._modelled = nan
         self._rest()
 
@@ -107,7 +107,7 @@ class ExpectedMotion:
         friction: float,
         modelled: float = 0.0,
     ) -> bool:
-        """Process a check; return whether the motor must have turned while its angle stood still.
+        """Process a measurement; return whether the motor must have turned, but its angle did not.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class ExpectedMotion:
             self._load, self._modelled = current, modelled
         gain = self._per_inertia / inertia  # [rad/s^2 / A]
         if change != 0.0:
-            self._see(change, elapsed, current, gain)
+            self._process_change(change, elapsed, current, gain)
             self._modelled = modelled
             return False
         if not self._looks:
@@ -142,16 +142,16 @@ class ExpectedMotion:
         if self._speed == 0.0 and drive <= friction and abs(current) <= self._strong:
             # Return early, because most joints are at rest most of the time.
             self._turned = self._strained = 0.0
-            self._follow(current, elapsed)
+            self._adapt_load(current, elapsed)
             return False
-        self._lead(elapsed, current, gain, friction + abs(modelled - self._modelled))
+        self._predict(elapsed, current, gain, friction + abs(modelled - self._modelled))
         self._strained = self._strained + elapsed if abs(current) > self._strong else 0.0
         if self._strained > _STRAINED_MAX:
             return True
         return self._looks >= _LOOKS_MIN and abs(self._turned) > self._clearly
 
     def pause(self, change: float, elapsed: float, current: float) -> None:
-        """Process a check after a time [s] without known currents; arguments as in `update`.
+        """Process a measurement after a pause in which the motor current was not measured.
 
         The motor's speed is unknown after the pause, but a motor that stood still before and
         after it counts as standing.
@@ -159,7 +159,7 @@ class ExpectedMotion:
         if change != 0.0 or not self._looks:
             self._rest()
         self._is_followed = False
-        self._follow(current, elapsed)
+        self._adapt_load(current, elapsed)
 
     def _rest(self) -> None:
         self._moved = self._impulse = 0.0
@@ -167,8 +167,8 @@ class ExpectedMotion:
         self._looks = 0
         self._is_followed = True
 
-    def _see(self, change: float, elapsed: float, current: float, gain: float) -> None:
-        """Process a change of angle: correct the load by the torque that caused no acceleration."""
+    def _process_change(self, change: float, elapsed: float, current: float, gain: float) -> None:
+        """Process a change of the angle: correct the estimates of speed and load."""
         impulse = self._impulse + current * elapsed
         elapsed += self._stood
         seen = change / elapsed
@@ -188,7 +188,7 @@ class ExpectedMotion:
         self._is_followed = True
 
     def _begin(self, elapsed: float, gain: float) -> None:
-        """Compute the least possible speed at the end of the last observed motion."""
+        """Compute the least speed that the motor can have had when its angle last changed."""
         seen, way = self._seen_speed, copysign(1.0, self._seen_speed)
         speed = min(abs(seen), max(way * self._speed, 0.0))
         speed -= _COUNTS / max(elapsed, _SHORTEST)
@@ -197,8 +197,8 @@ class ExpectedMotion:
         self._speed = way * max(speed + braked, 0.0)
         self._seen_speed = self._turned = 0.0
 
-    def _lead(self, elapsed: float, current: float, gain: float, friction: float) -> None:
-        """Predict the smallest motion that the motor current must cause."""
+    def _predict(self, elapsed: float, current: float, gain: float, friction: float) -> None:
+        """Predict the least motion that the motor current must cause."""
         load, speed = self._load, self._speed
         # An external force may hold a load to which the motor yields.
         carried = min(max(current, min(load, 0.0)), max(load, 0.0))
@@ -213,10 +213,10 @@ class ExpectedMotion:
             after = copysign(excess * gain * elapsed, drive)
         self._turned = self._turned + 0.5 * (speed + after) * elapsed if after else 0.0
         self._speed = after
-        self._follow(current, elapsed)
+        self._adapt_load(current, elapsed)
 
-    def _follow(self, current: float, elapsed: float) -> None:
-        """Adapt the load estimate to the motor current, no faster than loads change."""
+    def _adapt_load(self, current: float, elapsed: float) -> None:
+        """Move the load estimate towards the motor current, at most at the rate of real loads."""
         step = self._rate * elapsed
         self._load += min(max(current - self._load, -step), step)
 
@@ -240,7 +240,7 @@ _PAUSE = 3e-3  # [s] longest time between two checks for which the current betwe
 
 
 class EncoderMonitor:
-    """Detects encoders whose angle jumps, or stands still under a torque that must move the motor.
+    """Detects encoders whose angle jumps, or does not change although the motor must have turned.
 
     A jump is a change faster than twice the joint's velocity limit. A standstill of an angle is
     implausible if the angle does not change by one count although the torque has changed by more
@@ -305,7 +305,7 @@ class EncoderMonitor:
         self._encoders = [_Encoder(*row) for row in rows]
 
     def clear(self) -> None:
-        """Trust every encoder again, starting at its present angle."""
+        """Clear the faults of all encoders; monitoring starts at their present angles."""
         self.trusted[:] = self.is_position_reliable[:] = True
         self.damping_speed[:] = inf
         for encoder in self._encoders:
@@ -313,7 +313,7 @@ class EncoderMonitor:
 
     @property
     def lost(self) -> list[int]:
-        """Return the joints whose encoder count is wrong after a jump or a standstill."""
+        """Numbers of the joints whose encoder count is wrong after a jump or standstill."""
         return [number for number, encoder in enumerate(self._encoders) if encoder.is_lost]
 
     def check(
@@ -328,7 +328,7 @@ class EncoderMonitor:
         inertias: Sequence[float] | None = None,
         loads: Sequence[float] | None = None,
     ) -> str:
-        """Check all encoders; return the description of a fault, or ''.
+        """Check the encoders of all motors; return the description of a fault, or ''.
 
         Parameters
         ----------
@@ -375,9 +375,9 @@ class EncoderMonitor:
         ):
             if not is_fresh:
                 continue
-            jump = encoder.look(angle, now, interval)
-            stand = encoder.feel(amps, commanded, noisy, self._stall_time)
-            fault = jump or stand or encoder.expect(amps, noisy, inertia, load)
+            jump = encoder.check_angle(angle, now, interval)
+            stand = encoder.check_standstill(amps, commanded, noisy, self._stall_time)
+            fault = jump or stand or encoder.check_motion(amps, noisy, inertia, load)
             if fault:
                 self.trusted[i] = False
                 first = first or fault
@@ -388,9 +388,10 @@ class EncoderMonitor:
 
 
 class _Encoder:
-    """State of the monitor for one motor's encoder; all quantities refer to the motor side."""
+    """State of the encoder monitor for a single motor; all quantities refer to the motor side."""
 
-    # The first check sees a change from NaN, which initializes all attributes that `feel` reads.
+    # The first check processes a change from NaN, which initializes all attributes that
+    # `check_standstill` reads.
     __slots__ = (
         'anchor',  # [rad] angle before a jump that awaits confirmation, NaN without one
         'change',  # [rad] change of the angle since the previous check
@@ -438,7 +439,7 @@ class _Encoder:
         self.clear()
 
     def clear(self) -> None:
-        """Trust the encoder again, starting at its present angle."""
+        """Clear the fault of the encoder; monitoring starts at its present angle."""
         self.position = self.anchor = nan  # NaN, so that the next angle does not count as a jump
         self.stood_at = nan
         self.jumps = 0
@@ -447,25 +448,25 @@ class _Encoder:
 
     @property
     def is_position_reliable(self) -> bool:
-        """Whether the joint position computed from this encoder is reliable."""
+        """Whether the joint position that is computed from this encoder is reliable."""
         return not self.jumps and self.stood_at != self.stood_at
 
     @property
     def is_lost(self) -> bool:
-        """Whether the encoder count is wrong."""
+        """Whether the encoder's count is wrong after a jump or a confirmed standstill."""
         return self.has_jumped or self.is_confirmed
 
     @property
     def damping_speed(self) -> float:
-        """Largest speed for which damping may use the encoder [rad/s]."""
+        """Largest motor speed [rad/s] that the board may damp with this encoder."""
         if self.is_confirmed:
             return 0.0
         if self.anchor == self.anchor:
             return _SPEED_FACTOR * self.speed + _SPEED_ALLOWANCE
         return inf
 
-    def look(self, position: float, now: float, interval: float) -> str:
-        """Check a motor angle [rad] at a time [s], which changed within at most `interval` [s]."""
+    def check_angle(self, position: float, now: float, interval: float) -> str:
+        """Check a motor angle [rad] for a jump since the last one, at most `interval` [s] ago."""
         jump = self._jump(position, interval)
         self.change = position - self.position
         self.elapsed, self.is_pause = min(now - self.seen, interval), interval > _PAUSE
@@ -497,11 +498,13 @@ class _Encoder:
         )
 
     def _slowly(self, time: float) -> float:
-        """Return the largest motion [rad] in a time [s] at about the speed before a jump."""
+        """Return the largest motion [rad] in `time` [s] at about the speed before a jump."""
         return (_SPEED_FACTOR * self.speed + _SPEED_ALLOWANCE) * time + _JUMP_ALLOWANCE
 
-    def feel(self, current: float, commanded: float, noise: float, stall_time: float) -> str:
-        """Check the motor's currents [A]; return why its standstill is implausible, or ''."""
+    def check_standstill(
+        self, current: float, commanded: float, noise: float, stall_time: float
+    ) -> str:
+        """Return why the motor's standstill contradicts its change of current [A], or ''."""
         feedback = current - commanded
         if self.change != 0.0:
             self.moving_current, self.moving_feedback = current, feedback
@@ -537,10 +540,11 @@ class _Encoder:
             f'{current:.1f} A: check for a stuck encoder or a blocked joint'
         )
 
-    def expect(self, current: float, noise: float, inertia: float, load: float) -> str:
-        """Return why inertia [kg m^2] and load [Nm] mean that the joint must have moved, or ''.
+    def check_motion(self, current: float, noise: float, inertia: float, load: float) -> str:
+        """Return why the joint must have moved, given its inertia and load, or ''.
 
-        Call after `feel` with the same currents [A]; a NaN inertia means unknown.
+        Call after `check_standstill` with the same currents [A]. `inertia` [kg m^2] is NaN if it
+        is unknown; `load` is the modelled load torque [Nm].
         """
         if inertia != inertia:
             return ''
@@ -563,7 +567,7 @@ class _Encoder:
         )
 
     def _doubt(self) -> None:
-        """Record an implausible standstill, and wait for the second reading."""
+        """Record an implausible standstill, which a second reading has to confirm."""
         if self.doubted_for != self.doubted_for:
             self.doubted_for = 0.0
             self.stood_at = self.position

@@ -1,4 +1,4 @@
-"""Homing: search for the encoders' zeros with their index pulses."""
+"""Homing: search for the zeros of incremental encoders by their index pulses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TURN = 2.0 * np.pi
 
 
 class EncoderZeros:
-    """Record of the joints whose encoder zero is known.
+    """Record of which joints have a known encoder zero, and why other zeros are unknown.
 
     An incremental encoder counts from its angle at power-on, so its zero is initially unknown.
     Homing finds the zero by index pulses, one per motor turn. The home configuration, into which
@@ -65,7 +65,7 @@ class EncoderZeros:
 
     @property
     def known(self) -> list[bool]:
-        """For each of n joints, whether its encoder zero is known."""
+        """Whether the encoder zero of each joint is known, n flags."""
         return [joint not in self._lost for joint in range(len(self.names))]
 
     @property
@@ -74,7 +74,7 @@ class EncoderZeros:
         return [self.names[joint] for joint in sorted(self._lost)]
 
     def known_only(self, q: Array) -> Array:
-        """Return joint positions (n,) [rad] with NaN where the zero is unknown."""
+        """Return joint positions (n,) [rad], with NaN for joints whose encoder zero is unknown."""
         if not self._lost:
             return q
         known = q.copy()
@@ -82,29 +82,29 @@ class EncoderZeros:
         return known
 
     def restarted(self, joints: Iterable[int], reason: str) -> None:
-        """Record a restart of the joints' boards; only absolute encoders keep their zeros."""
+        """Record that the boards of joints restarted; only absolute encoders keep their zeros."""
         joints = list(joints)
         self.found(joint for joint in joints if self.absolute[joint])
         self.lose((joint for joint in joints if not self.absolute[joint]), reason)
 
     def lose(self, joints: Iterable[int], reason: str) -> None:
-        """Record that the zeros of joints are unknown from now on; an earlier reason is kept."""
+        """Record that the encoder zeros of joints are lost; an earlier reason is kept."""
         for joint in joints:
             self.changes += joint not in self._lost
             self._lost.setdefault(joint, reason)
 
     def explain(self, joints: Iterable[int], reason: str) -> None:
-        """Record the reason why the zeros of joints are still unknown."""
+        """Replace the reason why the encoder zeros of joints are unknown."""
         self._lost.update((joint, reason) for joint in joints if joint in self._lost)
 
     def found(self, joints: Iterable[int] | None = None) -> None:
-        """Record that the zeros of joints (default all) are known."""
+        """Record that the encoder zeros of joints (default: all) are known."""
         for joint in range(len(self.names)) if joints is None else joints:
             self.changes += self._lost.pop(joint, None) is not None
 
     @property
     def problem(self) -> str:
-        """Joints with unknown zeros, the reason, and what to do; '' if all zeros are known."""
+        """Joints whose encoder zero is unknown, why, and what to do; '' if all are known."""
         if not self._lost:
             return ''
         reasons = dict.fromkeys(self._lost.values())
@@ -114,7 +114,7 @@ class EncoderZeros:
         )
 
     def refusal(self, motor_position: Array) -> str:
-        """Return why the arm may not be homed at its motor angles (n,) [rad], or ''.
+        """Return why homing may not start at the motor angles (n,) [rad], or ''.
 
         Each joint with a known zero must be at its home position. For all other joints the user
         must ensure this.
@@ -131,11 +131,11 @@ class EncoderZeros:
         )
 
     def expected(self, motor_position: Array) -> Array:
-        """Return the expected motor angles (n,) [rad]: measured if absolute, otherwise at home."""
+        """Return motor angles (n,) [rad]: measured by absolute encoders, else those of home."""
         return np.where(self.absolute, motor_position, self.rest)
 
     def assumed_home(self) -> str:
-        """Return a description of the home configuration in which the arm is assumed to be."""
+        """Return a sentence that names the home configuration, for the answer to the user."""
         return f'homing assumes that the arm is at its home configuration, {self._posture()}'
 
     def _posture(self) -> str:
@@ -168,7 +168,7 @@ _ROOM_ONE_SIDE = 2.0 * _REACH + RESIDUAL_MAX
 
 
 class Homing:
-    """Turns every motor slowly to two index pulses, which determine the zero of its encoder.
+    """Turns each motor slowly past two index pulses, which determine the encoder's zero.
 
     An incremental encoder counts from its angle at power-on; its index pulse comes once per motor
     turn, at a known angle within the turn. The number of the turn is known only if every motor
@@ -252,22 +252,22 @@ class Homing:
 
     @property
     def is_done(self) -> bool:
-        """Whether homing has ended, by success or by failure."""
+        """Whether homing has ended, successfully or not."""
         return bool(self._returned.all()) or bool(self.fault)
 
     @property
     def zero(self) -> Array:
-        """Reported angles (n,) [rad] at which the motor angles are zero."""
+        """Encoder zeros: angles (n,) [rad] that the boards report at motor angle zero."""
         turn, _ = self._turn_and_residual(self._pulse)
         return self._pulse - self._offset - _TURN * turn
 
     @property
     def pulse_offset(self) -> Array:
-        """Motor angles (n,) of the detected pulses, 0 to 2 pi [rad], for an exact start."""
+        """Motor angles (n,) of the detected index pulses [rad], if `expected` was exact."""
         return (self._pulse + self._shift) % _TURN
 
     def update(self, position: Array, toggles: Mask) -> None:
-        """Compute the next joint command.
+        """Compute the next joint command of the homing motion.
 
         Parameters
         ----------
@@ -278,26 +278,26 @@ class Homing:
         """
         moved = self._ratio * np.abs(position - self._last)
         self._last[:] = position
-        self._give_up_after_a_long_hold_up(moved / self._ratio / _TURN)
+        self._fail_after_delay(moved / self._ratio / _TURN)
         # comparison is False before the first pulse, because the angle is NaN
         from_first = np.abs(position - self._first) / _TURN
         flipped = (toggles != self._toggles) & ~self._found
         if flipped.any():
             self._toggles[flipped] = toggles[flipped]
-            met = flipped & ~(from_first < _SAME_PULSE)
-            blurred = met & (moved > _BLURRED)
+            valid = flipped & ~(from_first < _SAME_PULSE)
+            blurred = valid & (moved > _BLURRED)
             if blurred.any():
                 self._search_again(blurred, position)
-            for joint in np.flatnonzero(met & ~blurred).tolist():
-                self._meet(joint, position)
-        self._give_up_where_no_pulse_comes(position)
+            for joint in np.flatnonzero(valid & ~blurred).tolist():
+                self._process_pulse(joint, position)
+        self._fail_without_pulse(position)
         speed = self._speed * self._direction
         if self._found.any():
             speed = np.where(self._found, self._return_speed(position), speed)
         self.command.dq[:] = self._sign * speed
 
     def _return_speed(self, position: Array) -> Array:
-        """Return the joint speeds (n,) [rad/s] that move joints with known zeros home."""
+        """Return joint speeds (n,) [rad/s] that move joints with a found zero home."""
         away = self._ratio * (self.zero + self._home - position)
         # the joint passed its home position while the host was delayed
         passed = away * self._away < 0.0
@@ -307,12 +307,12 @@ class Homing:
         speed = np.clip(_RETURN_GAIN * away, -_RETURN_SPEED, _RETURN_SPEED) * self._speed / _SPEED
         return np.where(self._returned, 0.0, speed)
 
-    def _meet(self, joint: int, position: Array) -> None:
-        """Process an index pulse of a joint at (n,) reported angles [rad]."""
+    def _process_pulse(self, joint: int, position: Array) -> None:
+        """Process an index pulse of a joint; `position` has the n reported motor angles [rad]."""
         self._speed[joint] = _SPEED
         if np.isnan(self._first[joint]):
             self._first[joint] = self._reach_from[joint] = position[joint]
-            self._judge(joint)
+            self._check_first(joint)
             back = -np.sign(position[joint] - self._start[joint]) or -self._direction[joint]
             self._direction[joint] = self._side[joint] or back
             return
@@ -328,8 +328,8 @@ class Homing:
         self._pulse[joint] = self._first[joint] + 0.5 * (distance - np.copysign(_TURN, distance))
         self._found[joint] = True
 
-    def _judge(self, joint: int) -> None:
-        """Compare the first pulse of a joint with its expected angle."""
+    def _check_first(self, joint: int) -> None:
+        """Fail if the first index pulse of a joint is too far from its expected angle."""
         residual = self._turn_and_residual(self._first)[1][joint]
         if abs(residual) <= RESIDUAL_MAX:
             return
@@ -344,12 +344,12 @@ class Homing:
         )
 
     def _turn_and_residual(self, reported: Array) -> tuple[Array, Array]:
-        """Return turn number and remainder [turns] of pulses at (n,) reported angles [rad]."""
+        """Return turn number and remainder [turns] of index pulses at n reported angles [rad]."""
         turns = (reported + self._shift - self._offset) / _TURN
         turn = np.round(turns)
         return turn, turns - turn
 
-    def _give_up_where_no_pulse_comes(self, position: Array) -> None:
+    def _fail_without_pulse(self, position: Array) -> None:
         missed = ~self._found & (np.abs(position - self._reach_from) > _REACH * _TURN)
         if missed.any():
             joints = np.flatnonzero(missed).tolist()
@@ -360,8 +360,8 @@ class Homing:
                 'encoder cable',
             )
 
-    def _give_up_after_a_long_hold_up(self, moved: Array) -> None:
-        """Fail if a motor moved so many turns (n,) between frames that a pulse is ambiguous."""
+    def _fail_after_delay(self, moved: Array) -> None:
+        """Fail if a motor moved so far between two frames that its index pulse is ambiguous."""
         joint = int(np.argmax(moved))
         if moved[joint] > _SAME_PULSE:
             self._fail(
@@ -390,7 +390,7 @@ class Homing:
 
 
 def homing_sides(config: ArmConfig) -> Array:
-    """Return on which sides of home the position limits leave range for each joint's pulses.
+    """Return on which sides of home each joint has enough range to find its index pulses.
 
     Returns
     -------
@@ -408,7 +408,7 @@ def homing_sides(config: ArmConfig) -> Array:
 
 
 def motion_in_words(config: ArmConfig) -> str:
-    """Return a description of the homing motion for the user, with the largest travel [rad]."""
+    """Return a description of the homing motion for the user, with the joints' travel [rad]."""
     travel = _TURN * config.column('gear.ratio')
     one_sided = homing_sides(config) != 0.0
     side = 'up to two turns to one side' if one_sided.any() else 'to either side'
@@ -419,7 +419,7 @@ def motion_in_words(config: ArmConfig) -> str:
 
 
 def homing_range_problem(config: ArmConfig) -> str:
-    """Return why a joint's position limits leave too little range for homing, or ''."""
+    """Return which joint has too little range for homing and what to change, or ''."""
     tight = np.isnan(homing_sides(config))
     if not tight.any():
         return ''
@@ -434,7 +434,7 @@ def homing_range_problem(config: ArmConfig) -> str:
 
 
 class ZeroSearch:
-    """Starts `Homing`, immediately or when the motors are aligned, and updates it in each cycle.
+    """Starts `Homing`, at once or when the motors are aligned, and updates it once per cycle.
 
     Parameters
     ----------
@@ -464,11 +464,11 @@ class ZeroSearch:
 
     @property
     def is_on(self) -> bool:
-        """Whether a search for the zeros is running or waiting."""
+        """Whether a search for the encoder zeros is running, or waits for aligned motors."""
         return self._waits or self._homing is not None
 
     def begin(self, expected: Array) -> Homing:
-        """Start homing now, with motor angles (n,) [rad] that are accurate to a third of a turn."""
+        """Start homing now; `expected` holds motor angles (n,) accurate to a third of a turn."""
         state = self._state
         homing = Homing(
             self._config,
@@ -481,15 +481,15 @@ class ZeroSearch:
         return homing
 
     def wait(self) -> None:
-        """Start homing at the next update; zeros must be known to a third of a motor turn."""
+        """Start homing at the next update, from motor angles accurate to a third of a turn."""
         self._waits = True
 
     def end(self) -> None:
-        """Stop the search for the zeros."""
+        """Stop the search for the encoder zeros."""
         self._homing, self._waits = None, False
 
     def update(self) -> Homing:
-        """Process the last measurements of aligned motors; return the `Homing` that runs."""
+        """Advance homing by the last measurements of the aligned motors, and return it."""
         state = self._state
         homing = self._homing or self.begin(state.motor_position)
         homing.update(state.reported_position, state.index_toggle)

@@ -1,4 +1,4 @@
-"""Storage of encoder zeros over a restart of the bridge, and checks that they are still valid."""
+"""Storage of encoder zeros across restarts of the bridge, with checks of their validity."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ LONGEST = 65536  # largest number of characters of a file that is read
 
 
 class KeptZerosError(ValueError):
-    """Stored encoder zeros that cannot be used; the message gives the reason."""
+    """Stored encoder zeros cannot be used; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class KeptJoint:
-    """Stored state of a joint with a known encoder zero.
+    """Stored encoder zero and encoder state of a joint.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class KeptJoint:
 
 @dataclass(frozen=True)
 class KeptBoard:
-    """Stored last answer of a board: host time [s, monotonic], board time [s] and error code."""
+    """Stored last answer of a motor board: host time [s, monotonic], board time [s], error code."""
 
     name: str
     time: float
@@ -82,7 +82,7 @@ class KeptBoard:
 
 @dataclass(frozen=True)
 class HostClock:
-    """Identity of a host's monotonic clock.
+    """Data that identify the host's monotonic clock: last start and total sleep of the host.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class HostClock:
 
 @dataclass(frozen=True)
 class KeptZeros:
-    """Stored state of a bridge: arm, host clock, encoder zeros by board, and motor temperatures."""
+    """Stored state of a bridge: arm, host clock, encoder zeros per board, motor temperatures."""
 
     arm: str
     host: HostClock
@@ -107,12 +107,12 @@ class KeptZeros:
     heat: KeptHeat | None = None
 
     def text(self) -> str:
-        """Return the stored state as file content with a digest."""
+        """Return the stored state as text with a digest, as the state file contains it."""
         return sealed(json.dumps(self, default=vars))
 
     @staticmethod
     def parse(text: str) -> KeptZeros:
-        """Parse file content; raises KeptZerosError if the content is incomplete or changed."""
+        """Parse a state file's text; raise KeptZerosError if it is incomplete or was changed."""
         try:
             if len(text) > LONGEST:
                 raise ValueError
@@ -143,10 +143,12 @@ class KeptZeros:
             host = HostClock(str(document['host']['boot']), _number(document['host']['suspended']))
             return KeptZeros(str(document['arm']), host, boards, _heat(document.get('heat')))
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-            raise KeptZerosError('is incomplete or was written by another program') from None
+            raise KeptZerosError(
+                'the file is incomplete or was written by another program'
+            ) from None
 
     def check(self, arm: str, host: HostClock, now: float) -> KeptZeros:
-        """Return this state; raises KeptZerosError if it is from another arm or host start.
+        """Return this state; raise KeptZerosError if arm or last host start differ.
 
         Parameters
         ----------
@@ -159,26 +161,26 @@ class KeptZeros:
         """
         if self.arm != arm:
             raise KeptZerosError(
-                'belongs to another arm, or to another configuration of its drives'
+                'the file belongs to another arm, or to another configuration of its drives'
             )
         if self.host.boot != host.boot:
-            raise KeptZerosError('was written before the host was started')
+            raise KeptZerosError('the file was written before the host was started')
         if abs(self.host.suspended - host.suspended) > _SUSPENDED:
-            raise KeptZerosError('was written before the host was suspended')
+            raise KeptZerosError('the file was written before the host was suspended')
         times = [board.time for board in self.boards]
         times += [self.heat.time] if self.heat else []
         if any(time > now for time in times):
-            raise KeptZerosError('has a time in the future')
+            raise KeptZerosError('the file has a time in the future')
         return self
 
 
 def sealed(kept: str) -> str:
-    """Return a text preceded by its digest, with which `KeptZeros.parse` detects changes."""
+    """Return a text with its digest, from which `KeptZeros.parse` detects changes of the text."""
     return json.dumps({'sha256': hashlib.sha256(kept.encode()).hexdigest(), 'kept': kept})
 
 
 def arm_identity(config: ArmConfig) -> str:
-    """Return a fingerprint of the arm's encoder configuration."""
+    """Return a digest of all parts of the configuration that determine the encoder zeros."""
     boards = [(board.name, board.device, board.encoders) for board in config.boards]
     joints = [
         (joint.name, joint.board, joint.channel, joint.sign, joint.offset, joint.gear.ratio)
@@ -189,7 +191,7 @@ def arm_identity(config: ArmConfig) -> str:
 
 
 class ZeroRecall:
-    """Decides at a board's first answer whether its stored encoder zeros are still valid.
+    """Checks at a motor board's first answer whether its stored encoder zeros are still valid.
 
     The board's flag `index detected` alone is not sufficient, because it stays set. The times
     elapsed on the board's clock and on the host clock must agree. The board must still report
@@ -238,11 +240,17 @@ class ZeroRecall:
 
     @property
     def is_on(self) -> bool:
-        """Whether a board with stored zeros has not answered yet."""
+        """Whether a board whose encoder zeros are stored has not answered yet."""
         return bool(self._waiting)
 
     def look(self) -> bool:
-        """Check the stored zeros of newly connected boards; return whether a zero has changed."""
+        """Check the stored encoder zeros of boards that have just connected.
+
+        Returns
+        -------
+        bool
+            Whether the zero of a joint has changed.
+        """
         changed = False
         for link in self._links:
             board = self._waiting.get(link.monitor.name)
@@ -263,7 +271,7 @@ class ZeroRecall:
         return changed
 
     def take_pulse_offset(self, pulse_offset: ArrayLike, motors_are_off: bool) -> str:
-        """Set new motor angles of the index pulses [rad], n angles or one for all motors.
+        """Change the motor angles of the index pulses [rad], n angles or one for all motors.
 
         The zeros of joints homed with different angles become unknown. Returns why the old angles
         stay, or ''.
@@ -280,7 +288,7 @@ class ZeroRecall:
         return ''
 
     def keep(self, arm: str, host: HostClock) -> KeptZeros | None:
-        """Return the state to store; None while stored zeros have not been checked yet."""
+        """Return the state to store; None until all stored encoder zeros have been checked."""
         if self._waiting:
             return None
         zero = self._zero.tolist()
@@ -289,7 +297,7 @@ class ZeroRecall:
         return KeptZeros(arm, host, tuple(board for board in boards if board is not None))
 
     def _problem(self, board: KeptBoard, link: BoardLink) -> str:
-        """Return why the stored zeros of a board cannot be used, or ''."""
+        """Return why the stored encoder zeros of a board cannot be used, or ''."""
         state, away = link.state, link.answered_at - board.time
         if away < 0.0:
             return 'answered before its zero was stored'
@@ -313,14 +321,14 @@ class ZeroRecall:
             if abs(joint.pulse_offset - self.pulse_offset[number]) > _SAME_PULSE:
                 return 'was homed with another index pulse of ' + joint.name
             toggled = state.index_toggle[channel] != joint.index_toggle
-            if not self._went_on(number, joint, state.position[channel], toggled, away):
+            if not self._can_have_moved(number, joint, state.position[channel], toggled, away):
                 return f'has another encoder count of {joint.name} than before'
         return ''
 
-    def _went_on(
+    def _can_have_moved(
         self, number: int, kept: KeptJoint, position: float, toggled: bool, away: float
     ) -> bool:
-        """Return whether a joint can have moved from its stored angle to a reported angle [rad]."""
+        """Return whether a joint can have moved from its stored to its reported angle."""
         joint = self._config.joints[number]
         before, after = kept.position - kept.zero, position - kept.zero
         q = joint.sign * joint.gear.ratio * after + joint.offset
@@ -343,7 +351,7 @@ def _from_pulse(angle: float) -> float:
 def _to_keep(
     link: BoardLink, zeros: EncoderZeros, zero: Sequence[float], pulses: Sequence[float]
 ) -> KeptBoard | None:
-    """Return the known zeros of a board at its last answer, in the form to store."""
+    """Return the stored form of a board's known encoder zeros at its last answer."""
     state, known = link.state, zeros.known
     joints = tuple(
         KeptJoint(
@@ -380,22 +388,22 @@ _BOOT_ID = Path('/proc/sys/kernel/random/boot_id')
 
 
 def host_clock() -> HostClock:
-    """Return the identity of this process's monotonic clock; raises OSError if unavailable."""
+    """Return the identity of this process's monotonic clock; raise OSError without one."""
     boot = _BOOT_ID.read_text(encoding='ascii').strip()
     suspended = time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
     return HostClock(boot, suspended)
 
 
 def _text(path: Path) -> str:
-    """Return the text of a regular file; other paths are not opened, as they might never end."""
+    """Return the text of a regular file; raise an error for a pipe or device without opening it."""
     if path.exists() and not path.is_file():
-        raise KeptZerosError('is not a regular file')
+        raise KeptZerosError('the path is not a regular file')
     with path.open(encoding='utf-8') as file:
         return file.read(LONGEST + 1)
 
 
 class ZeroFile:
-    """Writes the known zeros to a file once per second, and immediately when one is found or lost.
+    """Writes the known encoder zeros to a file once per second, and at once after a change.
 
     The thread of the bridge cycle formats the text in its idle time, and another thread writes
     it, so the disk cannot delay a cycle. The file is not synchronized to disk, because a restart
@@ -426,7 +434,7 @@ class ZeroFile:
         self._thread: threading.Thread | None = None
 
     def read(self, now: float) -> KeptZeros | str | None:
-        """Return the stored state, or the reason why it cannot be used, or None without a file.
+        """Return the stored state, the reason why it is unusable, or None if no file exists.
 
         Parameters
         ----------
@@ -443,11 +451,11 @@ class ZeroFile:
         except (OSError, UnicodeDecodeError, KeptZerosError) as error:
             reason = getattr(error, 'strerror', None) or error
             if isinstance(error, UnicodeDecodeError):
-                reason = 'is not a text file'
-            return f'the state file {self._path} cannot be used, because it {reason}'
+                reason = 'the file is not a text file'
+            return f'the state file {self._path} cannot be used, because {reason}'
 
     def update(self, cycle: BridgeCycle, now: float) -> None:
-        """Write the bridge's zeros at `now` [s] if they have changed or a second has passed."""
+        """Write the bridge's encoder zeros if they have changed or a second has passed."""
         if self._host is None or (now < self._due and cycle.zeros.changes == self._changes):
             return
         kept = cycle.recall.keep(self._arm, self._host)
@@ -461,7 +469,7 @@ class ZeroFile:
             self._thread.start()
 
     def close(self) -> None:
-        """Write pending data and close; the next update opens the file again."""
+        """Write pending data and end the writing thread, which the next update starts again."""
         if self._thread is not None:
             self._ends = True
             self._news.set()

@@ -1,4 +1,4 @@
-"""Conversion of joint references into references of the boards' control law (4.4)."""
+"""Conversion of joint references to motor references for the boards' control law (4.4)."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ _SENT_KEPT = 512
 
 
 class MotorReference:
-    """Reference and gains of one motor for the board's control law (4.4).
+    """Reference and gains that a board's control law (4.4) receives for one motor.
 
     NaN means an unused value. Plain floats are used, because they are faster than arrays for four
     joints.
@@ -42,7 +42,7 @@ class MotorReference:
     ----------
     position, velocity, current, kp, kd, integral_gain
         As in `BoardCommand`: [rad], [rad/s], [A], [A/rad], [A s/rad], [A/(rad s)].
-    believed
+    load_current
         Current that may hold a load without moving it [A]: the commanded effort, or the load of a
         braked joint.
     noise
@@ -80,7 +80,7 @@ class MotorReference:
         '_reach',
         '_sent',
         '_slope',
-        'believed',
+        'load_current',
         'current',
         'current_max',
         'effort_limit',
@@ -120,7 +120,7 @@ class MotorReference:
         self.release()
 
     def set_gains(self, kp: float, kd: float, integral_gain: float, reach: float) -> None:
-        """Set the board's gains, units as in the class attributes.
+        """Set the gains of the board's control law, in the units of the class attributes.
 
         `reach` is the largest distance of an integrated reference from the joint [rad].
         """
@@ -129,36 +129,36 @@ class MotorReference:
         self._reach = reach
 
     def set_zero(self, zero: float) -> None:
-        """Change `zero` [rad]; the motor stays where it is, so the joint angle changes."""
+        """Change `zero` [rad]; the motor does not move, so the computed joint angle changes."""
         self.joint_position += (self.zero - zero) / self._slope
         self.zero = zero
 
     def release(self) -> None:
-        """Set zero current and zero gains for the motor."""
+        """Set the motor's feed-forward current and gains to zero, so that it delivers no torque."""
         self.position = self.velocity = self.current = 0.0
-        self.kp = self.kd = self.integral_gain = self.believed = self.noise = 0.0
+        self.kp = self.kd = self.integral_gain = self.load_current = self.noise = 0.0
         self.current_max = inf
         self._most = self._effort_max
         self.joint_position = nan
         self._integrates = False
 
     def damp(self, speed_max: float = inf) -> None:
-        """Brake the joint to rest, with at most the damping current of a motor speed [rad/s]."""
+        """Damp the joint, with at most the damping current at the motor speed `speed_max`."""
         self.release()
         self.kd = self._board_kd
         if speed_max < inf:
             self.current_max = self.kd * speed_max
 
     def torque(self, q: float, dq: float) -> float:
-        """Return the joint torque [Nm] that the board's law requests at q [rad], dq [rad/s]."""
+        """Return the joint torque [Nm] that the control law requests at q [rad], dq [rad/s]."""
         return self._limited(self._law(self._reference(), q, dq))
 
     def note_sent(self) -> None:
-        """Store the reference that the frame of this cycle carries to the board."""
+        """Store the motor reference that this cycle's frame carries to the board."""
         self._sent.append(self._reference())
 
     def kept_torque(self, q: float, dq: float, unconfirmed: int) -> float:
-        """Return the joint torque [Nm] that the board requests if the last commands were lost.
+        """Return the joint torque [Nm] that the board requests if it lost the last commands.
 
         The board then keeps the command that is `unconfirmed` commands older than the last.
         """
@@ -166,7 +166,7 @@ class MotorReference:
         return self._limited(self._law(sent[-1 - min(unconfirmed, len(sent) - 1)], q, dq))
 
     def wind_up(self, q: float, duration: float) -> None:
-        """Update the estimated integral term over a time [s] at mean joint angle q [rad]."""
+        """Advance the estimated integral term by `duration` [s] at the mean joint angle q [rad]."""
         if self.integral_gain:
             most = abs(self._current_per_effort) * self._effort_max
             wound = self.integral + self.integral_gain * self._error(q) * duration
@@ -199,10 +199,10 @@ class MotorReference:
         self.position = self._slope * reference + self._intercept + self.zero
         self.velocity = self._slope * speed
         self.current = self._current_per_effort * effort if effort == effort else 0.0
-        self.believed, self.noise = self.current, 0.0
+        self.load_current, self.noise = self.current, 0.0
 
     def keep_within(self, barrier: JointBarrier) -> bool:
-        """Brake the joint if the references request more torque than its barrier allows.
+        """Brake the joint if its references request more torque than its barrier allows.
 
         A pure torque reference may be allowed for one cycle, but make the joint too fast if the
         host is delayed. A pure torque reference therefore gets additional damping about the joint
@@ -247,7 +247,7 @@ class MotorReference:
         self.kp = self.kd = self.integral_gain = self.current = 0.0
         gap = self._gap_kd(barrier, torque, torque)
         self.kd = max(self._braking_kd, gap)
-        self.believed = barrier.load * self._current_per_effort
+        self.load_current = barrier.load * self._current_per_effort
         self.noise = barrier.noise * abs(self._current_per_effort)
         self.position = self._slope * q + self._intercept + self.zero
         about = barrier.mean_filtered(torque) if gap else dq
@@ -255,19 +255,19 @@ class MotorReference:
         return True
 
     def _gap_kd(self, barrier: JointBarrier, torque: float, law: float) -> float:
-        """Return the damping gain [A s/rad] of a torque [Nm] in case the host is delayed."""
+        """Return the damping gain [A s/rad] that limits the speed if no later command arrives."""
         per_gain = self._per_gain
         damping = barrier.gap_damping(torque, law, self.kp * per_gain, self.kd * per_gain)
         return min(damping / per_gain, self._kd_max)
 
     def _reference(self) -> tuple[float, float, float, float, float, float]:
-        """Return the motor's frame values in the form that `_law` uses."""
+        """Return the references and gains of the motor as a tuple for `_law`."""
         return self.position, self.velocity, self.current, self.kp, self.kd, self.integral_gain
 
     def _law(
         self, reference: tuple[float, float, float, float, float, float], q: float, dq: float
     ) -> float:
-        """Return the joint torque [Nm] of the board's law for a reference, without limits."""
+        """Return the joint torque [Nm] of the control law for a reference, before saturation."""
         position, velocity, current, kp, kd, integral_gain = reference
         error = position - self.zero - self._slope * q - self._intercept
         current += kp * error + kd * (velocity - self._slope * dq)
@@ -286,7 +286,7 @@ class MotorReference:
         return self.position - self.zero - self._slope * q - self._intercept
 
     def _integrated(self, step: float, q: float) -> float:
-        """Return the last position reference advanced by a step [rad], within reach and limits."""
+        """Return the last position reference plus a step [rad], limited to reach and limits."""
         last = self.joint_position
         wanted = (last if last == last else q) + step
         least, most = q - self._reach, q + self._reach
@@ -295,7 +295,7 @@ class MotorReference:
 
 
 class MotorReferences:
-    """References and gains of the n motors, in the order of the joints.
+    """References and gains of the n motors for the boards' control law, in the order of the joints.
 
     If a joint is commanded by velocity only, the velocity is integrated into a position reference.
     The proportional and derivative gains of the boards then act as the integral and proportional
@@ -360,7 +360,7 @@ class MotorReferences:
 
     @property
     def gains(self) -> list[tuple[float, float]]:
-        """Present gains Kp and Kd of the boards, n pairs, motor side [A/rad], [A s/rad].
+        """Kp [A/rad] and Kd [A s/rad] that the boards use at present, one pair per motor.
 
         Both gains are zero while the joint is controlled by torque.
         """
@@ -368,17 +368,17 @@ class MotorReferences:
 
     @property
     def integrates(self) -> bool:
-        """Whether a board's integral term is active."""
+        """Whether the integral term of any motor's control law is active."""
         return any(motor.integral_gain for motor in self.motors)
 
     @property
     def feed_forward(self) -> list[float]:
-        """Motor currents, n [A], commanded as effort or for the load of a braked joint."""
-        return [motor.believed for motor in self.motors]
+        """Motor currents [A], n values: the commanded effort, or the load of a braked joint."""
+        return [motor.load_current for motor in self.motors]
 
     @property
     def braking_noise(self) -> list[float]:
-        """Motor currents, n [A], that quantization causes in braked joints; 0 for others."""
+        """Motor currents [A], n values, caused by encoder quantization in braked joints, else 0."""
         return [motor.noise for motor in self.motors]
 
     def set_gains(self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0) -> None:
@@ -396,7 +396,7 @@ class MotorReferences:
     def check_gains(
         self, kp: ArrayLike, kd: ArrayLike, integral_gain: ArrayLike = 0.0
     ) -> list[Array]:
-        """Return the three gains as (n,) arrays; raises ValueError if `set_gains` would."""
+        """Return the three gains as (n,) arrays; raise ValueError if a frame cannot carry one."""
         named = zip(('kp', 'kd', 'integral_gain'), (kp, kd, integral_gain), strict=True)
         gains = [self._checked(name, gain) for name, gain in named]
         # The gain is checked as rounded by the frame, because a frame field may be coarse.
@@ -413,34 +413,34 @@ class MotorReferences:
         return gains
 
     def set_zero(self, zero: Array) -> None:
-        """Change `zero` (n,) [rad]; the motors stay where they are, so the joint angles change."""
+        """Change `zero` (n,) [rad]; the motors do not move, so the computed joint angles change."""
         self.zero[:] = zero
         for motor, angle in zip(self.motors, zero.tolist(), strict=True):
             motor.set_zero(angle)
 
     def switch_off(self) -> None:
-        """Set zero current and zero gains; a board that is off resets its integral."""
+        """Set currents and gains to zero, and the integral terms too, as boards that are off do."""
         for motor in self.motors:
             motor.release()
             motor.integral = 0.0
 
     def wind_up(self, q: Array, duration: float) -> None:
-        """Update the estimated integral terms, for a time [s] at mean joint angles q (n,) [rad]."""
+        """Advance the estimated integral terms by `duration` [s] at mean joint angles q [rad]."""
         for motor, angle in zip(self.motors, q.tolist(), strict=True):
             motor.wind_up(angle, duration)
 
     def torques(self, q: Array, dq: Array) -> Array:
-        """Return the joint torques (n,) [Nm] that the boards' laws request at q, dq (n,)."""
+        """Return the joint torques (n,) [Nm] that the boards' control laws request at q and dq."""
         rows = zip(self.motors, q.tolist(), dq.tolist(), strict=True)
         return np.array([motor.torque(angle, speed) for motor, angle, speed in rows])
 
     def note_sent(self) -> None:
-        """Store the references that the frames of this cycle carry to the boards."""
+        """Store the motor references that this cycle's frames carry to the boards."""
         for motor in self.motors:
             motor.note_sent()
 
     def kept_torques(self, q: Array, dq: Array, unconfirmed: Sequence[int]) -> list[float]:
-        """Return the n joint torques [Nm] that boards request if they still use an older command.
+        """Return the joint torques [Nm], n values, of boards that still use an older command.
 
         Parameters
         ----------
@@ -459,7 +459,7 @@ class MotorReferences:
         ]
 
     def keep_within(self, barriers: Sequence[JointBarrier], trusted: Sequence[bool]) -> bool:
-        """Brake joints whose references request more torque than their barriers allow.
+        """Brake each joint whose references request more torque than its barrier allows.
 
         Parameters
         ----------
@@ -476,7 +476,7 @@ class MotorReferences:
         return True in braked
 
     def damp(self, speed_max: Array) -> None:
-        """Damp the joints to rest, with at most the damping currents of (n,) motor speeds [rad/s].
+        """Damp all joints; limit each current to the damping current at a motor speed (n,) [rad/s].
 
         A joint with speed 0, because its encoder is unreliable, gets no current.
         """

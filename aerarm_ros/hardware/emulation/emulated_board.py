@@ -1,4 +1,4 @@
-"""Emulated dual-motor board that exchanges frames and drives two motors."""
+"""Emulated motor board, which exchanges frames with the bridge and drives two motors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from aerarm_ros.hardware.frames.frame_profile import FRAME_BYTES, FrameProfile
 
 @dataclass(slots=True)
 class BoardFaults:
-    """Persistent faults of one emulated board; all off by default.
+    """Faults of an emulated board that stay until its power cycle; none by default.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def _of_both(value: float) -> list[float]:
 
 @dataclass(slots=True)
 class BoardWiring:
-    """Wiring and assembly errors of one board and its two motors; without errors by default.
+    """Wiring and assembly errors of an emulated board and its two motors; none by default.
 
     A power cycle does not remove these errors. Lists have one entry per channel.
 
@@ -93,7 +93,7 @@ _VOLTAGE = 24.0  # [V]
 
 
 class EmulatedSupply:
-    """Emulated supply of a board: a battery with leads, or a supply that cannot absorb current.
+    """Emulated supply of a motor board: a battery, or a supply that cannot absorb current.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class EmulatedSupply:
         self.capacitance = 0.0
 
     def step(self, power: float, duration: float) -> None:
-        """Compute the voltage after a duration [s] in which the motors draw a power [W]."""
+        """Compute the supply voltage after the motors drew a power [W] for `duration` [s]."""
         loaded = self.source - _RESISTANCE * power / self.source
         if not self.capacitance or power > 0.0 and self.voltage <= self.source:
             self.voltage = loaded
@@ -134,7 +134,7 @@ _SLOW_STEPS = 8  # sub-steps between two updates of heat and supply
 
 
 class EmulatedBoard:
-    """Board with the behaviour of the real firmware at its SPI interface.
+    """Emulated motor board that behaves at its SPI interface like the real firmware.
 
     The transport advances the motors by `step` together with the plant; frames pass through
     `exchange` at any time in between. An error switches the motors off. With
@@ -211,12 +211,12 @@ class EmulatedBoard:
 
     @property
     def system_enabled(self) -> bool:
-        """Whether the board drives any motor."""
+        """Whether the board is enabled, has supply voltage, and reports no error."""
         return self._command.enable_system and self.error == 0 and not self.faults.dead
 
     @property
     def is_torque_free(self) -> bool:
-        """Whether both motors stay without torque until the next command arrives.
+        """Whether neither motor of the board produces torque before the next command arrives.
 
         The motors have no torque if the board is switched off, or if its time-out has expired
         after a command of zero current (which is not an error of the board).
@@ -225,7 +225,7 @@ class EmulatedBoard:
         return not self.system_enabled or (is_silent and not self._is_driving())
 
     def exchange(self, frame: bytes) -> bytes:
-        """Process a command frame and return the sensor frame prepared before it."""
+        """Process a command frame and return the sensor frame that was prepared earlier."""
         faults = self.faults
         if faults.dead or (faults.lost_frame_rate and self._happens(faults.lost_frame_rate)):
             return _LINE_LOW
@@ -239,11 +239,11 @@ class EmulatedBoard:
         return self._with_bit_errors(answer)[: faults.answer_bytes]
 
     def prepare(self) -> None:
-        """Prepare the answer of the next exchange, as the firmware does after each control loop."""
+        """Prepare the sensor frame for the next exchange, as the firmware does in each loop."""
         self._prepared = self._sensor_frame()
 
     def step(self, angle_1: float, angle_2: float) -> None:
-        """Advance the board by one sub-step at the true motor angles [rad]."""
+        """Advance the emulated board by one sub-step at the true angles of its motors [rad]."""
         first, second = self.motors
         first.step(angle_1)
         second.step(angle_2)
@@ -258,7 +258,7 @@ class EmulatedBoard:
         self._check()
 
     def _warm(self) -> None:
-        """Update motor temperatures and supply voltage for the sub-steps since the last update."""
+        """Advance motor temperatures and supply voltage by the sub-steps since the last call."""
         duration = self._steps * self._substep
         power = 0.0
         for i, motor in enumerate(self.motors):
@@ -271,7 +271,7 @@ class EmulatedBoard:
         self._steps = 0
 
     def raise_error(self, code: int) -> None:
-        """Stop the motors with an error code; an earlier error is kept."""
+        """Switch the motors off with an error code; the code of an earlier error is kept."""
         self._prepared = None
         if self.error == 0:
             self.error = code
@@ -279,7 +279,7 @@ class EmulatedBoard:
             motor.forget_alignment()
 
     def power_cycle(self) -> None:
-        """Switch the supply off and on: clears errors, faults, alignment, counts and commands."""
+        """Switch the supply off and on, which clears errors, faults, counts and commands."""
         self.faults = BoardFaults()
         self.error = 0
         self._prepared = None
@@ -291,7 +291,7 @@ class EmulatedBoard:
             motor.forget_alignment()
 
     def cut_power(self) -> None:
-        """Switch the supply off until `power_cycle` is called."""
+        """Switch the board's supply off until `power_cycle` is called."""
         self.faults.dead = True
         for motor in self.motors:
             motor.forget_alignment()
@@ -323,7 +323,7 @@ class EmulatedBoard:
                 motor.enable(command.enable_motor[i])
 
     def _check(self) -> None:
-        """Check for the errors that the firmware detects in every control loop."""
+        """Raise the errors that the firmware detects in every control loop."""
         command = self._command
         if command.timeout and self._silence > command.timeout and self._is_driving():
             self.raise_error(TIMEOUT_ERROR)

@@ -1,4 +1,4 @@
-"""Emulated motor with its encoder and thermal model."""
+"""Emulated motor with encoder, current control, alignment and thermal model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aerarm_ros.description.drive_config import JointConfig, MotorConfig
 
 @dataclass(frozen=True)
 class AlignmentTiming:
-    """Alignment of a rotor by a magnetic field that turns one electrical turn forward and back.
+    """Durations and current of a rotor's alignment, in which the field turns forward and back.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class EmulatedEncoder:
         self.stuck = False
 
     def sample(self, angle: float, compensate_index: bool = False) -> None:
-        """Sample the encoder at a true motor angle [rad].
+        """Measure a true motor angle [rad]; call once per sub-step.
 
         With `compensate_index`, the next index pulse shifts the position so that the pulse lies at
         zero, like the firmware's index offset compensation.
@@ -111,7 +111,7 @@ class EmulatedEncoder:
         self.position = position
 
     def place(self, angle: float) -> None:
-        """Set the true motor angle [rad], as if the motor had turned between two samples."""
+        """Move the encoder to a true motor angle [rad] without a measured speed."""
         if self._begins:
             self._shift, self._begins = -angle, False
         self._angle = angle
@@ -120,7 +120,7 @@ class EmulatedEncoder:
         self.velocity = 0.0
 
     def remount(self, angle: float) -> None:
-        """Keep the count after a move of the encoder to another motor shaft, at an angle [rad]."""
+        """Mount the encoder on another motor shaft at an angle [rad] without changing its count."""
         if self._angle is None:
             return  # the encoder has not begun to count
         self._shift += self._angle - angle
@@ -128,14 +128,14 @@ class EmulatedEncoder:
         self._turn = self._turns(angle)
 
     def restart(self) -> None:
-        """Restart counting without a detected pulse, as after a power cycle."""
+        """Restart the count, as after a power cycle; no index pulse counts as detected."""
         angle = self._angle or 0.0
         self._shift = -angle if self._shift_absolute is None else self._shift_absolute
         self.position, self.velocity = self._quantised(angle), 0.0
         self.index_detected = self.index_toggle = self.stuck = False
 
     def jump(self, angle: float) -> None:
-        """Fault: add an angle [rad] to the count, as lost or doubled pulses would."""
+        """Emulate lost or doubled pulses: add an angle [rad] to the measured angle."""
         self._shift += angle
 
     def _pass_index(self, turn: int, compensate: bool) -> None:
@@ -147,7 +147,7 @@ class EmulatedEncoder:
         self.index_toggle = not self.index_toggle
 
     def _turns(self, angle: float) -> int:
-        """Return the number of index pulses between `pulse_offset` and a true motor angle [rad]."""
+        """Return the number of index pulses from `pulse_offset` to a true motor angle [rad]."""
         return floor((angle - self._pulse_offset) / (2.0 * pi))
 
     def _quantised(self, angle: float) -> float:
@@ -156,7 +156,7 @@ class EmulatedEncoder:
 
 ROOM = 25.0  # [degC]
 CRITICAL = 130.0
-"""Temperature of a winding at which an emulated board reports its error [degC]."""
+"""Winding temperature [degC] at which an emulated board reports the temperature error."""
 # Temperature at which copper resistance extrapolates to zero [degC] (IEC 60034-1).
 _ABSENT = -234.5
 # Fraction of the winding's thermal resistance to the housing, and of its heat capacity, that
@@ -220,27 +220,27 @@ class EmulatedHeat:
 
     @classmethod
     def of_joint(cls, joint: JointConfig, arm_seed: int | None) -> EmulatedHeat:
-        """Return the thermal model of a joint's motor; the arm's seed determines deviations."""
+        """Return the thermal model of a joint's motor; the seed draws its deviations."""
         if arm_seed is None:
             return cls(joint.motor)
         return cls(joint.motor, 2 * (1000 * arm_seed + joint.board) + joint.channel)
 
     @property
     def copper(self) -> float:
-        """Temperature of the copper winding [degC]."""
+        """Present temperature of the copper winding [degC]."""
         return self.temperatures[0]
 
     @property
     def resistance(self) -> float:
-        """Phase resistance at the copper temperature [ohm]."""
+        """Phase resistance [ohm] at the present temperature of the copper winding."""
         return self._cold * (self.temperatures[0] - _ABSENT) / (ROOM - _ABSENT)
 
     def warm(self, temperature: float) -> None:
-        """Set the temperature of the whole motor [degC]."""
+        """Set winding, iron and housing of the motor to a temperature [degC]."""
         self.temperatures = [temperature, temperature, temperature]
 
     def step(self, square: float, speed: float, duration: float) -> None:
-        """Advance by a duration [s] with a mean squared current [A^2] and a speed [rad/s]."""
+        """Advance the temperatures by `duration` [s], given mean squared current and speed."""
         steps = int(duration / self._longest) + 1
         dt = duration / steps
         for _ in range(steps):
@@ -320,7 +320,7 @@ class EmulatedMotor:
 
     @property
     def enabled(self) -> bool:
-        """Whether the board drives the motor."""
+        """Whether the board has enabled the motor."""
         return self._enabled
 
     @property
@@ -330,7 +330,7 @@ class EmulatedMotor:
 
     @property
     def quadrature_voltage(self) -> float:
-        """Voltage [V] for which (4.1) gives the sum of Joule loss and mechanical power."""
+        """Quadrature voltage [V], so that (4.1) gives Joule loss plus mechanical power."""
         back_emf = 2.0 / 3.0 * self._motor.torque_constant * self.encoder.velocity
         return self.heat.resistance * self.measured_current + back_emf
 
@@ -340,19 +340,19 @@ class EmulatedMotor:
         return 1.5 * self.quadrature_voltage * self.measured_current
 
     def enable(self, enabled: bool) -> None:
-        """Begin to drive the motor, after an alignment if needed, or stop driving it."""
+        """Enable or disable the motor; a motor that is not aligned yet is aligned first."""
         if enabled and not self._enabled and not self.ready:
             self._aligning_for = 0.0
         self._enabled = enabled
         self._integral = 0.0 if not enabled else self._integral
 
     def forget_alignment(self) -> None:
-        """Switch the motor off, so that it is aligned again when it is enabled next."""
+        """Disable the motor; when it is enabled again, it is aligned first."""
         self._enabled = self.ready = self.alignment_failed = False
         self._integral = 0.0
 
     def step(self, angle: float) -> None:
-        """Advance the motor by one sub-step at a true motor angle [rad]."""
+        """Advance the emulated motor by one sub-step at a true motor angle [rad]."""
         encoder = self.encoder
         encoder.sample(angle, self.compensate_index)
         if not self._enabled:
@@ -378,7 +378,7 @@ class EmulatedMotor:
         return self._integral
 
     def _align(self, angle: float) -> None:
-        """Compute one sub-step of the alignment: a field of known direction turns the rotor."""
+        """Advance the alignment by one sub-step, in which a rotating field turns the rotor."""
         timing, before = self._alignment, self._aligning_for
         self._aligning_for = now = before + self._substep
         if now < timing.forward:

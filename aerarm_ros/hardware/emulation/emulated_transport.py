@@ -1,4 +1,4 @@
-"""Transport to emulated boards on a simulated arm, simulated up to the caller's time."""
+"""Transport to emulated boards and their simulated arm, which advance with the bridge's time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LAG_MAX = 20  # [states] with a larger lag the bridge would reject the command 
 
 
 class AnswerWatch:
-    """Decides whether the simulation waits for a controller's answer to a state.
+    """Decides whether the simulation waits for the command that answers a joint state.
 
     A controller stamps a command with the stamp of the state that it answers. After the first
     answer, every further answer is expected at most `lag` states later. If an answer does not
@@ -41,30 +41,30 @@ class AnswerWatch:
 
     @property
     def expects(self) -> bool:
-        """Whether a controller currently answers states."""
+        """Whether a controller currently answers the joint states."""
         return self._expects
 
     def note(self, stamp_ns: int, newest_ns: int) -> None:
-        """Record the stamp of a command and of the newest state [ns]."""
+        """Record the stamps [ns] of a received command and of the newest joint state."""
         self._expects = self.is_answer(stamp_ns, newest_ns)
         self._answered_ns = stamp_ns
 
     def is_answer(self, stamp_ns: int, newest_ns: int) -> bool:
-        """Whether a stamp [ns] belongs to the newest state or a recent one."""
+        """Whether a command's stamp [ns] is that of the newest or a recent joint state."""
         states, rest = divmod(newest_ns - stamp_ns, self._period_ns)
         return 0 <= states <= _LAG_MAX and rest == 0
 
     def awaits(self, newest_ns: int) -> bool:
-        """Whether a controller must still answer this state (stamp in ns) or a recent one."""
+        """Whether the simulation must wait for a command before the next joint state."""
         return self._expects and newest_ns - self._answered_ns > self._lag * self._period_ns
 
     def give_up(self) -> None:
-        """Stop waiting until the controller answers again, and allow a larger lag from then on."""
+        """Stop waiting until the controller answers again, and then allow a larger lag."""
         self._expects = False
         self._lag = min(4 * self._lag + 1, _LAG_MAX)
 
     def forget(self) -> None:
-        """Discard all answers, after the last controller has stopped."""
+        """Discard all answers and the larger lag, after the last controller has stopped."""
         self._expects = False
         self._lag = self._first_lag
 
@@ -78,7 +78,7 @@ _SETTLING = 0.5  # [s]
 
 
 def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
-    """Parse JOINT:ANGLE and return the joint number and the angle [rad].
+    """Parse JOINT:ANGLE; return the joint's number and the angle [rad].
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def parse_turn(text: str, names: Sequence[str]) -> tuple[int, float]:
 
 
 class EmulatedHand:
-    """Emulated hand that turns a joint slowly to an angle, with a small error, then releases it.
+    """Emulated hand that turns a joint slowly to an angle with a small error, then releases it.
 
     Parameters
     ----------
@@ -126,11 +126,11 @@ class EmulatedHand:
 
     @property
     def is_done(self) -> bool:
-        """Whether the hand has released the joint at its target."""
+        """Whether the emulated hand has released the joint."""
         return self._left <= 0.0
 
     def effort(self, q: float, dq: float, duration: float) -> float:
-        """Return the hand's torque [Nm] at q [rad], dq [rad/s], and advance by a time [s]."""
+        """Return the hand's torque [Nm] at q [rad], dq [rad/s], and advance by `duration` [s]."""
         self._left -= duration
         step = _SPEED * duration
         away = self._target - self._reference
@@ -144,7 +144,7 @@ _RELEASE_TIME = 0.5  # [s] time in which the person who carries the arm releases
 
 
 class EmulatedTransport:
-    """Transport to emulated boards whose motors drive a simulated arm (`ArmPlant`).
+    """Transport to emulated boards, whose motors drive a simulated arm (`ArmPlant`).
 
     `advance(now)` simulates boards and arm in whole sub-steps up to `now`. If `now` is more than
     10 ms later than the simulation, only 10 ms are simulated, so that a delayed host causes
@@ -183,7 +183,7 @@ class EmulatedTransport:
         self.carry()
 
     def _connect(self) -> None:
-        """Connect joints to boards according to the configuration and the boards' wiring errors."""
+        """Connect joints to board channels, as the configuration and the wiring errors specify."""
         # For each joint: the list that receives the motor angle, the index in this list, the
         # motor, its gear ratio and its zero.
         self._drives: list[tuple[list[float], int, EmulatedMotor, float, float]] = []
@@ -200,7 +200,7 @@ class EmulatedTransport:
             self._effort_per_current.append(torque_constant * joint.gear.efficiency * ratio)
 
     def _rewire(self) -> None:
-        """Apply the boards' wiring errors; all encoders continue from their present counts."""
+        """Apply changed wiring errors of the boards; no encoder count changes."""
         self._connect()
         for (_, _, motor, ratio, offset), q in zip(
             self._drives, self.plant.position.tolist(), strict=True
@@ -240,28 +240,28 @@ class EmulatedTransport:
         """Do nothing; emulated boards need no device."""
 
     def exchange(self, board: int, frame: bytes) -> bytes:
-        """Pass a frame to an emulated board and return its answer."""
+        """Pass a command frame to an emulated board and return its sensor frame."""
         return self.boards[board].exchange(frame)
 
     def exchange_time(self, board: int) -> float:
-        """Duration of an exchange on the emulated bus [s]."""
+        """Duration [s] of a frame exchange with an emulated board."""
         return self.boards[board].faults.exchange_time
 
     def exchanged_at(self, board: int) -> float:
-        """Time of the last exchange with a board [s], equal to the simulated time."""
+        """Time [s] of the last frame exchange with a board, which is the simulated time."""
         return self._now or 0.0
 
     def problem(self, board: int) -> str:
-        """Return ''; emulated wires never break, and board faults appear in the frames."""
+        """Return '', because the emulated bus never fails; board faults appear in the frames."""
         return ''
 
     @property
     def is_carried(self) -> bool:
-        """Whether the arm's weight is supported by hand."""
+        """Whether an emulated hand supports the arm's weight."""
         return self._carried
 
     def carry(self) -> None:
-        """Stop the arm by hand, and support its weight until every motor is ready."""
+        """Stop the simulated arm and support its weight by hand until every motor is ready."""
         self.plant.reset(self.plant.position)
         self._carried = True
         self.plant.support = 1.0
@@ -271,11 +271,11 @@ class EmulatedTransport:
             board.prepare()  # because the frame that was prepared before describes a moving arm
 
     def put_back(self) -> None:
-        """Move the arm to its initial position and support it; required before enabling."""
+        """Move the simulated arm to its initial position and support it, before `enable`."""
         self._put(self._start)
 
     def put_at_rest(self) -> None:
-        """Move the arm to its home configuration and support it; required before homing."""
+        """Move the simulated arm to its home configuration and support it, before homing."""
         self._put(self._rest)
 
     def _put(self, target: Array) -> None:
@@ -286,7 +286,7 @@ class EmulatedTransport:
         self.carry()
 
     def advance(self, now: float) -> None:
-        """Simulate boards and arm up to `now` [s], at most 10 ms."""
+        """Simulate boards and arm up to `now` [s], by at most 10 ms."""
         if self._now is None or now < self._now - _CATCH_UP:
             self._now = now
         late = now - self._now - _CATCH_UP
@@ -296,7 +296,7 @@ class EmulatedTransport:
         steps = max(0, int((now - self._now) / SUBSTEP + 1e-6))
         self._now += steps * SUBSTEP
         if steps and self.plant.support > 0.0:
-            self._let_go(steps * SUBSTEP)
+            self._release(steps * SUBSTEP)
         for _ in range(steps):
             self._step()
         if steps:
@@ -323,7 +323,7 @@ class EmulatedTransport:
         if hand.is_done:
             self._hand = None
 
-    def _let_go(self, duration: float) -> None:
+    def _release(self, duration: float) -> None:
         if self._carried:
             motors = [motor for _, _, motor, _, _ in self._drives]
             self._carried = not all(motor.ready and motor.enabled for motor in motors)

@@ -1,4 +1,4 @@
-"""Functions that create emulated boards, with a simulated arm on a fixed or moving base."""
+"""Creation of emulated boards with a simulated arm, on a fixed base, a moving base or a drone."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ from aerarm_ros.simulation.sensors import BandLimitedNoise, RandomDrift
 def mount_on_base(
     transport: EmulatedTransport, robot: Robot, profile: BaseProfile
 ) -> MovingBasePlant:
-    """Replace the simulated arm by one in the same state, on a base that follows a motion profile.
+    """Mount the simulated arm of a transport on a base that follows a motion profile.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def mount_on_base(
     MovingBasePlant
         New simulation of the transport, with the arm parameters of the previous one.
     """
-    before = _without_play(transport)
+    before = _without_backlash(transport)
     plant = MovingBasePlant(robot, before.parameters, before.position, profile)
     transport.plant = plant
     transport.carry()
@@ -52,7 +52,7 @@ def mount_on_drone(
     rotor_timeout: float,
     gust: RandomDrift | BandLimitedNoise | None = None,
 ) -> FlyingPlant:
-    """Replace the simulated arm of a transport by one in the same state under a drone.
+    """Mount the simulated arm of a transport under a simulated drone.
 
     Parameters
     ----------
@@ -66,15 +66,15 @@ def mount_on_drone(
     FlyingPlant
         New simulation of the transport, with the arm parameters of the previous one.
     """
-    before = _without_play(transport)
+    before = _without_backlash(transport)
     plant = FlyingPlant(robot, before.parameters, before.position, drone, rotor_timeout, gust)
     transport.plant = plant
     transport.carry()
     return plant
 
 
-def _without_play(transport: EmulatedTransport) -> ArmPlant:
-    """Return the simulation of a transport; raises an error if its gears have backlash."""
+def _without_backlash(transport: EmulatedTransport) -> ArmPlant:
+    """Return the simulated arm of a transport; raise ValueError if its gears have backlash."""
     plant = transport.plant
     if plant.parameters.backlash is not None:
         raise ValueError(

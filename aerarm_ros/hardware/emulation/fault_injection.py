@@ -1,4 +1,4 @@
-"""Faults of emulated boards, selected by name in parameters, services and tests."""
+"""Faults that can be injected into emulated boards by name, in parameters and services."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Fault(NamedTuple):
-    """Injectable fault of an emulated board.
+    """Fault that can be injected into an emulated board.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Fault(NamedTuple):
 
 
 class FaultInjectionError(ValueError):
-    """Unknown fault, or a board or motor that the arm does not have."""
+    """Request for an unknown fault, or for a board or motor that the arm does not have."""
 
 
 def inject(
@@ -45,7 +45,7 @@ def inject(
     motor: int = 0,
     value: float | None = None,
 ) -> None:
-    """Apply a fault to an emulated board.
+    """Inject a fault into an emulated board.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def inject(
 def check(
     fault: str, boards: int, board: int = 0, motor: int = 0, value: float | None = None
 ) -> None:
-    """Raise FaultInjectionError if fault, board, motor or strength is invalid."""
+    """Raise FaultInjectionError if the fault, board, motor or strength is invalid."""
     if fault not in FAULTS:
         raise FaultInjectionError(f'unknown fault {fault!r}: choose one of {", ".join(FAULTS)}')
     if not 0 <= board < boards or motor not in (0, 1):
@@ -245,7 +245,7 @@ FORM = 'NAME[:BOARD[:MOTOR[:VALUE]]]'
 
 @dataclass(frozen=True)
 class FaultRequest:
-    """Fault with its board, motor and strength; see `fault_injection.inject`.
+    """Request to inject a fault with a strength into a board and motor; see `inject`.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ class FaultRequest:
 
     @classmethod
     def parse(cls, text: str, boards: int) -> FaultRequest:
-        """Parse NAME[:BOARD[:MOTOR[:VALUE]]] for an arm with a number of boards.
+        """Parse a fault request NAME[:BOARD[:MOTOR[:VALUE]]].
 
         Raises FaultInjectionError, which lists valid values, for an invalid text.
         """
@@ -280,5 +280,5 @@ class FaultRequest:
         return cls(name, board, motor, value)
 
     def apply(self, transport: EmulatedTransport) -> None:
-        """Apply the fault."""
+        """Inject the requested fault into its board."""
         inject(transport, self.name, self.board, self.motor, self.value)

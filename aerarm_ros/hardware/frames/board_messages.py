@@ -1,4 +1,4 @@
-"""Commands and states of a board, and the CRC of its frames."""
+"""Content of the SPI frames: commands to a board, states of a board, and the CRC."""
 
 import zlib
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ def _flags() -> list[bool]:
 
 @dataclass(slots=True)
 class BoardCommand:
-    """Content of one command frame in SI units, motor side; lists hold motors 1 and 2.
+    """Content of a command frame in SI units on the motor side; lists hold motors 1 and 2.
 
     The board computes ``iq = kp (position - theta) + kd (velocity - omega) + current`` (thesis
     (4.4)) and saturates it. If the frame profile has an integral gain, the board adds
@@ -64,7 +64,7 @@ def _measured_pair() -> list[float]:
 
 @dataclass(slots=True)
 class BoardState:
-    """Content of one sensor frame in SI units, motor side; lists hold motors 1 and 2.
+    """Content of a sensor frame in SI units on the motor side; lists hold motors 1 and 2.
 
     Attributes
     ----------

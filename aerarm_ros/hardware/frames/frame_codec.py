@@ -1,4 +1,4 @@
-"""Conversion between SPI frames and the records `BoardCommand` and `BoardState`."""
+"""Encoding and decoding of SPI frames, with the records `BoardCommand` and `BoardState`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Record = BoardCommand | BoardState
 def unrolled_encoder(
     fields: Iterable[FrameField], slots: Mapping[int, int], packer: Struct
 ) -> Callable[[Record], bytes | None]:
-    """Return a function that converts a record to a payload, if all values fit their fields.
+    """Return a function that encodes a record as payload if all values fit their fields.
 
     The function returns None if a value does not fit, is not a number, or is a forbidden 0; the
     caller then finds the faulty value.
@@ -61,7 +61,7 @@ def unrolled_encoder(
 def unrolled_decoder(
     fields: Iterable[FrameField], slots: Mapping[int, int], packer: Struct
 ) -> Callable[[Record, bytes], None]:
-    """Return a function that writes the values of a payload into a record."""
+    """Return a function that decodes a payload into a record."""
     used = sorted({slots[field.word] for field in fields})
     names = [f'i{slot}' if slot in used else '_' for slot in sorted(set(slots.values()))]
     lines = ['def fill(record, payload):', f' {", ".join(names)}, = unpack(payload)']
@@ -80,18 +80,18 @@ def unrolled_decoder(
 
 
 def _lists(record: str, fields: Iterable[FrameField]) -> list[str]:
-    """Return source lines that look up each list attribute of a record once."""
+    """Return source lines that bind each list attribute of the record to a local variable."""
     names = dict.fromkeys(field.name for field in fields if field.motor)
     return [f' {name} = {record}.{name}' for name in names]
 
 
 def _value(field: FrameField) -> str:
-    """Return the source expression of a field's value in a record."""
+    """Return the source expression of the record's attribute that a field carries."""
     return f'{field.name}[{field.motor - 1}]' if field.motor else f'record.{field.name}'
 
 
 def _made(name: str, lines: list[str], known: Mapping[str, object]) -> Callable[..., Any]:
-    """Compile source lines and return the function `name`; `known` holds its globals."""
+    """Compile source lines and return the function `name` in them; `known` holds its globals."""
     # From the text of a frame profile, the source contains only integers and attribute names of
     # the records; `load_profile` has checked both.
     scope: dict[str, Any] = dict(known)
@@ -106,11 +106,11 @@ _CRC = Struct('>I')
 
 
 class FrameError(ValueError):
-    """Record with a value that a frame cannot represent; the message names the value."""
+    """A frame cannot represent a value of the record; the message names the value."""
 
 
 class FrameCodec:
-    """Codec for the frames of one profile, for the host and for emulated boards.
+    """Encoder and decoder for the frames of a frame profile, on the host and emulated boards.
 
     Encoding limits a value that its field cannot represent, unless a limited value is dangerous. A
     position out of range, a non-finite value, and a time-out or current saturation of zero or less
@@ -122,11 +122,11 @@ class FrameCodec:
         self._sensor = _LayoutCodec(profile.sensor)
 
     def encode(self, command: BoardCommand) -> bytes:
-        """Return the command frame (34 bytes), or raise FrameError."""
+        """Return the frame (34 bytes) of a command; raise FrameError if a value does not fit."""
         return self._command.encode(command)
 
     def decode(self, frame: bytes, into: BoardState | None = None) -> BoardState | None:
-        """Return the state in a sensor frame, or None if its length or CRC is wrong.
+        """Return the board state in a sensor frame, or None if its length or CRC is wrong.
 
         With `into`, that record is filled and returned; an invalid frame leaves it unchanged.
         """
@@ -138,11 +138,11 @@ class FrameCodec:
         return state
 
     def encode_state(self, state: BoardState) -> bytes:
-        """Return the sensor frame that a board would send, or raise FrameError."""
+        """Return the sensor frame that an emulated board sends, or raise FrameError."""
         return self._sensor.encode(state)
 
     def decode_command(self, frame: bytes, into: BoardCommand | None = None) -> BoardCommand | None:
-        """Return the command in a frame as the board decodes it, or None; `into` as in `decode`."""
+        """Return the command as a board decodes it from a frame; arguments as in `decode`."""
         payload = self._command.payload(frame)
         if payload is None:
             return None
@@ -152,7 +152,7 @@ class FrameCodec:
 
 
 class _LayoutCodec:
-    """Codec of one transfer direction, with straight-line functions for values in range."""
+    """Encoder and decoder for the frames of one direction: commands or sensor frames."""
 
     def __init__(self, layout: FrameLayout) -> None:
         self._swap_crc = layout.crc_words == 'low_first'
@@ -162,12 +162,12 @@ class _LayoutCodec:
         self._fill = unrolled_decoder(layout.fields, self._slots, self._struct)
 
     def encode(self, record: Record) -> bytes:
-        """Return the frame that contains a record, or raise FrameError."""
+        """Return the frame of a record; raise FrameError if a value does not fit."""
         payload = self._pack(record) or self._pack_limited(record)
         return payload + _CRC.pack(self._crc(payload))
 
     def _pack_limited(self, record: Record) -> bytes:
-        """Return the payload of a record, with values limited to their fields' ranges."""
+        """Return the payload of a record whose values are limited to their fields' ranges."""
         items = [0] * len(self._slots)
         for entry in self._fields:
             value = getattr(record, entry.name)
@@ -189,7 +189,7 @@ class _LayoutCodec:
         return self._struct.pack(*items)
 
     def payload(self, frame: bytes) -> bytes | None:
-        """Return the payload of a frame, None if its length or CRC is wrong."""
+        """Return the payload of a frame, None if the frame's length or CRC is wrong."""
         if len(frame) != FRAME_BYTES:
             return None
         payload = bytes(frame[:_PAYLOAD_BYTES])
@@ -197,17 +197,17 @@ class _LayoutCodec:
         return payload if check == self._crc(payload) else None
 
     def fill(self, record: Record, payload: bytes) -> None:
-        """Write the values of a payload with a valid CRC into a record."""
+        """Decode a payload, whose CRC was valid, into a record."""
         self._fill(record, payload)
 
     def _crc(self, payload: bytes) -> int:
-        """Return the CRC of a payload as a big-endian word, in the order of transmission."""
+        """Return the CRC of a payload in the order in which its two words are sent."""
         crc = crc32_mpeg2(payload)
         return (crc & 0xFFFF) << 16 | crc >> 16 if self._swap_crc else crc
 
 
 def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
-    """Return the payload's struct, and the index of its item at each word."""
+    """Return the struct of the payload, and the index of its item that starts at each word."""
     whole = {entry.word: entry for entry in layout.fields if not entry.is_bits}
     codes: list[str] = []
     slots: dict[int, int] = {}
@@ -221,7 +221,7 @@ def _struct_of(layout: FrameLayout) -> tuple[Struct, dict[int, int]]:
 
 
 def _limited(count: int, value: float, entry: FrameField) -> int:
-    """Return the count limited to the range of its field, or raise FrameError."""
+    """Return a field's count limited to the range of the field, or raise FrameError."""
     lowest, highest = entry.count_range
     if entry.nonzero and count <= 0:
         raise FrameError(

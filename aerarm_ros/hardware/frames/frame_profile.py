@@ -1,4 +1,4 @@
-"""Layout of a board's frames, read from YAML."""
+"""Frame profile: layout of the SPI frames of a board type, read from a YAML file."""
 
 import re
 from collections.abc import Mapping
@@ -116,17 +116,17 @@ class FrameField:
 
     @property
     def is_bits(self) -> bool:
-        """Whether the field occupies only part of a word."""
+        """Whether the frame field is a bit field inside a 16-bit word."""
         return self.type == 'bits'
 
     @property
     def words(self) -> int:
-        """Number of words that the field occupies."""
+        """Number of 16-bit words that the field occupies."""
         return 1 if self.is_bits else _WHOLE_WORDS[self.type][0] // 16
 
     @property
     def count_range(self) -> tuple[int, int]:
-        """Smallest and largest count that the field can represent."""
+        """Smallest and largest integer count that the field can represent."""
         bits, signed = (self.width, False) if self.is_bits else _WHOLE_WORDS[self.type]
         return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
 
@@ -137,7 +137,7 @@ class FrameField:
 
     @property
     def is_flag(self) -> bool:
-        """Whether the field is a single bit."""
+        """Whether the frame field is a single bit."""
         return self.is_bits and self.width == 1
 
     @property
@@ -162,13 +162,13 @@ _FIELD_KEYS = frozenset(item.name for item in fields(FrameField))
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """Layout of the frames of one transfer direction: fields, and order of the CRC's two words."""
+    """Layout of command frames or sensor frames: fields, and order of the two CRC words."""
 
     fields: tuple[FrameField, ...]
     crc_words: str
 
     def __post_init__(self) -> None:
-        """Check that the fields fit into the frame and do not overlap; raises ProfileError."""
+        """Check that the fields fit into the frame without overlap; raise ProfileError if not."""
         if self.crc_words not in CRC_ORDERS:
             raise ProfileError(f'crc_words is {self.crc_words!r}: choose one of {CRC_ORDERS}')
         owners: dict[int, FrameField] = {}
@@ -184,22 +184,22 @@ class FrameLayout:
                 owners[bit] = entry
 
     def has(self, name: str) -> bool:
-        """Return whether the frame contains a quantity."""
+        """Return whether the frame carries the quantity `name`."""
         return any(entry.name == name for entry in self.fields)
 
     def largest(self, name: str) -> float:
-        """Return the largest SI value that a frame can represent, 0 if it lacks the quantity."""
+        """Return the largest SI value of a quantity in a frame, 0 if the frame lacks it."""
         sizes = [e.count_range[1] * e.si_per_count for e in self.fields if e.name == name]
         return min(sizes, default=0.0)
 
     def count_of(self, name: str) -> float:
-        """Return the SI value of one count of a quantity, 0 if the frame lacks the quantity."""
+        """Return the SI value of one count of a quantity, 0 if the frame lacks it."""
         return max((e.si_per_count for e in self.fields if e.name == name), default=0.0)
 
 
 @dataclass(frozen=True)
 class FrameProfile:
-    """Frame layouts of one board type.
+    """Frame profile: frame layouts and error codes of a board type.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ class FrameProfile:
         return f'{text}; then power-cycle it' if self.errors_until_power_cycle else text
 
     def with_lsb(self, name: str, lsb: float) -> 'FrameProfile':
-        """Return the profile with another value `lsb` of one count of a quantity.
+        """Return this profile with another value of one count (`lsb`) for a quantity.
 
         Raises ProfileError if the profile does not contain the quantity.
         """
@@ -252,7 +252,7 @@ class FrameProfile:
 
 
 def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
-    """Read a profile, either a name in `config/profiles/` or a file path.
+    """Read a frame profile, given by a file path or its name in `config/profiles/`.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def load_profile(name_or_path: str | Path = 'uomodri_v3') -> FrameProfile:
 
 
 def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
-    """Return the content of a profile file, merged with the profiles that it extends."""
+    """Return the content of a profile file, merged with the profile that it extends."""
     if depth > _MOST_EXTENDED:
         raise ProfileError(
             f"frame profile {name_or_path} extends itself, or the chain of 'extends' is too long"
@@ -313,7 +313,7 @@ def _read(name_or_path: str | Path, depth: int = 0) -> dict[str, Any]:
 
 
 def _extended(base: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
-    """Return `base` overridden by `document`, whose fields replace fields on the same bits."""
+    """Return profile `base` with the entries of `document`; its fields replace overlapping ones."""
     merged = {**base, **document}
     merged['errors'] = {**base.get('errors', {}), **document.get('errors', {})}
     for direction in ('command', 'sensor'):
@@ -360,7 +360,7 @@ def _field(entry: Mapping[str, Any]) -> FrameField:
 
 
 def _bits(entry: FrameField) -> range:
-    """Return the numbers of the bits that a field occupies, counted from the start of the frame."""
+    """Return the bit numbers, from the start of the frame, that a field occupies."""
     first = 16 * entry.word
     if entry.is_bits:
         return range(first + entry.bit, first + entry.bit + entry.width)

@@ -1,4 +1,4 @@
-"""Tunable times and tolerances of the bridge."""
+"""Times and tolerances of the bridge that parameters can change."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -121,5 +121,5 @@ class BridgeSettings:
             value = getattr(self, item.name)
             if not low <= value <= high:
                 raise ValueError(
-                    f'bridge setting {item.name} is {value}, must lie in {low:g} to {high:g}'
+                    f'bridge setting {item.name} is {value}: set a value from {low:g} to {high:g}'
                 )

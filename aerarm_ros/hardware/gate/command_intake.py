@@ -1,4 +1,4 @@
-"""Acceptance and rejection of joint commands."""
+"""Acceptance or rejection of received joint commands by publisher, age and content."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 
 
 class CommandBuffer:
-    """References of n joints; NaN where a quantity is unused.
+    """Joint command of n joints; NaN marks an unused quantity.
 
     In contrast to the `JointCommand` of a controller, each joint may use other quantities, and
     the arrays are reused: each cycle overwrites them with accepted and limited references. The
@@ -50,7 +50,7 @@ Values = Sequence[float] | NDArray[np.float64] | None
 
 
 class OfferedCommand(NamedTuple):
-    """Received command with its publisher.
+    """Received joint command with its publisher and age.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ _STOP = 'stop all but one'
 
 
 class CommandPublishers:
-    """Finds the publisher of each message, and decides whether it may send commands.
+    """Determines the publisher of each command, and whether this publisher may send commands.
 
     The middleware's message info contains the publisher's global identifier (GID); the list of the
     topic's endpoints maps each GID to a node. `look` stores that list at intervals. A publisher
@@ -111,16 +111,16 @@ class CommandPublishers:
         self._is_anonymous = False
 
     def look(self, nodes: Mapping[bytes, str]) -> None:
-        """Store the full node name of each present publisher by its GID."""
+        """Store the present publishers of joint_command: full node name of each GID."""
         self._nodes = nodes
         self.names = tuple(sorted(nodes.values()))
 
     def knows(self, gid: bytes | None) -> bool:
-        """Whether the last call of `look` listed the publisher; True if messages carry no GID."""
+        """Whether the last call of `look` listed a publisher; True if messages carry no GID."""
         return gid is None or gid in self._nodes
 
     def judge(self, gid: bytes | None, matched: int) -> tuple[Source, bool]:
-        """Return the publisher of a message.
+        """Return the publisher of a received command, and whether it may send commands.
 
         Parameters
         ----------
@@ -144,13 +144,13 @@ class CommandPublishers:
         return _ONLY if is_alone else None, is_allowed and all(map(self.is_allowed, self.names))
 
     def is_allowed(self, name: str) -> bool:
-        """Whether the list of allowed names contains a publisher's full name."""
+        """Whether a node with this full name may send commands."""
         names = {name, name.removeprefix('/'), name.rpartition('/')[2]} - {''}
         return not self._allowed or not self._allowed.isdisjoint(names)
 
     @property
     def warning(self) -> str:
-        """Warning about the present publishers, '' if all are allowed."""
+        """Warning about forbidden or duplicate publishers of joint_command, '' without any."""
         others = [name for name in self.names if not self.is_allowed(name)]
         if others:
             return (
@@ -195,7 +195,7 @@ _ORDERS_KEPT = 16
 
 
 class CommandIntake:
-    """Checks commands, keeps the last valid one, and counts rejected commands by reason.
+    """Checks commands, stores the last valid command, and counts rejected commands by reason.
 
     Parameters
     ----------
@@ -245,17 +245,17 @@ class CommandIntake:
         return now - self._received
 
     def is_fresh(self, now: float) -> bool:
-        """Return whether the last accepted command is still valid."""
+        """Return whether the last accepted command is younger than `command_timeout`."""
         # A negative age means that the clock went back, so the command's age is unknown.
         return 0.0 <= self.age(now) <= self._settings.command_timeout
 
     def forget(self) -> None:
-        """Discard the last command, so that any publisher may command the arm."""
+        """Discard the last command; any publisher may then send the next one."""
         self._received = -inf
         self._source = None
 
     def conclude(self, now: float) -> None:
-        """Record that the commanding publisher intentionally ends its commands at `now` [s].
+        """Record that the publisher of the commands ends them on purpose at `now` [s].
 
         Commands sent before this time still belong to that publisher. Later commands may come
         from any publisher.
@@ -264,11 +264,11 @@ class CommandIntake:
 
     @property
     def is_concluded(self) -> bool:
-        """Return whether the last publisher ended its commands intentionally."""
+        """Return whether the last publisher ended its commands on purpose."""
         return self._received <= self._last
 
     def offer(self, offered: OfferedCommand, now: float, *, ready: bool = True) -> bool:
-        """Check a command received at `now` [s], and accept it if it is valid."""
+        """Accept a command received at `now` [s] if it is valid; return whether it is."""
         reason = '' if ready else 'not_ready'
         reason = reason or ('' if offered.allowed else 'not_allowed')
         reason = reason or self._origin_fault(offered.age_of_stamp, now, offered.source)
@@ -283,13 +283,13 @@ class CommandIntake:
         return True
 
     def reject(self, reason: str, now: float) -> None:
-        """Count a command rejected at `now` [s] for a reason, a key of `REJECTIONS`."""
+        """Count a command rejected at `now` [s]; `reason` is a key of `REJECTIONS`."""
         self.rejections[reason] += 1
         self.last_rejection = reason
         self.last_rejection_time = now
 
     def _origin_fault(self, age_of_stamp: float, now: float, source: Source) -> str:
-        """Return the reason to reject a command because of its age or publisher, or ''."""
+        """Return the reason to reject a command for its age or publisher, or ''."""
         # Other publishers are rejected while the last command of a publisher is valid.
         if source is None or (source != self._source and self.is_fresh(now)):
             return 'source'
@@ -298,7 +298,7 @@ class CommandIntake:
         return 'future' if age_of_stamp < -_CLOCK_TOLERANCE else ''
 
     def _content_fault(self, offered: OfferedCommand) -> str:
-        """Copy the values of a command; return the reason to reject them, or ''."""
+        """Copy the values of a command; return the reason to reject the command, or ''."""
         names = offered.names
         key = names if type(names) is tuple else tuple(names)
         if key not in self._orders and not self._learn_order(key):

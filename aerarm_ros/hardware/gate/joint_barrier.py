@@ -1,4 +1,4 @@
-"""Barrier of one joint: torque bounds that keep the joint within its position and speed limits."""
+"""Barrier of a joint: torque bounds that keep the joint within its position and speed limits."""
 
 from math import exp, nan, sqrt
 
@@ -84,7 +84,7 @@ class JointLoads:
 
     @property
     def damping_min(self) -> Array:
-        """Least damping of each joint (n,) [Nms/rad]; see the attributes of the class."""
+        """Damping (n,) [Nms/rad] that keeps a falling arm slow; see the class attributes."""
         falling = self.load_max / (_FALLING_SHARE * self._velocity_max)
         least: Array = np.maximum(falling, self.inertia_max / _DAMPING_TIME)
         return least
@@ -203,7 +203,7 @@ class JointBarrier:
     lowest, highest
         Torque bounds for the coming cycle [Nm], not limited to the drive torque; the board
         saturates.
-    lets_down
+    is_released
         Whether the position limits are released because the motor is too warm to hold the joint
         there. The joint moves slowly beyond them, until its mechanical stop or its weight ends the
         motion.
@@ -245,7 +245,7 @@ class JointBarrier:
         'highest',
         'inertia',
         'is_overwhelmed',
-        'lets_down',
+        'is_released',
         'load',
         'lowest',
         'noise',
@@ -283,29 +283,29 @@ class JointBarrier:
         self._kept, self._kept_time = 1.0, 0.0
         self._acceleration, self._kept_acceleration = 0.0, nan
         self._allowed = self._unhindered
-        self.is_overwhelmed = self.lets_down = False
+        self.is_overwhelmed = self.is_released = False
         self.q = self.dq = self.filtered = self.load = self.noise = self.lowest = self.highest = 0.0
         self._modelled_load = 0.0
         self.restart()
 
     def restart(self) -> None:
-        """Reset the estimate of the joint's motion; the next measured speed is used as it is."""
+        """Reset the estimate of the joint's motion; the next measured speed is not corrected."""
         self._is_known = False  # previous speed and load
         self._fastest = self._unhindered
         self._disturbance = self._turned = 0.0
 
     @property
     def is_slowed(self) -> bool:
-        """Whether the joint's speed is reduced, because of another joint or its warm motor."""
+        """Whether the joint's speed limit is lowered for another joint or for its warm motor."""
         return self._fastest < self._unhindered or self._allowed < self._unhindered
 
     def lower_speed_limit(self, interval: float) -> None:
-        """Lower the speed limit for a time [s], because the motion overloads another joint."""
+        """Lower the joint's speed limit for one `interval` [s]: its motion overloads a joint."""
         least = _GIVE_WAY_SHARE * self._unhindered
         self._fastest = max(self._fastest - self._unhindered * interval / _GIVE_WAY_TIME, least)
 
     def recover(self, interval: float) -> None:
-        """Raise a lowered speed limit of the joint again, for a time [s]."""
+        """Raise a lowered speed limit of the joint again for one `interval` [s]."""
         if self._fastest > self._allowed:
             less = self._fastest - self._unhindered * interval / _GIVE_WAY_TIME
             self._fastest = max(less, self._allowed)
@@ -313,13 +313,13 @@ class JointBarrier:
         more = self._fastest + self._unhindered * interval / _RECOVERY_TIME
         self._fastest = min(more, self._allowed)
 
-    def hold_back(self, sinks: bool) -> None:
-        """Limit the joint to a small fraction of its speed limit while it is overloaded."""
+    def limit_speed(self, sinks: bool) -> None:
+        """Set the allowed speed: a small fraction of the limit if the overloaded joint sinks."""
         self._allowed = (_SINKING_SHARE if sinks else 1.0) * self._unhindered
 
     def speed(self, distance: float) -> float:
-        """Return the speed [rad/s] from which the joint stops within a distance [rad]."""
-        if self.lets_down:
+        """Return the allowed speed [rad/s] at a distance [rad] from a position limit."""
+        if self.is_released:
             return min(self._return, self._fastest)
         if distance >= self.far:
             return self._fastest
@@ -340,7 +340,7 @@ class JointBarrier:
         kept: float = nan,
         was_kept: bool = False,
     ) -> None:
-        """Compute the torque bounds for the coming cycle.
+        """Compute the joint's torque bounds for the coming cycle.
 
         Parameters
         ----------
@@ -364,7 +364,7 @@ class JointBarrier:
         if interval > 0.0 or not self._is_known:
             if was_kept:
                 self._acceleration = self._kept_acceleration
-            self._take(dq, inertia, interval)
+            self._measure(dq, inertia, interval)
         self.inertia, self._modelled_load = inertia, load
         self.load = load = load + self._disturbance + self._turned
         gain = _FASTEST * inertia
@@ -373,24 +373,24 @@ class JointBarrier:
         self.noise = _SPEED_NOISE * gain
         self._acceleration = (effort - load) / inertia
         self._kept_acceleration = (kept - load) / inertia
-        self._lead(self._acceleration, q, dq, age, gain)
+        self._predict(self._acceleration, q, dq, age, gain)
         if kept == kept:
             likely = self.q, self.dq, self.filtered
             highest, lowest = self.highest, self.lowest
-            self._lead(self._kept_acceleration, q, dq, age, gain)
+            self._predict(self._kept_acceleration, q, dq, age, gain)
             self.highest, self.lowest = min(highest, self.highest), max(lowest, self.lowest)
             if abs(likely[1]) > abs(self.dq):
                 self.q, self.dq, self.filtered = likely
         most = self._effort_max
         self.is_overwhelmed = self.lowest > most or self.highest < -most
 
-    def _lead(self, acceleration: float, q: float, dq: float, age: float, gain: float) -> None:
-        """Predict the joint state from the last measurement, and compute the torque bounds."""
+    def _predict(self, acceleration: float, q: float, dq: float, age: float, gain: float) -> None:
+        """Predict the present joint state from the last measurement, and compute the bounds."""
         # After a pause of the host, the torque that the board has produced is unknown.
-        led = (_APART if age > _APART else age) * acceleration
-        mean = self._speed + 0.5 * led
+        gained = (_APART if age > _APART else age) * acceleration
+        mean = self._speed + 0.5 * gained
         self.q = q + age * mean
-        self.dq = self._speed + led
+        self.dq = self._speed + gained
         self.filtered = mean + self._share_kept(age) * (dq - mean)
         load, inertia = self.load, self.inertia
         self.highest = load + self._bound(self._position_max - self.q, self.dq, gain, inertia)
@@ -399,7 +399,7 @@ class JointBarrier:
     def gap_damping(
         self, torque: float, law: float = 0.0, stiffness: float = 0.0, damping: float = 0.0
     ) -> float:
-        """Return the damping [Nms/rad] to send with a torque, in case no later command arrives.
+        """Return the board damping [Nms/rad] that limits the speed if no later command arrives.
 
         The result is 0 if the joint stays slow enough until `board_timeout` without additional
         damping: because the torque is small, the board's own damping ends the motion, or the
@@ -422,7 +422,7 @@ class JointBarrier:
         return max(modelled, self._gap_damping(torque - load, law - load, stiffness, damping))
 
     def _gap_damping(self, excess: float, wanted: float, stiffness: float, damping: float) -> float:
-        """Return the result of `gap_damping` [Nms/rad] for torques [Nm] in excess of one load."""
+        """Return the damping of `gap_damping` [Nms/rad] for torques [Nm] in excess of a load."""
         speed = self.dq
         if excess < 0.0:
             speed, excess, wanted = -speed, -excess, -wanted
@@ -450,15 +450,15 @@ class JointBarrier:
         return min(needed, _GAP_FASTEST * inertia)
 
     def mean_filtered(self, torque: float) -> float:
-        """Return the board's mean filtered speed [rad/s] in a cycle in which a torque [Nm] acts."""
+        """Return the mean filtered speed [rad/s] during a cycle in which a torque [Nm] acts."""
         cycle = self._cycle
         time = cycle / self._lag
         followed = 1.0 - (1.0 - self._share_kept(cycle)) / time
-        led = (torque - self.load) / self.inertia * cycle * (0.5 - followed / time)
-        return self.filtered + followed * (self.dq - self.filtered) + led
+        gained = (torque - self.load) / self.inertia * cycle * (0.5 - followed / time)
+        return self.filtered + followed * (self.dq - self.filtered) + gained
 
-    def _take(self, dq: float, inertia: float, interval: float) -> None:
-        """Process a measured speed [rad/s], an interval [s] after the previous measurement."""
+    def _measure(self, dq: float, inertia: float, interval: float) -> None:
+        """Process a measured speed [rad/s], `interval` [s] after the previous measurement."""
         if self._is_known and interval <= _APART and self._acceleration == self._acceleration:
             speed = self._without_lag(dq, interval)
             self._observe(speed, inertia, interval)
@@ -468,7 +468,7 @@ class JointBarrier:
         self._is_known = True
 
     def _observe(self, speed: float, inertia: float, interval: float) -> None:
-        """Estimate the load from a speed [rad/s] and the torque of the last interval [s]."""
+        """Estimate the unknown load from the change of speed [rad/s] in `interval` [s]."""
         missing = inertia * (self._acceleration - (speed - self._speed) / interval)
         learned = self._disturbance + interval / (_DISTURBANCE_TIME + interval) * missing
         largest = self._disturbance_max
@@ -483,7 +483,7 @@ class JointBarrier:
             self._turned *= _TURNED_FADING / (_TURNED_FADING + interval)
 
     def _without_lag(self, dq: float, interval: float) -> float:
-        """Return the speed [rad/s] without lag, from filtered speeds an interval [s] apart."""
+        """Return the present speed [rad/s] without the lag of the board's low-pass filter."""
         kept = self._share_kept(interval)
         mean = (dq - kept * self._last_speed) / (1.0 - kept)
         # The filter weights recent values more; the torque of that cycle predicts the remaining
@@ -492,15 +492,15 @@ class JointBarrier:
         return mean + age * self._acceleration
 
     def _share_kept(self, time: float) -> float:
-        """Return the fraction of a speed that the board's low-pass filter keeps over a time [s]."""
+        """Return the fraction of the old speed that the board's filter keeps after `time` [s]."""
         if not abs(time - self._kept_time) < 1e-7:  # stored, because most cycles have equal length
             self._kept, self._kept_time = exp(-time / self._lag), time
         return self._kept
 
     def _bound(self, distance: float, speed: float, gain: float, inertia: float) -> float:
-        """Return the largest allowed torque towards a limit, in excess of the load [Nm]."""
+        """Return the largest allowed torque [Nm] towards a limit, in excess of the load."""
         allowed = self.speed(distance)
-        if allowed >= self._fastest or speed <= 0.0 or self.lets_down:
+        if allowed >= self._fastest or speed <= 0.0 or self.is_released:
             braking = 0.0
         elif distance < self._corner:
             braking = self._approach * speed

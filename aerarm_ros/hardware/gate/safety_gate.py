@@ -1,4 +1,4 @@
-"""Safety gate: limits commands, and latches a stop of the arm."""
+"""Safety gate of the bridge: limits joint commands, and stops the arm after a violation."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -23,18 +23,18 @@ LIMITED: dict[str, str] = {
     ),
     'braking': 'a joint was braked before a position or velocity limit',
     'effort': 'an effort above its limit was clipped to the limit',
-    'effort_rate': 'an effort that changed too fast was limited in its rate',
+    'effort_rate': 'an effort that changed too fast was limited to the largest rate',
 }
 
 
 # Largest reference speed relative to the speed from which the joint can brake. The second fraction
 # of the speed limit is always allowed, so that the reference reaches the position limit.
 _REFERENCE_SHARE = 0.96
-_CREEP_SHARE = 0.005
+_SLOWEST_SHARE = 0.005
 
 
 class JointLimiter:
-    """Limits the references of one joint, and finds references for which the arm must stop.
+    """Limits the references of a joint, and detects references for which the arm must stop.
 
     References towards a position limit are slowed to just below the speed from which the joint can
     still brake. The `barrier` in turn limits the actual motion of the joint.
@@ -84,12 +84,12 @@ class JointLimiter:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the last references; the next ones start from the measured position."""
+        """Discard the last references; later references start from the measured position."""
         self._last_position = nan
         self._last_effort = 0.0
 
     def is_inside(self, q: float) -> bool:
-        """Return whether the joint is within its range, tolerance included."""
+        """Return whether a joint angle [rad] is within its limits, tolerance included."""
         tolerance = self._settings.position_tolerance
         return self._position_min - tolerance <= q <= self._position_max + tolerance
 
@@ -109,7 +109,7 @@ class JointLimiter:
         return ''
 
     def command_violation(self, position: float, velocity: float, effort: float, q: float) -> str:
-        """Return why a command requires a stop, or ''; NaN means an unused reference."""
+        """Return why a command requires a stop of the arm, or ''; unused references are NaN."""
         settings, what = self._settings, ''
         if position == position and not self.is_inside(position):
             what = f'a position of {position:.3f} rad, outside its limits'
@@ -124,7 +124,7 @@ class JointLimiter:
         return what and f'{self._name} was commanded {what}: check the controller'
 
     def limit(self, position: float, velocity: float, effort: float, q: float, dt: float) -> None:
-        """Limit the references of a joint at q [rad], dt [s] after the last call."""
+        """Limit references for a joint that is at q [rad], dt [s] after the last call."""
         self.limited.clear()
         self.position = position if position != position else self._position(position, q, dt)
         self._last_position = self.position
@@ -136,16 +136,16 @@ class JointLimiter:
         self.effort = self._effort(effort, dt)
 
     def _speeds(self, q: float) -> tuple[float, float]:
-        """Return the largest negative and positive speed of a reference at q [rad]."""
+        """Return the largest allowed reference speeds at q [rad], negative and positive."""
         most, far = self._velocity_max, self.barrier.far
         if not self.barrier.is_slowed and (
             self._position_min + far <= q <= self._position_max - far
         ):
             return -most, most
-        speed, creep = self.barrier.speed, _CREEP_SHARE * most
+        speed, slowest = self.barrier.speed, _SLOWEST_SHARE * most
         up = _REFERENCE_SHARE * speed(self._position_max - q)
         down = _REFERENCE_SHARE * speed(q - self._position_min)
-        return -min(max(down, creep), most), min(max(up, creep), most)
+        return -min(max(down, slowest), most), min(max(up, slowest), most)
 
     def _position(self, position: float, q: float, dt: float) -> float:
         position = self._held(position, self._position_min, self._position_max, 'position')
@@ -167,7 +167,7 @@ class JointLimiter:
         return self._last_effort
 
     def _held(self, value: float, lowest: float, highest: float, name: str) -> float:
-        """Return a reference limited to bounds; record the limit if it changed the reference."""
+        """Return a reference clipped to bounds; record `name` if this changed the reference."""
         if lowest <= value <= highest:
             return value
         self.limited.append(name)
@@ -182,7 +182,7 @@ _INTERVAL_MAX = 5e-3
 
 
 class SafetyGate:
-    """Limits commands, and latches a stop of the arm if limiting a command is not sufficient.
+    """Limits joint commands, and stops the arm if a command or joint is far beyond its limits.
 
     A command slightly over a limit is limited and counted. A command far over a limit is a
     violation, and so is a joint that leaves its position or speed range. After a violation `stop`
@@ -236,7 +236,7 @@ class SafetyGate:
         self.inertias: list[float] = []
 
     def trip(self, reason: str) -> None:
-        """Latch a stop of the arm with a reason; the reason of an earlier stop is kept."""
+        """Stop the arm until `release`; the reason of an earlier stop is kept."""
         if not self.stop:
             self.stop = reason
 
@@ -246,19 +246,19 @@ class SafetyGate:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the last command; the next command starts from the arm's present position."""
+        """Discard the last references; later references start from the arm's position."""
         for joint in self._joints:
             joint.restart()
         # The barriers keep their state: they monitor the arm and not the commands.
 
     def is_inside(self, q: Array) -> bool:
-        """Return whether the joints (n,) [rad] are within their limits, tolerance included."""
+        """Return whether all joint angles (n,) [rad] are within limits, tolerance included."""
         return all(
             joint.is_inside(value) for joint, value in zip(self._joints, q.tolist(), strict=True)
         )
 
     def state_violation(self, q: Array, dq: Array) -> str:
-        """Return which joint is out of range or too fast at q [rad], dq [rad/s], or ''."""
+        """Return which joint is beyond its limits at q [rad], dq [rad/s] and why, or ''."""
         for joint, angle, speed in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
             if violation := joint.state_violation(angle, speed):
                 return violation
@@ -275,7 +275,7 @@ class SafetyGate:
         return moving and f'{moving}: hold the arm, wait until it rests, then enable it'
 
     def watch_alignment(self, dq: Array) -> None:
-        """Stop the arm if its joint speeds (n,) [rad/s] show that it falls during alignment."""
+        """Stop the arm if its joint speeds dq (n,) [rad/s] show a fall during alignment."""
         falling = self._faster_than(1.0, dq)
         if falling:
             self.trip(f'{falling} while the motors align: support the arm, and enable again')
@@ -318,7 +318,7 @@ class SafetyGate:
             self._slow(overwhelmed, max(interval))
 
     def _slow(self, overwhelmed: int, interval: float) -> None:
-        """Slow all joints for a time [s] if a drive cannot brake its joint.
+        """Lower all speed limits for one `interval` [s] if a drive cannot brake its joint.
 
         An example: in an arm with payload, joint 1 at full speed loads joint 2 outward with more
         torque than the drive of joint 2 has.
@@ -330,16 +330,16 @@ class SafetyGate:
                 barrier.recover(interval)
 
     def limit_effort(self, joint: int, effort: float) -> None:
-        """Set the largest effort [Nm] that a command may request from the joint with a number."""
+        """Set the largest effort [Nm] that a command may request; `joint` is the joint's number."""
         self._joints[joint].effort_limit = effort
 
-    def look_away(self) -> None:
-        """Reset the motion estimates of the barriers, because the motors are off."""
+    def reset_barriers(self) -> None:
+        """Reset the motion estimates of all barriers while the motors are off."""
         for barrier in self.barriers:
             barrier.restart()
 
     def note_braking(self, now: float) -> None:
-        """Count that a barrier has braked a joint at `now` [s]."""
+        """Count that a barrier braked a joint at the time `now` [s]."""
         self._note('braking', now)
 
     def follow(
@@ -351,7 +351,7 @@ class SafetyGate:
         motors: Sequence[MotorReference],
         trusted: Sequence[bool],
     ) -> bool:
-        """Limit a command, convert it to motor references, and apply the barriers, joint by joint.
+        """Limit a command joint by joint, set the motor references, and apply the barriers.
 
         A violation by any joint trips the stop. The motors then do not follow the command; the
         caller must check `stop` and damp the arm.
@@ -395,7 +395,7 @@ class SafetyGate:
         return is_braked
 
     def _faster_than(self, share: float, dq: Array) -> str:
-        """Return a text with the joints faster than a fraction of their limits, or ''."""
+        """Return a text that names the joints faster than a fraction of their limits, or ''."""
         moving = [
             f'{joint.name} moves at {abs(speed):.2f} rad/s'
             for joint, speed in zip(self._config.joints, dq.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""Transport over the host's SPI buses through Linux's spidev."""
+"""Transport to the motor boards over the SPI buses of the host, with Linux's spidev."""
 
 import errno
 import importlib.util
@@ -21,11 +21,11 @@ _WAIT_MIN, _WAIT_MAX = 0.2, 5.0
 
 
 class TransportError(OSError):
-    """SPI bus that cannot be opened; the message states what to check."""
+    """An SPI bus cannot be opened; the message states what to check."""
 
 
 class SpidevDevice:
-    """SPI device of Linux, `/dev/spidev*`, that is reopened if it was removed and has returned.
+    """SPI device of Linux (`/dev/spidev*`), reopened automatically after it was removed.
 
     A removed device, for example an unplugged adapter or a reloaded driver, leaves an open file on
     which every transfer fails. Transfers on that file also fail after the device has returned.
@@ -60,7 +60,7 @@ class SpidevDevice:
         self._next_attempt = 0.0
 
     def open(self) -> None:
-        """Open the device; raise TransportError with advice if that fails."""
+        """Open the SPI device; if that fails, raise TransportError with advice on what to check."""
         board = self._board
         try:
             self._file = self._opened()
@@ -79,7 +79,7 @@ class SpidevDevice:
         self._drop()
 
     def transfer(self, frame: bytes) -> bytes:
-        """Send a frame and return the received one, b'' if the transfer failed."""
+        """Send a frame over SPI and return the received frame, b'' if the transfer failed."""
         started = self._clock()
         if self._file is None and self._is_wanted and started >= self._next_attempt:
             self._reopen(started)
@@ -93,7 +93,7 @@ class SpidevDevice:
         return answer
 
     def set_mode(self, mode: int) -> None:
-        """Change the SPI mode until the device is reopened; raises OSError."""
+        """Change the SPI mode until the device is reopened; raise OSError if that fails."""
         if self._file is None:
             raise OSError(errno.EBADF, self._account())
         self._file.mode = mode
@@ -152,7 +152,7 @@ class SpidevDevice:
 
 
 class SpidevTransport:
-    """A `Transport` over `/dev/spidev*`, one device per board, on one or several buses.
+    """`Transport` over the SPI devices `/dev/spidev*` of the boards, one device per board.
 
     The device file selects bus and chip select. A frame is one transfer of 34 bytes, whose duration
     the clock determines (34 us at 8 MHz); frames of several boards are exchanged one after the
@@ -169,7 +169,7 @@ class SpidevTransport:
         self._devices = [SpidevDevice(board) for board in config.boards]
 
     def open(self) -> None:
-        """Open the SPI devices; raise TransportError with advice if that fails."""
+        """Open all SPI devices; if that fails, raise TransportError with advice."""
         if importlib.util.find_spec('spidev') is None:
             raise TransportError(
                 'the Python module spidev is missing: pip install "spidev>=3.5,<4" (needs a C '
@@ -189,26 +189,26 @@ class SpidevTransport:
             device.close()
 
     def advance(self, now: float) -> None:
-        """Do nothing; real boards have their own clock."""
+        """Do nothing, because real boards run on their own clock."""
 
     def exchange(self, board: int, frame: bytes) -> bytes:
-        """Send a frame and return the received one, b'' if the transfer failed."""
+        """Send a board a frame and return the received frame, b'' if the transfer failed."""
         return self._devices[board].transfer(frame)
 
     def exchange_time(self, board: int) -> float:
-        """Duration of the last exchange with a board [s]."""
+        """Duration of the last frame exchange with a board [s]."""
         return self._devices[board].duration
 
     def exchanged_at(self, board: int) -> float:
-        """End time of the last exchange with a board [s, monotonic]."""
+        """End time of the last frame exchange with a board [s, monotonic]."""
         return self._devices[board].ended
 
     def problem(self, board: int) -> str:
-        """Reason why the last exchange with a board failed, '' if it succeeded."""
+        """Reason why the last frame exchange with a board failed, '' if it succeeded."""
         return self._devices[board].problem
 
     def set_mode(self, board: int, mode: int) -> None:
-        """Change a board's SPI mode, for the self-test; raises OSError if the driver refuses."""
+        """Change a board's SPI mode for the self-test; raise OSError if the driver refuses."""
         self._devices[board].set_mode(mode)
 
 
@@ -224,7 +224,7 @@ def self_test(
     profile: FrameProfile,
     pause: Callable[[float], None] = sleep,
 ) -> list[Answer]:
-    """Exchange frames that leave the boards off, and check the answers by their CRC.
+    """Check the connection to each board by frames that leave its motors off.
 
     Documents and existing clients disagree on the boards' SPI mode. If a board gives no valid
     answer in the configured mode, the other modes are tried and the message names the working one;

@@ -163,11 +163,13 @@ def test_a_braked_joint_is_held_where_it_is_with_the_load_that_is_known(referenc
     assert references.keep_within(barriers, TRUSTED)
     assert get(references, 'position') == pytest.approx(drive.joint_to_motor_position(Q) + zero)
     loads, noises = np.arange(4) + 0.1, np.arange(4) + 0.3
-    assert get(references, 'believed') == pytest.approx(drive.effort_to_current(loads))
+    assert get(references, 'load_current') == pytest.approx(drive.effort_to_current(loads))
     assert get(references, 'noise') == pytest.approx(np.abs(drive.effort_to_current(noises)))
     track(references, command(tau=0.2), Q, DT)
     references.keep_within(barriers, TRUSTED)
-    assert get(references, 'believed') == pytest.approx(drive.effort_to_current(np.full(4, 0.2)))
+    assert get(references, 'load_current') == pytest.approx(
+        drive.effort_to_current(np.full(4, 0.2))
+    )
     assert not get(references, 'noise').any()
 
 

@@ -40,5 +40,5 @@ def test_every_setting_may_be_anything_within_its_bounds(name):
     for allowed in (low, high):
         assert getattr(BridgeSettings(**{name: allowed}), name) == allowed
     for beyond in (low - 0.001 * abs(low), high * 1.001):
-        with pytest.raises(ValueError, match=f'{name} is .*, must lie in {low:g} to {high:g}'):
+        with pytest.raises(ValueError, match=f'{name} is .*: set a value from {low:g} to {high:g}'):
             BridgeSettings(**{name: beyond})

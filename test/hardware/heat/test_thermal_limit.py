@@ -55,7 +55,7 @@ def test_the_order_is_warning_reduction_stop(config):
         seen.append((bool(limited.warning()), limited.is_reduced, bool(limited.stop())))
     warned, reduced, stopped = (row.index(True) for row in np.array(seen).T.tolist())
     assert warned + 20 < reduced < stopped
-    assert 'is limited' in limited.warning() or limited.lets_down
+    assert 'is limited' in limited.warning() or limited.is_released
 
 
 def test_the_warning_states_the_remaining_time(config):
@@ -86,10 +86,10 @@ def test_an_arm_sinks_once_its_load_is_more_than_the_reduced_torque(config):
     limited = limit(config)
     drive(limited, config, 1, 60.0)
     for _ in range(100):
-        limited.carries(0.8 * limited.effort_limit)
+        limited.add_load(0.8 * limited.effort_limit)
     assert not limited.is_sinking
     for _ in range(100):
-        limited.carries(-1.2 * limited.effort_limit)
+        limited.add_load(-1.2 * limited.effort_limit)
     assert limited.is_sinking
     assert 'joint2 sinks' in limited.warning()
     limited.rest()
@@ -98,7 +98,7 @@ def test_an_arm_sinks_once_its_load_is_more_than_the_reduced_torque(config):
 
 def test_without_a_reduction_no_load_lets_an_arm_sink(config):
     limited = limit(config)
-    limited.carries(100.0)
+    limited.add_load(100.0)
     assert not limited.is_sinking
 
 
