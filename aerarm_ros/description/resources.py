@@ -48,7 +48,7 @@ def find_file(path: Path | str) -> Path:
 
 
 def resource(*parts: str) -> Path:
-    """Return the path of a shared file, for example `resource('urdf', 'aerarm.urdf')`.
+    """Return the path of a packaged file, for example `resource('urdf', 'aerarm.urdf')`.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def resource(*parts: str) -> Path:
 
 
 def write_whole(path: Path, text: str, durable: bool = True) -> None:
-    """Write a text file; an existing file is only replaced once the new file is complete.
+    """Write a text file; an existing file is replaced only after the new file is complete.
 
     Special files such as /dev/stdout are written directly. If `durable` is False, readers always
     see a complete file, but the file is not synchronized to the disk.

@@ -1,4 +1,4 @@
-"""Draft as commented YAML, with guessed values marked and advice on how to determine them."""
+"""Text of a draft as YAML: marked guesses, and comments on how to determine the true values."""
 
 from __future__ import annotations
 

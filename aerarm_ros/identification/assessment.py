@@ -1,4 +1,4 @@
-"""Torque error (5.3) of an estimate, and warnings about motions beyond the identified range."""
+"""Torque error of an estimate, thesis (5.3), and warnings about motion that it extrapolates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
 
 @dataclass(frozen=True, eq=False)
 class BagDemand:
-    """Motion range of one bag relative to that of the identification, and torque uncertainty.
+    """Excess of a bag's motion over the identification motion, and uncertainty of its torque.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColum
 def extrapolation_warnings(
     fit: ModelFit, identification: Sequence[BagDemand], validation: Sequence[BagDemand]
 ) -> list[str]:
-    """Return warnings about validation bags that exceed the range of the identification bags."""
+    """Return warnings about validation bags whose motion exceeds the identification motion."""
     names = fit.model.joint_names
     known = np.max([demand.uncertainty for demand in identification], axis=0)
     warnings = []
@@ -87,15 +87,15 @@ def extrapolation_warnings(
             if joints:
                 warnings.append(
                     f'{demand.bag}: {word} leaves the range of the identification motion '
-                    f'({", ".join(joints)}), so the errors are those of extrapolation'
+                    f'({", ".join(joints)}), so the model extrapolates in this bag'
                 )
         grown = (demand.uncertainty > _GROWTH * known) & (demand.uncertainty > fit.noise.std)
         if grown.any():
             joints = [name for name, bad in zip(names, grown, strict=True) if bad]
             warnings.append(
                 f'{demand.bag}: the torque of {", ".join(joints)} depends on parameters that the '
-                'identification motion hardly excites; identify from a motion that is more '
-                'similar'
+                'identification motion hardly excites; identify from a motion that is similar to '
+                'this bag'
             )
     return warnings
 
@@ -129,7 +129,7 @@ class BagAssessment:
     prediction: Prediction
 
     def __repr__(self) -> str:
-        """Return the torque errors as text, without the samples."""
+        """Return the torque errors of the bag as text."""
         return (
             f'<{self.bag}: torque error {self.filtered:.2f} % filtered, '
             f'{self.filtered_measured:.2f} % with only the measured torque filtered, '
@@ -170,7 +170,7 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
 
 
 def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
-    """Return the torque error (5.3) of all joints stacked and of each joint [%].
+    """Return the torque error, thesis (5.3), of all joints together and of each joint [%].
 
     Parameters
     ----------
@@ -259,6 +259,6 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
             if texts:
                 warnings.append(
                     f'{trend.bag}: the {what} changes from start to end of the bag '
-                    f'({", ".join(texts)}), as with {why}'
+                    f'({", ".join(texts)}), possibly because of {why}'
                 )
     return warnings

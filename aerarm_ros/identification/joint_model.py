@@ -54,7 +54,8 @@ _MEANINGS = {
 }
 
 COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
-"""Terms of torque caused by another joint's motion, of either sign."""
+"""Kinds of terms for torque caused by another joint's motion; their coefficients may be
+negative."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class JointTerm:
         return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
     def basis(self, dq: Array, ddq: Array, load: Array | None, state: Array | None = None) -> Array:
-        """Return the torque per coefficient of the term.
+        """Return the torque of the term for a coefficient of 1.
 
         Parameters
         ----------
@@ -243,7 +244,7 @@ class JointModel:
 
     @property
     def joint_columns(self) -> tuple[tuple[int, JointTerm], ...]:
-        """Joint index and term of each column after the links' 10 n columns, as in (3.5)."""
+        """Joint index and term of each column after the 10 n columns of the links, thesis (3.5)."""
         return tuple(
             (joint, term)
             for kind in _ORDER

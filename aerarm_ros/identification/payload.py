@@ -77,7 +77,7 @@ class Payload:
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
 
     def with_scale_deviation(self, share: float) -> 'Payload':
-        """Return the payload with the uncertainty due to a common scale error of all torques.
+        """Return the payload with additional uncertainty, from a common scale error of all torques.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class _Arm:
 
 @dataclass(frozen=True, eq=False)
 class _Residual:
-    """Torque residual of the arm's model, reduced to a small system for the payload.
+    """Least-squares system for the payload, from the torque residual of the arm's model.
 
     `system` is weighted for the fit. `information` is weighted to unit variance per independent
     sample; `arm` contains its columns for all parameters of the arm, `own` those of the payload.
@@ -205,7 +205,7 @@ def _weigh(
     noises: Sequence[Noise | None],
     gain_deviation: float = 0.0,
 ) -> Payload:
-    """Fit the payload once per noise; None means the residual noise of the previous fit."""
+    """Fit the payload once with each noise; None selects the residual noise of the previous fit."""
     carried = np.zeros(10)
     for noise in noises:
         noise = noise or _noise(arm, bags, carried)
@@ -270,7 +270,7 @@ def _unconstrained(system: TriangularSystem) -> Array:
 
 
 def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
-    """Return the physical limits, and a wide prior about a ball with the roughly estimated mass."""
+    """Return the physical limits, and a wide prior about a ball with the mass in `rough`."""
     mass = float(rough[0])
     if mass <= 0.0:
         raise IdentificationError(_nothing(mass, None))

@@ -41,19 +41,20 @@ DELAY, REVERSAL = 'torque delay', 'friction at reversal'
 REMEDIES: Mapping[str, str] = {
     TORQUE_NOISE: 'record more periods or longer, or choose a lower cut-off',
     MOTION_NOISE: 'choose a lower cut-off, accelerate less, or use finer encoders',
-    RIPPLE: 'compensate the periodic torque of the gears, or move faster so that the cut-off '
-    'removes it',
+    RIPPLE: (
+        'compensate the periodic torque of the gears, or move faster, so that the low-pass filter '
+        'removes it'
+    ),
     FLEXIBILITY: 'accelerate less, or measure the angles on the output side of the gears',
-    DELAY: 'record torque and angle at the same instant, or allow the identifier to estimate the '
-    'delay '
-    '(do not state exact stamps)',
+    DELAY: (
+        'record torque and angle at the same instant, or omit --exact-stamps, so that the '
+        'identifier estimates the delay'
+    ),
     REVERSAL: 'reverse less often, or pass through zero velocity faster',
 }
 """Remedy for each cause of the residual."""
 
-UNEXPLAINED = (
-    'check geometry, tool and cables; calibrate the geometry; record a motion that is more varied'
-)
+UNEXPLAINED = 'calibrate the geometry, check tool and cables, or record a more varied motion'
 """Remedy for a residual without known cause."""
 
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
@@ -275,7 +276,7 @@ def _derivative(samples: Samples) -> Callable[[Array, int], Array]:
 def _ripple(
     samples: Samples, fine: Array, residual: Array, joint: int, ratios: Array | None
 ) -> Array:
-    """Return sinusoids in joint angle and motor angle; an unknown gear ratio is searched."""
+    """Return filtered sinusoids of joint and motor angle; an unknown gear ratio is estimated."""
     rows = np.flatnonzero(samples.measured[:, joint])
     angle, left = samples.q[rows, joint], residual[rows, joint]
     orders = [1.0, 2.0]
@@ -355,7 +356,7 @@ def _explained(
 
 
 def _unseen_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
-    """Return the fraction of the mean square that patterns explain in the held-out fold."""
+    """Return the fraction of the mean square that patterns explain in held-out parts."""
     columns = np.hstack(groups)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     products = [columns[fold == k].T @ columns[fold == k] for k in range(FOLDS)]

@@ -54,7 +54,7 @@ _GLANCE = 24  # number of instants at which a path is evaluated
 
 
 class ToolPostures:
-    """Inverse kinematics of a tool position with redundant joints.
+    """Search for postures that reach a tool position (inverse kinematics with redundant joints).
 
     From many random postures, Gauss-Newton steps move the tool to the target. Each resulting
     posture is then improved by motions that keep the tool at the target and reduce holding loss
@@ -119,7 +119,7 @@ class ToolPostures:
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 
     def _range(self, start: Array) -> tuple[Array, Array]:
-        """Return the position limits (n,); one turn about the start for unlimited joints."""
+        """Return the position limits (n,); for unlimited joints, one turn centred at the start."""
         low, high = self._limits.position_min, self._limits.position_max
         return (
             np.where(np.isfinite(low), low, start - np.pi),
@@ -134,7 +134,7 @@ class ToolPostures:
         low: Array,
         high: Array,
     ) -> Array | None:
-        """Return the posture found from a seed posture, None if the tool misses its target."""
+        """Return the posture found from `seed`; None if the tool misses its target."""
         q, error = np.array(seed), np.inf
         steepness = self._hold_time * _LOSS_CURVATURE + 2.0 * _TRAVEL_PRICE
         for step in range(_STEPS):
@@ -152,7 +152,7 @@ class ToolPostures:
         return q if error < _NEAR else None
 
     def _way(self, start: Array, q: Array, duration: float) -> float:
-        """Return an estimate of the cost of the straight path from start to q [J]."""
+        """Return an estimate of the energy [J] for the straight path from `start` to q."""
         straight = PolynomialPath.rest_to_rest(start, q, duration)
         times = (np.arange(_GLANCE) + 0.5) * duration / _GLANCE
         power = self._model.drives.from_supply(self._model.power(straight, times))
@@ -228,7 +228,7 @@ class MotionPlanner:
 
     @property
     def limits(self) -> MotionLimits:
-        """Part of the limits that a planned motion may use."""
+        """Fraction of the arm's limits that a planned motion may use."""
         return self._limits
 
     def carry(self, payload: ArrayLike) -> None:
@@ -240,7 +240,7 @@ class MotionPlanner:
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
     ) -> MotionPlan:
-        """Return a motion of the tool to a point, which ends in the posture of least cost.
+        """Return a motion of the tool to a point, with the final posture of least cost.
 
         Motions to several goal postures (see `ToolPostures`) are planned, and the one with the
         least cost is returned.
@@ -296,8 +296,8 @@ class MotionPlanner:
             return self._quintic(q0, q1)
         if settings.objective == DISTURBANCE and not settings.duration:
             raise PlanError(
-                'least disturbance needs a duration, because longer motions always disturb '
-                'less: set duration'
+                'objective disturbance needs a duration, because longer motions always disturb the '
+                'base less: set duration'
             )
         if settings.duration and settings.objective in (ENERGY, DISTURBANCE):
             return self._of_duration(q0, q1, settings.duration)
@@ -382,7 +382,7 @@ class MotionPlanner:
     def _stretched(
         self, points: Array, q0: Array, q1: Array, duration: float
     ) -> tuple[PolynomialPath, FeasibilityReport]:
-        """Return the motion slowed down, from the given duration on, until it keeps the limits."""
+        """Return the motion, slowed down from `duration` on until it keeps the limits."""
         for _ in range(_STRETCHES):
             path = self._basis.path(points, q0, q1, duration)
             report = self._checker.check(path, stop_early=True)
@@ -407,7 +407,7 @@ class MotionPlanner:
         return _NOTHING_ELSE if is_all else settings.disturbance_price
 
     def _terms_beside_energy(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
-        """Return the cost terms of acceleration and of the moment on the base.
+        """Return the cost terms of the joint accelerations and of the moment on the base.
 
         If `sharp`, only moments close to the peak moment of the motion `near` have a cost.
         """
@@ -462,7 +462,7 @@ class MotionPlanner:
         return MotionPlan(path, self._model.balance(path), report)
 
     def _advice(self, q0: Array, q1: Array, duration: float) -> str:
-        """Return a hint on the required duration, '' if a longer duration would not help."""
+        """Return a hint on the required duration; '' if a longer duration does not help."""
         try:
             quickest = self.with_settings(objective=TIME, duration=0.0).plan(q0, q1)
         except PlanError:

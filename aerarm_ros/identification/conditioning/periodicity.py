@@ -103,7 +103,7 @@ def count_harmonics(dq: Array, periods: int) -> int:
 
 
 def _mismatch(q: Array, lag: int) -> Array:
-    """Return, for each start, the mismatch of the motion and the motion `lag` samples later.
+    """Return, for each start sample, the mismatch of two consecutive sections of `lag` samples.
 
     The mismatch is the mean squared difference of two consecutive sections of this length, divided
     by twice their common variance. The mismatch is 0 for a repeated motion and about 1 for
@@ -133,7 +133,7 @@ def _shortest_repeating_lag(q: Array) -> int | None:
 
 
 def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, lag: int) -> float:
-    """Return the period [s], refined below the step size of the search."""
+    """Return the period [s], determined more accurately than by the search."""
     start = coarse_time[int(np.argmin(_mismatch(coarse, lag)))]
     length = lag / _RATE
     instants = np.arange(start, start + length, 0.1 / _RATE)
@@ -148,7 +148,7 @@ def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, la
 
 
 def _rounded(period: float) -> float:
-    """Return the period of the nearest round frequency, if the period equals it within accuracy."""
+    """Return the period of the nearest round frequency if it differs by less than 0.1 %."""
     frequency = 1.0 / period
     for digits in (2, 3):
         round_frequency = float(f'{frequency:.{digits}g}')
@@ -188,13 +188,13 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
 
 
 def _moving_time(q: Array) -> float:
-    """Return the time in which the arm moves [s], for samples at the rate of the search."""
+    """Return the total time [s] in which the arm moves, from positions sampled at `_RATE`."""
     travel = np.linalg.norm(np.diff(q, axis=0), axis=1)
     return float(np.sum(travel > 0.02 * travel.max())) / _RATE
 
 
 def _moving_variance(q: Array, window: int) -> Array:
-    """Return the variance, summed over the joints, of each `window` consecutive samples."""
+    """Return the variance of every section of `window` samples, summed over the joints."""
     centred = q - q.mean(axis=0)
     first = np.concatenate((np.zeros((1, q.shape[1])), np.cumsum(centred, axis=0)))
     second = np.concatenate(([0.0], np.cumsum((centred**2).sum(axis=1))))

@@ -63,7 +63,7 @@ def fit_backlash(
     swings = [_Swing(run) for run in recorded if run.time[-1] - run.time[0] >= _SHORTEST]
     if not swings:
         raise IdentificationError(
-            f'{name}: the sine waves are shorter than {_SHORTEST} s; measure more of them'
+            f'{name}: the oscillations are shorter than {_SHORTEST} s; measure more of them'
         )
     plays = np.linspace(0.0, 1.0, _PLAYS) ** 2 * LARGEST
     spread = 2.0 * links[1] / links[0]
@@ -124,7 +124,7 @@ class _Swing:
         return np.asarray(sosfiltfilt(self._sections, values, axis=0))
 
     def link(self, play: Array, gravity: Array) -> Array:
-        """Return link angles (M, K) [rad] for K backlashes [rad] and gravity (2, K) [rad/s^2]."""
+        """Return the link's angles (M, K) [rad] for K assumed backlashes [rad]."""
         half, side = 0.5 * play, np.zeros(len(play))
         x, v = np.full(len(play), self.q[0]), np.full(len(play), self.dq[0])
         way = np.empty((len(self.q), len(play)))

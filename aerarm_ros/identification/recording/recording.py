@@ -44,7 +44,7 @@ class BagFacts:
 
     @property
     def text(self) -> str:
-        """Description of used part and quality in one line, for a terminal."""
+        """Text on the used part of the bag, lost messages and missed cycles, for a terminal."""
         parts = [f'used {self.used}']
         if self.lost is not None:
             parts.append(f'{self.lost} states lost')
@@ -201,7 +201,7 @@ def moving_span(time: Array, q: Array) -> tuple[slice, str]:
 
 
 def _ends_of_motion(q: Array) -> tuple[int, int] | None:
-    """Return the rows in which a joint leaves its start and reaches its end."""
+    """Return the rows in which a joint leaves its first position and reaches its last."""
     finite = np.isfinite(q)
     if not finite.any():
         return None
@@ -440,7 +440,7 @@ def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: Join
         if len(q) and np.ptp(q) > _LOCKED_MOTION:
             raise IdentificationError(
                 f'joint {joint} is locked (--lock) but moves by {np.ptp(q):.3g} rad in {bag}: '
-                f'remove --lock {joint}, or cut the bag to where the joint rests'
+                f'remove --lock {joint}, or shorten the bag to the part in which the joint rests'
             )
 
 
@@ -547,7 +547,7 @@ def _check_content(
         )
     for states, text in (
         (still, 'does not move, so its friction cannot be identified'),
-        (dead, 'has a constant effort, so its equation is ignored'),
+        (dead, 'has a constant effort, so its torque is ignored'),
     ):
         warnings += [
             f'{bag}: joint {joint} {text}'

@@ -95,7 +95,7 @@ def accepted_names() -> str:
 
 
 def first_number(numbers: Iterable[int], joints: int) -> int | None:
-    """Return whether numbered columns count from 0 or 1; None if undetermined.
+    """Return the number of the first joint in column names, 0 or 1; None if undetermined.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def read_table(
 _Columns = dict[tuple[str, str], Array]
 """Values in SI units by quantity and joint; the time has the key ('time', '')."""
 _Sources = dict[tuple[str, str], str]
-"""Names in the file by quantity and joint."""
+"""Names of columns or arrays in the file, by quantity and joint."""
 
 
 def _csv(
@@ -344,7 +344,7 @@ def _meanings(
         key = meaning.quantity, meaning.joint
         if key in known:
             raise IdentificationError(
-                f'columns {known[key]} and {names[place]} of {path} are both the '
+                f'columns {known[key]} and {names[place]} of {path} both contain the '
                 f'{" of ".join(filter(None, key))}: remove one'
             )
         known[key] = names[place]
@@ -374,8 +374,8 @@ def _numbered(
             first = first_number((number for _, number in group.values()), len(joint_names))
         if first is None:
             raise IdentificationError(
-                f'the numbers of {_some([names[place] for place in group])} in {path} may begin '
-                f'at 0 or at 1 for {len(joint_names)} joints: state the number of '
+                f'the numbers in the column names {_some([names[place] for place in group])} of '
+                f'{path} may begin at 0 or at 1 for {len(joint_names)} joints: state the number of '
                 f'{joint_names[0]} (--numbered-from 0 or 1, or numbered_from= of read_bag)'
             )
         for place, (column, number) in group.items():
@@ -480,7 +480,7 @@ def _states(
     if stamp is None:
         if options.rate is None:
             raise IdentificationError(
-                f'{path} has no time column: name one time [s], or pass the sampling rate '
+                f"{path} has no time column: name a column 'time [s]', or pass the sampling rate "
                 '(--rate, or rate= of read_bag)'
             )
         stamp = np.arange(count) / options.rate

@@ -52,7 +52,7 @@ def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
 
 
 class RegressionBank:
-    """Reduction of the identification bags to small factors, with which models are compared.
+    """Identification bags, reduced to small triangular factors for quick fits of models.
 
     A joint's terms act only on its own torque, so its rows need only the links' columns and its own
     candidate terms. The bank stores one factor per joint and part of the motion.
@@ -128,7 +128,7 @@ class RegressionBank:
         return ReducedRegression(model.columns, factors, self._rows[:, folds].sum(axis=1))
 
     def factor(self, joint: int, fold: int) -> Array:
-        """Return a joint's triangular factor of one part, for links, candidate terms and torque."""
+        """Return the triangular factor of one joint and one part of the motion."""
         return self._factors[joint][fold]
 
 

@@ -121,7 +121,7 @@ class SampleColumns:
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
-        """Return the torque that a parameter vector predicts; its own links determine the load.
+        """Return the torque predicted by a parameter vector, whose links also determine the load.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class SampleColumns:
         joints: Sequence[int] | None = None,
         derivative: int = 0,
     ) -> Array:
-        """Return the filtered columns of load-dependent friction, or their rates, by joint."""
+        """Return the filtered columns of load-dependent friction, or their time derivatives."""
         motion = self.motion
         some = list(range(self.samples.n)) if joints is None else list(joints)
         fine = motion.dq_fine[:, some], motion.ddq_fine[:, some]
@@ -173,7 +173,7 @@ class SampleColumns:
         return loads
 
     def _state(self, term: JointTerm) -> Array | None:
-        """Return the friction state (L, n) of a term along the fine samples; None in steady motion.
+        """Return the friction state (L, n) of a term at the fine samples; None without `distance`.
 
         Noise of the velocity at rest does not turn the joint, so the state lasts.
         """
@@ -213,7 +213,7 @@ class TriangularSystem:
 
 
 class ReducedRegression:
-    """Rows of the stacked regressor (3.8), as one triangular factor per joint.
+    """Stacked regressor of thesis (3.8), reduced to one triangular factor per joint.
 
     A factor R of `[Phi_j tau_j] = Q R` preserves every inner product of its columns. The factors
     are therefore sufficient to compute any fit and any residual norm, with any weights of the
@@ -247,7 +247,7 @@ class ReducedRegression:
         return np.array([np.linalg.norm(factor[:, -1]) for factor in self.factors])
 
     def column_norms(self) -> Array:
-        """Return the (n, p) column norms of each joint's rows."""
+        """Return the norm of each column over the rows of each joint, (n, p)."""
         return np.array([np.linalg.norm(factor[:, :-1], axis=0) for factor in self.factors])
 
     def system(self, weights: npt.ArrayLike = 1.0) -> TriangularSystem:

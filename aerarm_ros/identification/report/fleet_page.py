@@ -83,7 +83,7 @@ def fleet_page(rows: Sequence[Row]) -> str:
     arms = dict.fromkeys(str(row['arm']) for row in good)
     lead = (
         f'{len(good)} of {len(rows)} bags of {len(arms)} arms were identified; {len(drifts)} '
-        f'parameters drift, {len(odd)} differ from those of the other arms.'
+        f'parameters drift, {len(odd)} differ from the same parameters of the other arms.'
     )
     parts = [paragraph(lead, 'lead')]
     if failed := [row for row in rows if row['status'] != 'ok']:

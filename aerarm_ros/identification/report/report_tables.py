@@ -43,7 +43,7 @@ def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
 
 
 def error_table(result: IdentificationResult) -> Html:
-    """Return table 5.1: torque errors (5.3) of every solver on every bag."""
+    """Return table 5.1 of the thesis: torque errors (5.3) of every solver on every bag."""
     bags = bags_of(result.recommended)
     headings: list[object] = ['solver']
     for role, bag in bags:
@@ -96,7 +96,7 @@ def joint_error_table(result: IdentificationResult) -> Html:
 
 
 def residual_table(result: IdentificationResult) -> Html:
-    """Return the table of residual causes, in percent of each joint's mean square."""
+    """Return the table of the causes of the residual, in percent of each joint's mean square."""
     rows: list[list[object]] = []
     for split in result.splits:
         for cause, parts in split.fractions.items():
@@ -111,7 +111,7 @@ def residual_table(result: IdentificationResult) -> Html:
 
 
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return table A.1: every parameter compared with CAD, with standard deviation."""
+    """Return table A.1 of the thesis: every parameter, compared with its value in CAD."""
     estimate = result.recommended.estimate
     cad, ols = (result.solutions[name].estimate.theta for name in ('cad', 'ols'))
     units = list(_RIGID_UNITS) * result.robot.n

@@ -57,7 +57,7 @@ _NORMAL = 1.4826  # ratio of standard deviation to median magnitude, for normal 
 def solve_huber(
     fit: ModelFit, bags: Sequence[SampleColumns], limits: PhysicalLimits
 ) -> tuple[Array, tuple[str, ...]]:
-    """Minimize Huber's loss of the torque error over all possible bodies.
+    """Minimize Huber's loss of the torque error over all physically possible parameters.
 
     Residuals beyond a threshold count linearly instead of quadratically. The weights are computed
     without constraints, which is fast, and then used in the semidefinite program.

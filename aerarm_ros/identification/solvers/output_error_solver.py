@@ -18,7 +18,7 @@ _INDEPENDENT = 2.0
 def solve_output_error(
     model: JointModel, windows: RolloutWindows, start: Array, std: Array
 ) -> Array:
-    """Minimize the position error of simulated windows over the joints' coefficients.
+    """Fit the joint coefficients, so that simulated positions match the measured positions.
 
     Torque contains little information about friction near zero velocity, where it changes within
     one sample; positions contain more. The Gauss-Newton iteration starts at a consistent estimate,

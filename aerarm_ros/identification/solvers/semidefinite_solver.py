@@ -210,8 +210,8 @@ class PhysicalProgram(ConeProgram):
             signed[load] = np.minimum(signed[load], LARGEST_LOAD_FRICTION)
         if minimum_eigenvalue(theta[:start].reshape(-1, 10)) < 0.0:
             raise IdentificationError(
-                'the semidefinite program left its constraints: check the scale of the masses and '
-                'inertias in the URDF'
+                'the solution of the semidefinite program violates its constraints: check the '
+                'scale of the masses and inertias in the URDF'
             )
         return np.asarray(theta)
 
@@ -275,7 +275,7 @@ _MARGIN = 1e-6
 
 
 def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalLimits) -> Array:
-    """Minimize torque error plus distance from the prior over all physically possible arms.
+    """Minimize torque error plus distance from the prior over all physically possible parameters.
 
     Every link's 4x4 pseudo-inertia matrix is positive definite (Wensing, Kim, Slotine, RA-L 2018),
     which thesis (3.9) with (3.15) does not ensure; friction and rotor inertia are non-negative. The
@@ -390,10 +390,10 @@ def _notes(
 def _note(bound: str, failure: IdentificationError | None, room: str = '') -> str:
     """Return why a bound was dropped; `failure` is None if no solver call was needed."""
     if failure is None or (isinstance(failure, SolverError) and failure.contradiction):
-        return f'omitted, because it cannot be met{room}: {bound}'
+        return f'bound ignored, because it cannot be met{room}: {bound}'
     status = failure.status if isinstance(failure, SolverError) else 'inaccurate'
     return (
-        f'omitted, because the solver failed with it ({status}), although it may be '
+        f'bound ignored, because the solver failed with it ({status}), although it may be '
         f'feasible: {bound}'
     )
 
@@ -457,7 +457,7 @@ def solve_entropic(
 def _add_determinant(
     program: ConeProgram, columns: Array, constant: Array, first: int, lower: int
 ) -> None:
-    """Add the cones of one link, with x starting at `first`, and L and t at `lower`."""
+    """Add the cones of one link, whose unknowns x begin at `first`, and L and t at `lower`."""
 
     def block(upper_left: Array, triangular: Array) -> Array:
         corner = np.diag(np.diag(triangular))

@@ -169,9 +169,13 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
         (
             'time,q1,q[0],tau1,tau2',
             (T, Q, TAU),
-            r'q1 and q\[0\] of .* are both the position of shoulder',
+            r'q1 and q\[0\] of .* both contain the position of shoulder',
         ),
-        ('time,t,q1,tau1', (T, T, Q[:, 0], T), 'time and t of .* are both the time: remove one'),
+        (
+            'time,t,q1,tau1',
+            (T, T, Q[:, 0], T),
+            'time and t of .* both contain the time: remove one',
+        ),
         ('time,q1,q2,tau1 [lbf],tau2', (T, Q, TAU), r'column tau1 .*unknown unit lbf'),
     ],
 )
