@@ -285,7 +285,7 @@ def _repeats(fit: Fit) -> float:
 
 
 def _scale(values: Array) -> float:
-    """Return the standard deviation of values, robustly: outliers are left out."""
+    """Return the standard deviation of values without outliers."""
     scale = _MAD * float(np.median(np.abs(values)))
     if scale == 0.0:
         return float(np.sqrt(np.mean(values**2)))

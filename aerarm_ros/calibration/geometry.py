@@ -80,7 +80,7 @@ class LinkPoses:
 
 
 class ArmGeometry:
-    """Kinematic chain to a link, with geometric errors.
+    """Kinematic chain from the base to a link, with geometric errors.
 
     The pose of the link is ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)``, with the joint placements
     ``M`` of the URDF, the errors ``E`` (displacement and rotation of a joint's frame), and the

@@ -24,7 +24,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class CalibrationError(ValueError):
-    """Unusable data or option; the message names the faulty entry and what to check."""
+    """Error for unusable data or options; the message names the faulty entry and what to check."""
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
@@ -72,7 +72,7 @@ class Source(ABC):
 
     @abstractmethod
     def register(self, poses: LinkPoses) -> Array:
-        """Return initial unknowns (S,) of the source, from measurements and nominal poses."""
+        """Return the initial state (S,) of the source, from measurements and nominal poses."""
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
@@ -109,7 +109,7 @@ class MarkerSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Base frame (6), followed by each marker's position in the link's frame (3)."""
+        """Names of the unknowns: base frame (6), and position of each marker on the link (3)."""
         places = tuple(f'{marker}.{axis}' for marker in self.names for axis in 'xyz')
         return (*_base_names(self), *places)
 
@@ -206,7 +206,7 @@ class PoseSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Base frame (6), followed by the attached frame in the link's frame (6)."""
+        """Names of the unknowns: base frame (6), and attached frame relative to the link (6)."""
         what = 'camera' if self.eye_in_hand else 'body'
         return (*_base_names(self), *(f'{self.name}.{what}.{axis}' for axis in _AXES))
 
@@ -338,7 +338,7 @@ class PlaneSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Tilt of the normal (2), distance (1) and the point in the link's frame (3)."""
+        """Names of the unknowns: tilt of the plane (2), its distance (1), point on the link (3)."""
         own = ('plane.tilt1', 'plane.tilt2', 'plane.distance', 'tip.x', 'tip.y', 'tip.z')
         return tuple(f'{self.name}.{key}' for key in own)
 

@@ -92,7 +92,7 @@ def choose_postures(
 
 
 def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callable[[Array], bool]:
-    """Return a function that computes whether a marker faces the camera in a posture.
+    """Return a function that returns whether a marker faces the camera in a posture.
 
     A marker is visible up to 60 degrees between its normal and the line of sight.
 

@@ -81,8 +81,8 @@ def headline(calibration: Calibration) -> str:
     before = calibration.errors(calibration.registration, observations)
     after = calibration.errors(calibration.fit, observations)
     text = (
-        f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm '
-        f'calibrated ({calibration.best.name}, {len(calibration.fit.free)} errors)'
+        f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm after '
+        f'calibration ({calibration.best.name}, {len(calibration.fit.free)} estimated errors)'
     )
     if np.isfinite(after[1]):
         text += f'; orientation {1e3 * before[1]:.2f} and {1e3 * after[1]:.2f} mrad'

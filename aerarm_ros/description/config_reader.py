@@ -14,11 +14,11 @@ from aerarm_ros.description.resources import find_file, resource
 
 
 class DescriptionError(ValueError):
-    """Unusable URDF; the message names the joint or link and the remedy."""
+    """Error for an unusable URDF; the message names the joint or link and the remedy."""
 
 
 class ConfigError(ValueError):
-    """Unusable configuration; the message names the key and its allowed values."""
+    """Error for an unusable configuration; the message names the key and its allowed values."""
 
 
 def check_range(owner: str, key: str, value: float, low: float, high: float, unit: str) -> None:
@@ -127,7 +127,9 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
         than in any configuration.
     """
     if len(text) > _LARGEST:
-        raise ConfigError(f'the file is larger than {_LARGEST} bytes, more than any configuration')
+        raise ConfigError(
+            f'the file is larger than {_LARGEST} bytes, the limit for a configuration'
+        )
     try:
         _check_events(text)
         return yaml.load(text, Loader=loader)
@@ -149,12 +151,15 @@ def _check_events(text: str) -> None:
     for event in yaml.parse(text, Loader=LOADER):
         reason = ''
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
-            reason = 'YAML anchors and aliases are not supported, write the values out'
+            reason = 'YAML anchors and aliases are not supported: write the values out'
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
             reason = f'nested more than {_DEEPEST} levels deep'
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
-            reason = f'the number has {len(event.value)} characters'
+            reason = (
+                f'the number has {len(event.value)} characters, above the limit of '
+                f'{_LONGEST_NUMBER}'
+            )
         if reason:
             line = event.start_mark.line + 1 if event.start_mark else 0
             raise ConfigError(f'line {line}: {reason}')

@@ -154,8 +154,8 @@ class RotorConfig:
 GRAVITY = 9.81
 """Gravitational acceleration [m/s^2]."""
 THRUST_RESERVE = 1.2
-"""Smallest ratio of the largest vertical thrust of level rotors, without moment, to the weight. The
-difference is a reserve for rotating and stopping the drone.
+"""Smallest accepted ratio of the largest thrust of a level drone, without moment, to its weight.
+The excess over 1 is a reserve for rotating and stopping the drone.
 """
 
 # smallest sideways force that counts, relative to the thrust along the body's z axis

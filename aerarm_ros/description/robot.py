@@ -329,7 +329,7 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
     asked = [joint.name for joint in moving]
     if sorted(asked) != sorted(names):
         raise DescriptionError(
-            f'joints {asked} do not form one chain from the base: the chain has {names}'
+            f'joints {asked} do not form one chain from the base: the chain consists of {names}'
         )
     children = {joint.name: joint.child for joint in moving}
     for index, name in enumerate(names, start=1):

@@ -77,7 +77,7 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
 def _ground(robot: Robot, height: float) -> pin.GeometryObject:
     gravity = np.asarray(robot.gravity_in_base, dtype=float)
     if not np.linalg.norm(gravity) > 0.0:
-        raise ExcitationError('ground checks need gravity: set the ground height to none')
+        raise ExcitationError('the ground needs a direction of gravity: set ground_height to null')
     up = -gravity / np.linalg.norm(gravity)
     plane = pin.hppfcl.Halfspace(up, height)
     return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)

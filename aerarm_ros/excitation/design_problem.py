@@ -129,7 +129,7 @@ class DesignConstraints:
         self._scales = (half_range, limits.velocity, limits.acceleration, effort)
         finite = np.isfinite(np.concatenate(self._scales))
         self.active = np.append(finite, [True] * (clearance is not None))
-        """Mask of the active constraints; infinite limits have none."""
+        """Mask of the active constraints; an infinite limit has no constraint."""
         self._clearance = clearance
         self._pad = pad
         self._sharpness = sharpness
@@ -239,7 +239,7 @@ class FeasibleIterates:
 
 @dataclass
 class _Point:
-    """Stored results of the evaluation of one coefficient vector."""
+    """Results of the last evaluation, and the coefficient vector to which they belong."""
 
     key: bytes
     states: JointReference

@@ -164,7 +164,7 @@ class ExcitationPlayer:
         return self._law.command(start, position)
 
     def update(self, stamp_ns: int, position: Array) -> JointCommand:
-        """Return the command that answers one measured state.
+        """Return the command for one measured state.
 
         Parameters
         ----------

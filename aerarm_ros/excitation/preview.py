@@ -313,12 +313,11 @@ class Preview:
         gain = np.exp(other.log_deviation - quality.log_deviation)
         lead = (
             f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number of the '
-            f'regressor (thesis, equation 5.2): {quality.condition_number:.1f}, of the random '
-            f'motion from which the design started: {other.condition_number:.1f}. With columns '
-            f'scaled to equal length: {quality.scaled_condition_number:.1f} and '
-            f'{other.scaled_condition_number:.1f}. The expected standard deviations of the '
-            f'parameters are {gain:.2f} times smaller than with the random motion (geometric '
-            'mean).'
+            f'regressor (thesis, equation 5.2): {quality.condition_number:.1f} (random motion from '
+            f'which the design started: {other.condition_number:.1f}). With columns scaled to '
+            f'equal length: {quality.scaled_condition_number:.1f} (random motion: '
+            f'{other.scaled_condition_number:.1f}). The expected standard deviations of the '
+            f'parameters are {gain:.2f} times smaller than with the random motion (geometric mean).'
         )
         rows = [
             (m.limit, m.subject, float(m.reached), float(m.allowed), float(m.margin), m.unit)

@@ -16,15 +16,15 @@ from aerarm_ros.motion.signals import Array
 
 
 class ExcitationError(ValueError):
-    """Excitation that cannot be built, loaded or played; the message says what to check."""
+    """Error for an unusable or impossible excitation; the message states what to check."""
 
 
 class InfeasibleError(ExcitationError):
-    """Motion that violates a limit of the arm; the message names the limit."""
+    """Error for a motion that violates a limit of the arm; the message names the limit."""
 
 
 class NothingDrawnError(InfeasibleError):
-    """Error of a search in which no random trajectory was feasible.
+    """Error for a search in which no random trajectory was feasible.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class NothingDrawnError(InfeasibleError):
 
 
 class DesignStoppedError(ExcitationError):
-    """Error of a design that was stopped before a feasible trajectory was found."""
+    """Error for a design that was stopped before a feasible trajectory was found."""
 
 
 def one_per_joint(name: str, values: ArrayLike, n: int) -> Array:
@@ -119,7 +119,7 @@ class MotionLimits:
     def of_robot(
         cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
     ) -> MotionLimits:
-        """Return the motion limits in a URDF, completed by acceleration and current limits.
+        """Return the motion limits in a URDF, and the given acceleration and current limits.
 
         Parameters
         ----------

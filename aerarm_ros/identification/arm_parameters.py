@@ -185,7 +185,7 @@ class ArmParameters:
         )
 
     def vector(self, model: JointModel) -> Array:
-        """Return the parameters in the order of `model.columns`; 0 for terms without CAD value."""
+        """Return the parameters in the order of `model.columns`; 0 without a nominal value."""
         known = {
             TermKind.VISCOUS: self.viscous,
             TermKind.COULOMB: self.coulomb,

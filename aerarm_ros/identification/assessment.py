@@ -105,7 +105,7 @@ _SMALLEST = 1e-300  # avoids division by zero for a bag without torque
 
 @dataclass(frozen=True, eq=False)
 class BagAssessment:
-    """Torque errors of an estimate on one bag.
+    """Torque errors of one solver's estimate on one bag.
 
     Attributes
     ----------

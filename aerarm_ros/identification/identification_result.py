@@ -151,7 +151,7 @@ class IdentificationResult:
 
 @dataclass(frozen=True)
 class Check:
-    """Comparison of one measured value with its limit.
+    """Comparison of one quantity of an identification result with its limit.
 
     Attributes
     ----------

@@ -356,7 +356,7 @@ _FAR_OFF = 20.0
 _FOLLOWS = 0.5  # fraction of a joint's residual that the motion of another joint must explain
 
 _CHECK = (
-    'check sign and unit of the effort (--effort-gain JOINT=Nm/A, or =-1), gravity (--gravity), '
+    'check the sign and unit of the effort (--effort-gain), the direction of gravity (--gravity), '
     'the topic, and the joint names (--rename)'
 )
 

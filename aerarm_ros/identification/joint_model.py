@@ -104,7 +104,7 @@ class JointTerm:
 
     @property
     def nonnegative(self) -> bool:
-        """Whether the coefficient of a real joint cannot be negative."""
+        """Whether the coefficient is never negative for a real joint."""
         return self.kind not in (TermKind.OFFSET, *COUPLED)
 
     @property
@@ -180,7 +180,7 @@ def friction_state(dq: Array, travel: Array, distance: float) -> Array:
 
 
 def _joint_state(dq: Array, travel: Array, distance: float) -> Array:
-    """Return the friction state (M,) of one joint."""
+    """Return the friction state (M,) of one joint, see `friction_state`."""
     if not len(dq):
         return dq
     direction = np.sign(dq)

@@ -72,7 +72,7 @@ class Payload:
 
     @property
     def centre_std(self) -> Array:
-        """Standard deviations (3,) of `centre`, to first order [m]."""
+        """Standard deviations (3,) of the centre of mass [m], by linear approximation."""
         slope = np.hstack([-self.centre[:, None], np.eye(3)]) / self.mass
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
 
@@ -264,7 +264,7 @@ def _residual(arm: _Arm, bags: Sequence[SampleColumns], carried: Array, noise: N
 
 
 def _unconstrained(system: TriangularSystem) -> Array:
-    """Return the (10,) least-squares payload with an almost flat prior."""
+    """Return the payload (10,) that least squares yields without physical limits."""
     scale = np.array([1.0, *[_SIZE] * 3, *[_SIZE**2] * 6])
     return solve_regularised(system, Prior(np.zeros(10), _WIDE * scale))
 
@@ -350,7 +350,7 @@ def calibrate_gains(
         If the mass is not positive, a recording is too short, or no payload is detected.
     """
     if not (np.isfinite(mass) and mass > 0.0):
-        raise IdentificationError(f'known mass {mass} must be a positive number of kg')
+        raise IdentificationError(f'known mass {mass} kg must be positive and finite')
     arm, bags, noises = _known(robot, estimate, recordings, options)
     carried = np.zeros(10)
     for noise in noises:

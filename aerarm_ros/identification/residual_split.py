@@ -67,7 +67,7 @@ _RIDGE = 1e-4  # regularization, which prevents large opposite coefficients of s
 
 @dataclass(frozen=True, eq=False)
 class ResidualSplit:
-    """Causes of one bag's filtered torque residual.
+    """Fractions of a bag's filtered torque residual, by cause.
 
     Attributes
     ----------

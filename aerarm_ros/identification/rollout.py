@@ -169,7 +169,7 @@ def simulated_model(model: JointModel) -> JointModel:
 
 
 def _spread(term: JointTerm) -> JointTerm:
-    """Return a dry friction term with a smoothed step."""
+    """Return a copy of the term, in which the sign of dry friction changes smoothly."""
     dry = (TermKind.COULOMB, TermKind.LOAD, TermKind.CREEP, TermKind.FORWARD, TermKind.BACKWARD)
     return replace(term, width=max(term.width, _WIDTH)) if term.kind in dry else term
 

@@ -35,7 +35,7 @@ class CostTerm(Protocol):
     """Cost term of a planned motion: the integral over time of a function of the motion."""
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the integral over M instants, each representing `dt` [s]."""
+        """Return the integral over a motion of M instants at intervals of `dt` [s]."""
         ...
 
 

@@ -84,7 +84,7 @@ class ToolPostures:
         return self._hold_time * self._loss.watts(q)
 
     def find(self, point: ArrayLike, start: Array, duration: float) -> list[Array]:
-        """Return different postures (n,) [rad], sorted by cost including the path.
+        """Return postures (n,) [rad] that reach the point, sorted by cost including the path.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class MotionPlanner:
         self._basis = SplineBasis.of(*map(max, (settings.knots, settings.samples), least))
 
     def with_settings(self, **changes: object) -> MotionPlanner:
-        """Return a planner for the same arm and payload, with other settings."""
+        """Return a copy of the planner with other settings."""
         other = copy(self)
         other._set(replace(self.settings, **changes))  # type: ignore[arg-type]
         return other

@@ -75,7 +75,7 @@ class SplineBasis:
         return JointReference(*_scaled(parts, points, start, end, duration))
 
     def path(self, points: Array, start: Array, end: Array, duration: float) -> PolynomialPath:
-        """Return the spline motion as a path."""
+        """Return the motion of the spline as a polynomial path."""
         q, dq, ddq = _scaled(self._at_breaks, points, start, end, duration)
         q[0], q[-1] = start, end
         dq[[0, -1]] = ddq[[0, -1]] = 0.0

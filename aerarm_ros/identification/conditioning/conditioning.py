@@ -141,7 +141,7 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
 
 
 def position_band(q: Array, dt: float) -> float:
-    """Return the frequency [Hz] below which nearly all of the power of positions (M, n) lies.
+    """Return the frequency [Hz] below which nearly all power of the joint positions lies.
 
     The band of positions is narrower than that of velocities, which grow with frequency. Noise
     hardly affects it, because every joint moves far more than its encoder noise.
@@ -391,7 +391,7 @@ class Conditioner:
         ]
 
     def adapted(self, kinematics: KinematicsFilter) -> KinematicsFilter:
-        """Return a kinematics filter, adapted to the cut-off of this conditioner."""
+        """Return a copy of a kinematics filter with the cut-off of this conditioner."""
         harmonics = kinematics.harmonics
         if harmonics not in (None, self.harmonics):
             harmonics = self._harmonics_below_cutoff()
@@ -480,7 +480,7 @@ class Conditioner:
         return min(_CUTOFF_PER_BAND * band, 1.0 / (_SAMPLES_PER_CUTOFF * dt))
 
     def _given_cutoff(self, band: float, dt: float) -> float | None:
-        """Return the user's cut-off, checked against the positions' band; None if not set."""
+        """Return the cut-off that the user has set, after checks; None if not set."""
         given, limit = self._options.cutoff, 0.4 / dt
         if given is not None and given > limit:
             raise IdentificationError(

@@ -1,4 +1,4 @@
-"""Checks of the user's description of a motion against the recorded motion."""
+"""Checks whether the options that describe a motion match the recorded motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -204,6 +204,6 @@ def _moving_variance(q: Array, window: int) -> Array:
 
 
 def _longest_run(flags: npt.NDArray[np.bool_]) -> int:
-    """Return the length of the longest run of True."""
+    """Return the length of the longest run of True in `flags`."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
     return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0

@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # only for type annotations
 
 _SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
 NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
-"""Joint terms that are not friction."""
+"""Kinds of joint terms that are not friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +225,7 @@ def _coupled(estimate: Estimate) -> dict[str, list[Any]]:
 
 
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
-    """Return a value per parameter, grouped by kind of parameter as in the file."""
+    """Return `values`, one per parameter, grouped by kind of parameter as in estimate.yaml."""
     spread = Estimate(estimate.solver, estimate.model, values)
     kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in NAMES.items()}
     return {'inertial_parameters': _floats(spread.inertial), **kinds}

@@ -50,7 +50,7 @@ SIMPLE_TERMS = (
     ROTOR,
     JointTerm(TermKind.OFFSET),
 )
-"""Terms of every joint in a simple model."""
+"""Terms of every joint in the simple torque model."""
 
 # Relative torque residual of such a simple model, and number of neighbouring samples per
 # independent sample; both weight the data against the prior.

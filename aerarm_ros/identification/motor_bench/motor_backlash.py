@@ -177,6 +177,6 @@ def _misfit(
 
 
 def _squares(rows: Array, right: Array) -> Array:
-    """Return the least squared residual (K,) for each column of the right-hand side."""
+    """Return the squared residual (K,) of the best fit to each column of `right`."""
     q, _ = np.linalg.qr(rows)
     return np.asarray(((right - q @ (q.T @ right)) ** 2).sum(axis=0))

@@ -121,7 +121,7 @@ _PLAY = 0.05  # [rad] largest assumed backlash of a joint
 def rattle_of_others(
     dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
 ) -> Array:
-    """Return the largest shift (n,) of the oscillating link by each joint's backlash [rad].
+    """Return the largest shift of the oscillating link due to each joint's backlash, (n,) [rad].
 
     An accelerating joint causes torques at the other joints through their inertial coupling. A
     gear stays at its tooth flank if the gravity torque on it is larger than this coupling torque.
@@ -313,7 +313,7 @@ class KnownMass:
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """Results of an earlier run without the known mass.
+    """Results of an earlier motor bench run, which was made without the known mass.
 
     Attributes
     ----------

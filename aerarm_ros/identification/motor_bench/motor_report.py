@@ -100,7 +100,7 @@ def load_earlier(path: Path) -> Earlier:
         return Earlier(gravity, np.array(document['posture'], dtype=float).reshape(-1))
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path} is not a motor_bench.yaml ({type(error).__name__}: {error}), pass the file '
+            f'{path} is not a motor_bench.yaml ({type(error).__name__}: {error}): pass the file '
             'that the run without the mass wrote'
         ) from None
 

@@ -23,7 +23,7 @@ _MISSED_MAX = 0.01
 
 @dataclass(frozen=True)
 class BagFacts:
-    """Used part and quality of a recorded bag.
+    """Facts about a recorded bag: used part, lost messages and missed cycles.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ def running_span(
 
 
 def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str] | None:
-    """Return the rows of the joint states during which commands arrived.
+    """Return the rows of the joint states that were recorded while commands arrived.
 
     Parameters
     ----------
@@ -331,7 +331,7 @@ class Recording:
         return float(self.time[-1] - self.time[0])
 
     def part(self, first: float, last: float, suffix: str) -> 'Recording':
-        """Return the samples between two fractions (0..1) of the duration."""
+        """Return the part of the recording between two fractions (0 to 1) of its duration."""
         low, high = (self.time[0] + share * self.duration for share in (first, last))
         end = None if last >= 1.0 else int(np.searchsorted(self.time, high))
         inside = slice(int(np.searchsorted(self.time, low)), end)
@@ -445,7 +445,7 @@ def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: Join
 
 
 def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
-    """Return rows and columns of an array, without a copy if all are selected in order."""
+    """Return rows and columns of an array; the array itself if these are all of it."""
     whole = all(
         np.array_equal(index, np.arange(size))
         for index, size in zip((rows, columns), values.shape, strict=True)

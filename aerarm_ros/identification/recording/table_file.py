@@ -84,7 +84,7 @@ class TableColumn:
     unit: str = ''
 
     def named(self, joint: str) -> TableColumn:
-        """Return a numbered column with the name of its joint."""
+        """Return a copy of a numbered column that has the name of its joint."""
         return replace(self, joint=joint, number=None)
 
 
@@ -236,7 +236,7 @@ class TableStates:
     columns: str = ''
 
     def __repr__(self) -> str:
-        """Return a summary without the values."""
+        """Return a one-line summary of the states."""
         seconds = float(np.ptp(self.stamp)) if len(self.stamp) else 0.0
         return f'<{len(self.stamp)} states over {seconds:.3g} s of {", ".join(self.names)}>'
 
@@ -307,7 +307,9 @@ def _csv(
         first = file.readline()
         count = len(first.split(delimiter))
         if first.strip() and count != len(names):
-            raise ValueError(f'{len(names)} names for {count} columns')
+            raise ValueError(
+                f'the first line has {len(names)} names, but there are {count} columns'
+            )
         if not meanings:
             raise IdentificationError(
                 f'{path} has no position of any joint (its columns are {_some(names)}): name the '

@@ -267,7 +267,7 @@ class ReducedRegression:
         return TriangularSystem(padded[:count, :count], padded[:count, count])
 
     def residual_norms(self, theta: Array) -> Array:
-        """Return the (n,) norms of `tau_j - Phi_j theta` [Nm]."""
+        """Return the norm of each joint's torque residual (n,) [Nm], for parameters `theta`."""
         extended = np.append(-theta, 1.0)
         return np.array([np.linalg.norm(factor @ extended) for factor in self.factors])
 
@@ -277,7 +277,7 @@ class ReducedRegression:
         return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(torque))
 
     def select(self, names: Sequence[str]) -> 'ReducedRegression':
-        """Return the regression with a selection of columns."""
+        """Return a regression with only the columns `names`."""
         index = [self.columns.index(name) for name in names] + [len(self.columns)]
         factors = [triangular_factor(factor[:, index]) for factor in self.factors]
         return ReducedRegression(names, factors, self.rows)

@@ -108,8 +108,9 @@ def fleet_page(rows: Sequence[Row]) -> str:
 
 _DRIFT = (
     'Each line is fitted to the values of one arm over the dates of its bags, weighted by their '
-    'standard deviations. The change is from first to last bag. Friction that changes with the '
-    'gear temperature looks like drift, so record at the same temperature.'
+    'standard deviations. The column "change" is the change from the first to the last bag. '
+    'Friction that changes with the gear temperature looks like drift, so record at the same '
+    'temperature.'
 )
 
 

@@ -66,7 +66,7 @@ _NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
 
 def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
-    """Return an HTML list of warnings, with one entry per kind; a click shows all of a kind.
+    """Return an HTML list of warnings; warnings of one kind are folded into one entry.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _boxes(
 
 
 def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
-    """Return the line from the base through all joints."""
+    """Return a curve from the base through the origins of all joints."""
     points = np.vstack([np.zeros(3), poses[:, :3, 3]]).round(5)
     x, y, z = points.T.tolist()
     return {
@@ -245,7 +245,7 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """Contents of the identification report that are not part of the result.
+    """Contents of the report that an `IdentificationResult` does not include.
 
     Attributes
     ----------
@@ -441,12 +441,12 @@ _TRUE_PARAMETERS = (
     'constants, so even an exact estimate differs from the true values.'
 )
 _TRUE_BASE = (
-    'True: parameter of the simulated arm. As measured: least squares with the same weights on '
-    'the true torque without noise, times the error of each torque constant. A parameter of a '
-    'single joint scales with the factor of this joint; a parameter of several joints has no '
-    'single factor. Standard deviations include only noise. A deviation far beyond 3 means that '
-    'the model lacks a term, for example friction at reversal, or a delay between angle and '
-    'torque. A dash means that the true arm has no such parameter.'
+    'True: parameter of the simulated arm. As measured: result of the same weighted least-squares '
+    'fit for the true torque without noise, multiplied by the error of each torque constant. A '
+    'parameter of a single joint scales with the factor of this joint; a parameter of several '
+    'joints has no single factor. Standard deviations include only noise. A deviation far beyond 3 '
+    'means that the model lacks a term, for example friction at reversal, or a delay between angle '
+    'and torque. A dash means that the true arm has no such parameter.'
 )
 _EXCITATION = (
     'Range of each bag relative to the identification motion, and uncertainty of the predicted '

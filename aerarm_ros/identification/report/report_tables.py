@@ -224,7 +224,7 @@ def _gravity(result: IdentificationResult) -> str:
     )
     if found.tilt == 0.0:
         return f'as stated ({share})'
-    return f'{np.degrees(found.tilt):.2f}° off the stated gravity ({share})'
+    return f'tilted by {np.degrees(found.tilt):.2f}° from the stated gravity ({share})'
 
 
 def _delays(result: IdentificationResult) -> str:

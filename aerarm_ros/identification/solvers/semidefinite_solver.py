@@ -17,7 +17,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class CompressedColumns:
-    """Compressed sparse columns (CSC) of a dense matrix.
+    """Sparse matrix in the form of compressed columns (CSC), which Clarabel requires.
 
     Clarabel reads the attributes below, which equal those of `scipy.sparse.csc_matrix`; importing
     SciPy's class would take longer than solving the problem.
@@ -42,7 +42,7 @@ class CompressedColumns:
 
     @classmethod
     def of(cls, dense: Array) -> 'CompressedColumns':
-        """Return the nonzero entries of a dense matrix."""
+        """Return the sparse form of a dense matrix."""
         columns, rows = np.nonzero(dense.T)
         counts = np.bincount(columns, minlength=dense.shape[1])
         return cls(
@@ -76,7 +76,7 @@ class ConeProgram:
     def add(
         self, cone: str, rows: Array, offset: Array, dimension: int | None = None, first: int = 0
     ) -> None:
-        """Add a constraint on the unknowns starting at `first`.
+        """Add a cone constraint on consecutive unknowns, the first of which has the index `first`.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ def triangle(matrix: Array) -> Array:
 
 
 class PhysicalProgram(ConeProgram):
-    """Cone program over physically possible parameters, without the cones of single links.
+    """Cone program over possible parameters; the caller adds the cones of the links.
 
     Unknowns are the deviation x from the prior in standard deviations, and the residual r. With r
     as unknown, R (mean + std x) + r = z is a constraint, and R is never squared. The further
@@ -311,7 +311,7 @@ def solve_relaxed(
     limits: PhysicalLimits,
     solve: Callable[[TriangularSystem, Prior, PhysicalLimits], Array] = solve_semidefinite,
 ) -> tuple[Array, tuple[str, ...]]:
-    """Solve with the user's bounds, without bounds that are contradictory.
+    """Solve with all of the user's bounds that are not contradictory.
 
     Thesis section 3.2.2 requires a relaxation. If the bounds are contradictory, the solver drops
     first the bounds of the centres of mass (boxes only approximate the links' hulls), then

@@ -42,7 +42,7 @@ class ThesisProblem:
 
     @classmethod
     def of(cls, fit: ModelFit, limits: PhysicalLimits) -> 'ThesisProblem':
-        """Return the problem of a regression with its prior."""
+        """Return the problem of a fit; the prior of the fit provides start and scale."""
         return cls(fit.regression.system(), fit.prior.mean, fit.prior.std, limits)
 
     @property

@@ -35,7 +35,7 @@ def test_good_data_are_not_warned_of(warnings: Callable[..., str]) -> None:
 def test_a_joint_with_the_other_sign(warnings: Callable[..., str]) -> None:
     text = warnings(1.0, -1.0, 1.0, 1.0)
     assert 'the effort of joint2 has the opposite sign' in text
-    assert 'check sign and unit of the effort' in text
+    assert 'check the sign and unit of the effort' in text
     assert 'a physically consistent model leaves' in text
 
 

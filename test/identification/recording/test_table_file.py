@@ -165,7 +165,7 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
         ('time,a,b', (T, Q), 'no position of any joint'),
         ('a,b', (T, T), r'its columns are a, b\): name the columns time: time/times'),
         ('0.0,1.0,2.0', (T, Q), 'must name the columns'),
-        ('time,q1,q2', (T, Q, TAU), '3 names for 5 columns'),
+        ('time,q1,q2', (T, Q, TAU), '3 names, but there are 5 columns'),
         (
             'time,q1,q[0],tau1,tau2',
             (T, Q, TAU),
