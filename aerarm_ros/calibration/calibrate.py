@@ -36,7 +36,7 @@ from aerarm_ros.calibration.observations import (
 )
 
 # joint motion [rad], [m] by which a posture may lie outside the range of the fitted postures
-_BESIDE = 0.05
+_RANGE_MARGIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class Calibration:
         """Return a mask (M,) of the postures within the joint ranges of the fitted postures."""
         n = self.fit.geometry.n
         fitted_to = self.observations.q[:, :n]
-        low, high = fitted_to.min(axis=0) - _BESIDE, fitted_to.max(axis=0) + _BESIDE
+        low, high = fitted_to.min(axis=0) - _RANGE_MARGIN, fitted_to.max(axis=0) + _RANGE_MARGIN
         q = observations.q[:, :n]
         return np.asarray(((q >= low) & (q <= high)).all(axis=1))
 

@@ -23,7 +23,7 @@ _SIGNIFICANT = 2.0**0.5
 _UNCERTAIN = 0.8
 _STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
-_WORTH = 0.015  # fraction by which the prediction errors of a larger model must be smaller
+_LEAST_GAIN = 0.015  # fraction by which the prediction errors of a larger model must be smaller
 
 LEVELS = {
     'frames': (),
@@ -226,7 +226,7 @@ def insignificant(fit: Fit) -> list[int]:
     values = fit.errors[list(fit.free)].copy()
     covariance = fit.covariance[:count, :count].copy()
     left = list(range(count))
-    gone = []
+    removed = []
     while left:
         deviation = np.sqrt(np.maximum(np.diag(covariance)[left], 1e-300))
         ratio = np.abs(values[left]) / deviation
@@ -239,8 +239,8 @@ def insignificant(fit: Fit) -> list[int]:
         values = values - gain * values[weakest]
         covariance = covariance - np.outer(gain, covariance[weakest])
         left.remove(weakest)
-        gone.append(fit.free[weakest])
-    return gone
+        removed.append(fit.free[weakest])
+    return removed
 
 
 def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
@@ -290,17 +290,17 @@ def _candidate(
 def _predicts_better(one: Candidate, other: Candidate) -> bool:
     gain = other.predicted - one.predicted
     error = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
-    least = max(_GAIN * error, _WORTH * float(np.mean(other.predicted)))
+    least = max(_GAIN * error, _LEAST_GAIN * float(np.mean(other.predicted)))
     return bool(float(np.mean(gain)) > least)
 
 
 def _without_insignificant(
     best: Candidate, start: Fit, noise: tuple[float, float]
 ) -> Candidate | None:
-    gone = insignificant(best.fit)
-    if not gone:
+    removed = insignificant(best.fit)
+    if not removed:
         return None
-    kept = [k for k in best.fit.free if k not in gone]
+    kept = [k for k in best.fit.free if k not in removed]
     return _candidate(f'{best.name}, significant ones', start, kept, noise)
 
 

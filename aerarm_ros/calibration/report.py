@@ -268,9 +268,9 @@ def _frame_table(fit: Fit) -> Html:
 def _as_drawn(calibration: Calibration) -> Html:
     names = calibration.fit.geometry.names
     found = calibration.found
-    gone = [names[k] for k in found.columns if k not in calibration.fit.free]
+    removed = [names[k] for k in found.columns if k not in calibration.fit.free]
     groups = {
-        'Insignificant, or outside the chosen model': gone,
+        'Insignificant, or outside the chosen model': removed,
         'Not determined by these postures': [names[k] for k in found.hidden],
         'Indistinguishable from other errors': [names[k] for k in found.absorbed],
     }

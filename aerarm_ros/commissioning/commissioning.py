@@ -217,7 +217,7 @@ def pulse_offset(
 
 _TURN = 0.5 * np.pi  # [rad] angle by which a person turns a joint, measured with a set square
 _TURN_MIN = 0.5
-_ROOM = 0.05  # [rad] minimum distance between the turned joint and its position limit
+_LIMIT_MARGIN = 0.05  # [rad] minimum distance between the turned joint and its position limit
 _TOOL_MOVES = 0.02  # [m/rad] larger tool motions describe the direction of a joint to the person
 
 
@@ -407,9 +407,9 @@ class DriveStep(CommissioningStep):
 def _turn(config: ArmConfig, joint: int) -> float:
     """Return the angle by which a person turns a joint from its home configuration [rad]."""
     this, home = config.joints[joint], config.rest_position[joint]
-    up, down = this.position_max - home - _ROOM, home - this.position_min - _ROOM
-    room = up if up >= min(_TURN, down) else -down
-    turn = float(np.clip(room, -_TURN, _TURN))
+    up, down = this.position_max - home - _LIMIT_MARGIN, home - this.position_min - _LIMIT_MARGIN
+    free = up if up >= min(_TURN, down) else -down
+    turn = float(np.clip(free, -_TURN, _TURN))
     if abs(turn) < _TURN_MIN:
         raise ValueError(
             f'{this.name} can turn only {abs(turn):.2f} rad from its home configuration, but '

@@ -80,13 +80,13 @@ def write_whole(path: Path, text: str, durable: bool = True) -> None:
     if path.exists() and not path.is_file():  # a device must not be replaced by a regular file
         path.write_text(text, encoding='utf-8')
         return
-    beside = path.with_name(f'{path.name}.{os.getpid()}.part')
+    temporary = path.with_name(f'{path.name}.{os.getpid()}.part')
     try:
-        with beside.open('w', encoding='utf-8') as file:
+        with temporary.open('w', encoding='utf-8') as file:
             file.write(text)
             file.flush()
             if durable:
                 os.fsync(file.fileno())
-        beside.replace(path)
+        temporary.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

@@ -326,10 +326,10 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
                 f'not a serial arm: joint {model.names[index]} does not follow joint '
                 f'{model.names[index - 1]}; lock the joints of side branches'
             )
-    asked = [joint.name for joint in moving]
-    if sorted(asked) != sorted(names):
+    requested = [joint.name for joint in moving]
+    if sorted(requested) != sorted(names):
         raise DescriptionError(
-            f'joints {asked} do not form one chain from the base: the chain consists of {names}'
+            f'joints {requested} do not form one chain from the base: the chain consists of {names}'
         )
     children = {joint.name: joint.child for joint in moving}
     for index, name in enumerate(names, start=1):
@@ -343,8 +343,8 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
 def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
     """Check that the joint names are in the order of the chain, from base to tool."""
     names = list(model.names[1:])
-    asked = [name for name in joint_names or names if name in names]
-    if asked != names:
+    requested = [name for name in joint_names or names if name in names]
+    if requested != names:
         raise DescriptionError(
             f'joint_names must be in the order from base to tool: {", ".join(names)}'
         )

@@ -157,10 +157,10 @@ class BenchMotion:
     def _check(self, joint: int) -> None:
         limits, plan = self._limits, self._plan
         name, middle = limits.joint_names[joint], self._posture[joint]
-        room = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
-        if room < plan.span:
+        free = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
+        if free < plan.span:
             raise ExcitationError(
-                f'{name} can move {max(room, 0.0):.3g} rad about {middle:.3g} rad, less than the '
+                f'{name} can move {max(free, 0.0):.3g} rad about {middle:.3g} rad, less than the '
                 f'span of {plan.span:.3g} rad: choose a smaller span or another posture'
             )
         if max(plan.speeds) > limits.velocity[joint]:

@@ -282,10 +282,10 @@ class _Selection:
             )
             return keep
         if farthest < wanted:
-            self._refuse(pair, farthest, wanted)
+            self._raise_too_close(pair, farthest, wanted)
         return wanted
 
-    def _refuse(self, pair: pin.CollisionPair, farthest: float, wanted: float) -> None:
+    def _raise_too_close(self, pair: pin.CollisionPair, farthest: float, wanted: float) -> None:
         subject = ' to '.join(self._names(pair))
         found = (
             'overlaps in every posture'

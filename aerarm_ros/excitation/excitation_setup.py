@@ -238,15 +238,15 @@ class ExcitationPlanner:
 
         The third posture is the centre, through which one candidate leads.
         """
-        refused = None
+        closest = None
         for way in _ways(*postures):
             stages = self._stages(name, way, slowdown)
             report = self._transfer_checker.check(MotionSequence(stages), stop_early=True)
             if report.feasible:
                 return stages
-            refused = refused or report.binding
+            closest = closest or report.binding
         raise InfeasibleError(
-            f'no path was found for the {name} ({refused}): bring the arm to another posture first'
+            f'no path was found for the {name} ({closest}): bring the arm to another posture first'
         )
 
     def _stages(self, name: str, way: Sequence[Array], slowdown: Slowdown) -> list[Stage]:

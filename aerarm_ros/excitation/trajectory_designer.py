@@ -268,8 +268,8 @@ class TrajectoryDesigner:
                 trajectory, report = candidates.draw_feasible(
                     seed, self._setup.checker, self._setup.config.ramp_time, 40, stop
                 )
-            except NothingDrawnError as refusal:
-                binding = refusal.binding
+            except NothingDrawnError as error:
+                binding = error.binding
                 continue
             return self._result(trajectory, report, start, began)
         amplitude = self.specification.amplitude
@@ -299,18 +299,18 @@ class TrajectoryDesigner:
         optimum = self._optimise(begin, iterates, stop)
         # A search that was stopped gives no information about violated limits.
         stopped = optimum is None
-        refusal: LimitMargin | None = None
+        violation: LimitMargin | None = None
         for coefficients, remark in self._proposals(begin, optimum, iterates):
             trajectory = self._basis.trajectory(coefficients)
             report = self._check(trajectory)
             if report.feasible:
-                remark = _explain(remark, refusal)
+                remark = _explain(remark, violation)
                 result = self._result(trajectory, report, start, began, remark, stopped)
                 if self.specification.betters(result.quality, initial.quality):
                     return result
-            elif refusal is None and not stopped:
-                refusal = report.binding
-        remark = _explain('no better trajectory than the random start', refusal)
+            elif violation is None and not stopped:
+                violation = report.binding
+        remark = _explain('no better trajectory than the random start', violation)
         seconds = time.monotonic() - began
         return replace(initial, seconds=seconds, remark=remark, stopped=stopped)
 
@@ -441,7 +441,9 @@ class TrajectoryDesigner:
         return DesignResult(trajectory, quality, report, start, seconds, remark, stopped)
 
 
-def _explain(remark: str, refusal: LimitMargin | None) -> str:
+def _explain(remark: str, violation: LimitMargin | None) -> str:
     return (
-        remark if refusal is None else f'{remark}, because the optimum exceeds a limit: {refusal}'
+        remark
+        if violation is None
+        else f'{remark}, because the optimum exceeds a limit: {violation}'
     )

@@ -55,9 +55,9 @@ def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColum
     beyond = []
     for quantity, _ in _QUANTITIES:
         known = np.vstack([getattr(bag.samples, quantity)[bag.samples.kept] for bag in bags])
-        asked = getattr(judged.samples, quantity)[judged.samples.kept]
+        compared = getattr(judged.samples, quantity)[judged.samples.kept]
         low, high = known.min(axis=0), known.max(axis=0)
-        over = np.maximum(asked.max(axis=0) - high, low - asked.min(axis=0))
+        over = np.maximum(compared.max(axis=0) - high, low - compared.min(axis=0))
         beyond.append(np.maximum(over, 0.0) / np.maximum(high - low, 1e-9))
     terms = [term for _, term in fit.model.joint_columns]
     regression = RegressionBank([judged], terms, fit.inertial).regression(fit.model)
@@ -187,7 +187,7 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
 
 _SLOW = 0.05  # fraction of a joint's top speed, below which the sign of its velocity is smoothed
 _CLEAR = 4.0  # standard deviations
-_WORTH_TELLING = 0.05  # relative to the RMS joint torque; smaller changes are not reported
+_LEAST_CHANGE = 0.05  # relative to the RMS joint torque; smaller changes are not reported
 _SHORTEST = 10.0  # [s] shortest motion that is tested for changes
 
 
@@ -254,7 +254,7 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
             texts = [
                 f'{name} by {value:+.2g} Nm'
                 for name, value, torque in zip(joints, values, trend.torque, strict=True)
-                if abs(value) > _WORTH_TELLING * torque
+                if abs(value) > _LEAST_CHANGE * torque
             ]
             if texts:
                 warnings.append(

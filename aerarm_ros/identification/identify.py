@@ -205,14 +205,15 @@ def without_insignificant_terms(
     model, start = fit.model, 10 * fit.model.n
     friction = np.array([term.kind in _FRICTION for _, term in model.joint_columns], dtype=bool)
     std = np.zeros(len(fit.theta)) if estimate.std is None else estimate.std
-    nil = estimate.held_at_zero[start:] & (~friction | (fit.theta < -std)[start:])
-    if not nil.any():
+    insignificant = estimate.held_at_zero[start:] & (~friction | (fit.theta < -std)[start:])
+    if not insignificant.any():
         return fit, []
-    kept = [own for own, is_nil in zip(model.joint_columns, nil, strict=True) if not is_nil]
+    pairs = zip(model.joint_columns, insignificant, strict=True)
+    kept = [own for own, is_left_out in pairs if not is_left_out]
     terms = tuple(tuple(t for j, t in kept if j == joint) for joint in range(model.n))
     smaller = JointModel(model.joint_names, model.link_names, terms)
     bank = RegressionBank(bags, [term for _, term in kept], estimate.inertial.ravel())
-    left_out = [name for name, is_nil in zip(model.columns[start:], nil, strict=True) if is_nil]
+    left_out = np.array(model.columns[start:])[insignificant].tolist()
     return fit_model(bags, bank, smaller, cad, fit.noise), left_out
 
 
@@ -446,9 +447,9 @@ def _solved(
     for _ in range(_ROUNDS):
         estimates = solve_all(fit, cad, bags, *how)
         warnings += bound_warnings(estimates[RECOMMENDED], fit, cad.inertial[:, 0])
-        fit, nil = without_insignificant_terms(fit, estimates[RECOMMENDED], bags, cad)
-        left_out += nil
-        if not nil:
+        fit, insignificant = without_insignificant_terms(fit, estimates[RECOMMENDED], bags, cad)
+        left_out += insignificant
+        if not insignificant:
             break
     else:
         estimates = solve_all(fit, cad, bags, *how)

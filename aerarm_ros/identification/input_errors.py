@@ -513,13 +513,13 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             'torque: look for another load-dependent torque at these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
-    asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
+    clearly_negative = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
     held = [
         (name, term.kind)
         for name, (_, term), less in zip(
             fit.model.columns[start:],
             fit.model.joint_columns,
-            asked_for_less[start:],
+            clearly_negative[start:],
             strict=True,
         )
         if less

@@ -326,8 +326,8 @@ def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
     turned = np.flatnonzero(np.diff(direction)) + 1
     last = np.zeros(len(angle), dtype=np.intp)
     last[turned] = turned
-    gone = np.abs(angle - angle[np.maximum.accumulate(last)])
-    missing = [direction * np.exp(-gone / distance) for distance in DISTANCES]
+    angle_since = np.abs(angle - angle[np.maximum.accumulate(last)])
+    missing = [direction * np.exp(-angle_since / distance) for distance in DISTANCES]
     columns = np.column_stack(missing)
     # a reversal before the recording is unknown
     columns[: turned[0] if len(turned) else None] = 0.0
@@ -344,7 +344,7 @@ def _explained(
     while len(chosen) < len(patterns):
         left = [name for name in patterns if name not in chosen]
         tried = {
-            name: _unseen_gain(residual, [patterns[n] for n in (*chosen, name)], fold)
+            name: _held_out_gain(residual, [patterns[n] for n in (*chosen, name)], fold)
             for name in left
         }
         best = max(left, key=tried.__getitem__)
@@ -355,7 +355,7 @@ def _explained(
     return gains
 
 
-def _unseen_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
+def _held_out_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
     """Return the fraction of the mean square that patterns explain in held-out parts."""
     columns = np.hstack(groups)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

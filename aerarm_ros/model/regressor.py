@@ -194,7 +194,7 @@ class MomentumRegressor:
         self._momentum = _momentum_tensor().reshape(6, 60)
         self._cross = _cross_tensor().reshape(6, 36)
         self._twist = np.zeros(6)
-        self._felt = np.zeros(6)
+        self._specific_force = np.zeros(6)
 
     def evaluate(
         self, q: Array, dq: Array, specific_force: Array, angular_velocity: Array
@@ -227,9 +227,9 @@ class MomentumRegressor:
         twist[:3] = to_link @ (y * at_z - z * at_y, z * at_x - x * at_z, x * at_y - y * at_x)
         twist[3:] = to_link @ angular_velocity
         twist += jacobian @ dq
-        self._felt[:3] = to_link @ specific_force
+        self._specific_force[:3] = to_link @ specific_force
         momentum = (twist @ self._momentum).reshape(6, 10)
-        weight = (self._felt @ self._momentum).reshape(6, 10)
+        weight = (self._specific_force @ self._momentum).reshape(6, 10)
         turned = rate + (twist @ self._cross).reshape(6, 6) @ jacobian
         return jacobian.T @ momentum, jacobian.T @ weight - turned.T @ momentum
 

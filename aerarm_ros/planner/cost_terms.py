@@ -82,7 +82,7 @@ class LimitTerm:
 
 
 # [m] added to the required distance, because links may be closer between instants
-_ROOM = 0.01
+_PAD = 0.01
 _SCALE = 0.05  # [m]
 
 
@@ -107,7 +107,7 @@ class ClearanceTerm:
         by_q, value = nothing.copy(), 0.0
         for k in np.flatnonzero(self._may_be_near(motion.q)).tolist():
             q = motion.q[k]
-            missing = _ROOM - self._look(k, q)
+            missing = _PAD - self._look(k, q)
             if missing > 0.0:
                 value += dt * self._penalty * missing**2
                 slope = -2.0 * dt * self._penalty * missing
@@ -120,7 +120,7 @@ class ClearanceTerm:
             self._seen = np.array(q), np.full(len(q), -np.inf)
         before, margin = self._seen
         nearer = np.abs(q - before) @ self._clearance.steepest
-        return np.asarray(margin - nearer < _ROOM)
+        return np.asarray(margin - nearer < _PAD)
 
     def _look(self, k: int, q: Array) -> float:
         assert self._seen is not None

@@ -335,16 +335,14 @@ class MotionPlanner:
     def _of_duration(self, q0: Array, q1: Array, duration: float) -> MotionPlan:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = first = self._basis.points_near(near)
-        beside = self._terms_beside_energy(near)
-        looks_around = False
+        further = self._further_terms(near)
+        checks_clearance = False
         heavier = 1.0 + self._disturbance_price
         if self.settings.objective == DISTURBANCE:
-            points, _ = self._searched(MotionCost(self._basis, q0, q1, beside), points, duration)
-            beside = self._terms_beside_energy(
-                self._basis.path(points, q0, q1, duration), sharp=True
-            )
+            points, _ = self._searched(MotionCost(self._basis, q0, q1, further), points, duration)
+            further = self._further_terms(self._basis.path(points, q0, q1, duration), sharp=True)
         for penalty in _PENALTIES:
-            terms = [*self._terms(1.0, heavier * penalty, looks_around), *beside]
+            terms = [*self._terms(1.0, heavier * penalty, checks_clearance), *further]
             cost = MotionCost(self._basis, q0, q1, terms)
             points = self._searched(cost, points, duration)[0]
             path = self._basis.path(points, q0, q1, duration)
@@ -352,7 +350,7 @@ class MotionPlanner:
             if report.feasible:
                 return self._made(path, report)
             # Skip distances if possible, because they take most of the time.
-            looks_around = looks_around or 'clearance' in report.binding.limit
+            checks_clearance = checks_clearance or 'clearance' in report.binding.limit
         for share in _TOWARD_QUINTIC:
             path = self._basis.path(points + share * (first - points), q0, q1, duration)
             if self._checker.check(path, stop_early=True).feasible:
@@ -365,17 +363,17 @@ class MotionPlanner:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = self._basis.points_near(near)
         is_priced = self.settings.objective == ENERGY
-        beside = self._terms_beside_energy(near) if is_priced else []
-        looks_around = False
+        further = self._further_terms(near) if is_priced else []
+        checks_clearance = False
         for penalty in _PENALTIES:
-            terms = [*self._terms(float(is_priced), 10.0 * penalty, looks_around), *beside]
+            terms = [*self._terms(float(is_priced), 10.0 * penalty, checks_clearance), *further]
             cost = MotionCost(self._basis, q0, q1, terms, second)
             points, duration = self._searched(cost, points, duration, is_free=True)
             path, report = self._stretched(points, q0, q1, duration)
             if report.feasible:
                 return self._made(path, report)
             # Skip distances if possible, because they take most of the time.
-            looks_around = looks_around or 'clearance' in report.binding.limit
+            checks_clearance = checks_clearance or 'clearance' in report.binding.limit
         self._require(report, 'every motion that the planner tried')
         raise AssertionError
 
@@ -391,12 +389,12 @@ class MotionPlanner:
             duration *= _STRETCH
         return path, self._checker.check(path)
 
-    def _terms(self, price: float, penalty: float, looks_around: bool) -> Sequence[CostTerm]:
+    def _terms(self, price: float, penalty: float, checks_clearance: bool) -> Sequence[CostTerm]:
         terms: list[CostTerm] = [
             DriveTerm(self._model, self._effort_max, price, penalty),
             LimitTerm(self._limits, penalty),
         ]
-        if looks_around and self._setup.clearance is not None:
+        if checks_clearance and self._setup.clearance is not None:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms
 
@@ -406,7 +404,7 @@ class MotionPlanner:
         is_all = settings.objective == DISTURBANCE
         return _NOTHING_ELSE if is_all else settings.disturbance_price
 
-    def _terms_beside_energy(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
+    def _further_terms(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
         """Return the cost terms of the joint accelerations and of the moment on the base.
 
         If `sharp`, only moments close to the peak moment of the motion `near` have a cost.

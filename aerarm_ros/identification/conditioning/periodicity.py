@@ -16,7 +16,7 @@ _SHORTEST_PERIOD = 1.0  # [s]
 _REPEATED = 0.01
 # The motion within a period is at least this fraction of the largest motion within any section of
 # equal length.
-_LIVELY = 0.2
+_LEAST_MOTION = 0.2
 # The periods make up at least this fraction of the motion, because a sweep also repeats locally.
 _LARGEST_PART = 0.5
 # Harmonics above this fraction of the largest (in velocity) belong to the excitation.
@@ -115,8 +115,8 @@ def _mismatch(q: Array, lag: int) -> Array:
     variance = _moving_variance(q, 2 * lag)
     steps = np.concatenate(([0.0], np.cumsum((np.diff(q, axis=0) ** 2).sum(axis=1))))
     travel = steps[2 * lag - 1 :] - steps[: -2 * lag + 1]
-    lively = (travel > _LIVELY * travel.max()) & (variance > 0.0)
-    return np.where(lively, numerator / (2.0 * lag * np.where(lively, variance, 1.0)), np.inf)
+    moving = (travel > _LEAST_MOTION * travel.max()) & (variance > 0.0)
+    return np.where(moving, numerator / (2.0 * lag * np.where(moving, variance, 1.0)), np.inf)
 
 
 def _shortest_repeating_lag(q: Array) -> int | None:
@@ -173,7 +173,7 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
     difference = ((motion[lag:] - motion[:-lag]) ** 2).sum(axis=1)
     spread = _moving_variance(motion, lag)[:-1]
     # A standstill repeats itself as well, so a period must contain motion.
-    moves = spread > _LIVELY * spread.max()
+    moves = spread > _LEAST_MOTION * spread.max()
     repeats = (difference < 4.0 * _REPEATED * spread.max()) & moves
     periods = min((_longest_run(repeats) + lag + 1) // lag, (count - 1) // lag)
     compared = max((periods - 1) * lag, lag // 20)

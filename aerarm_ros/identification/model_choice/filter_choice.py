@@ -36,7 +36,7 @@ _LEAST = 1e-3
 # Longer estimated values are not delays of the signal. Friction that lags behind velocity, as in
 # elastic gears, looks like a delay of 20 to 100 ms in joints whose torque is mostly friction.
 _MOST = 0.015  # [s], decision 40
-_HOPELESS = 0.2  # [s] largest valid estimate
+_LARGEST_ESTIMATE = 0.2  # [s] largest valid estimate
 # standard errors by which a delay, and the improvement of held-out prediction, must exceed zero
 _CLEAR = 2.0
 
@@ -96,18 +96,18 @@ def find_effort_delay(
         fit = SimpleFit(moved, cad, columns, _TERMS, links)
         step = fit.theta[10 * n : 11 * n]
         found = found + step
-        if np.abs(step).max() < _SETTLED or np.abs(found).max() > _HOPELESS:
+        if np.abs(step).max() < _SETTLED or np.abs(found).max() > _LARGEST_ESTIMATE:
             break
         moved = [_advanced(bag, found) for bag in judged]
     gain = _squares(bags, plain.residuals()) - _squares(judged, fit.residuals())
     clear = np.array([standard_errors(of_joint) for of_joint in gain.T]) > _CLEAR
     deviation = fit.deviations()[10 * n : 11 * n]
     size = np.abs(found)
-    believed = clear & (size >= _LEAST) & (size <= _MOST) & (size > _CLEAR * deviation)
+    accepted = clear & (size >= _LEAST) & (size <= _MOST) & (size > _CLEAR * deviation)
     if in_time is None:
-        return EffortDelay(found, np.where(believed, found, 0.0), deviation)
-    together = bool(believed.any()) and standard_errors(gain.sum(axis=1)) > _CLEAR
-    return EffortDelay(found, np.where(believed & together, found, 0.0), deviation, together)
+        return EffortDelay(found, np.where(accepted, found, 0.0), deviation)
+    together = bool(accepted.any()) and standard_errors(gain.sum(axis=1)) > _CLEAR
+    return EffortDelay(found, np.where(accepted & together, found, 0.0), deviation, together)
 
 
 def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
@@ -151,7 +151,7 @@ _TILT_ROUNDS = 2
 # A tilt is accepted if it lowers the held-out squared error by this fraction in most parts of the
 # motion. In measurements a tilt lowered this error by at most 0.4 % for level robots, and by 12 %
 # or more for tilted ones.
-_WORTHWHILE = 0.05
+_LEAST_GAIN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +208,7 @@ def find_gravity(
     blocks = [bag.samples.block for bag in bags]
     before, after = (block_sums(blocks, fit.residuals()) for fit in (plain, tilted))
     error = float(after.sum() / before.sum()) if before.sum() > 0.0 else 1.0
-    if error > 1.0 - _WORTHWHILE or 2 * np.sum(after < before) <= len(before):
+    if error > 1.0 - _LEAST_GAIN or 2 * np.sum(after < before) <= len(before):
         return GravityDirection(stated, stated, error)
     used = stated + np.cross(angles @ axes, stated)
     return GravityDirection(stated, used * (size / np.linalg.norm(used)), error)

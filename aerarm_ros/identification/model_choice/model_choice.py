@@ -196,7 +196,7 @@ ASYMMETRY_WIDTH = 0.02
 
 # A term is kept if it lowers the held-out squared error of the arm by this fraction. Smaller
 # changes also occur between two recordings of the same motion.
-_WORTHWHILE = 5e-3
+_LEAST_GAIN = 5e-3
 
 _VISCOUS = JointTerm(TermKind.VISCOUS)
 _OFFSET = JointTerm(TermKind.OFFSET)
@@ -271,7 +271,7 @@ def select_terms(
             variants = stage(terms[joint])
             errors = validation.score_variants(terms, joint, variants)
             index = int(errors.argmin())
-            better = errors[index] < best * (1.0 - _WORTHWHILE)
+            better = errors[index] < best * (1.0 - _LEAST_GAIN)
             comparisons += [
                 Comparison(joint, variant, float(error) / first, better and i == index)
                 for i, (variant, error) in enumerate(zip(variants, errors, strict=True))

@@ -115,10 +115,10 @@ class MotorResult:
         return found is not None and 0.0 < found[1] < _KNOWN * found[0]
 
 
-_PLAY = 0.05  # [rad] largest assumed backlash of a joint
+_LARGEST_BACKLASH = 0.05  # [rad] largest assumed backlash of a joint
 
 
-def rattle_of_others(
+def backlash_shifts(
     dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
 ) -> Array:
     """Return the largest shift of the oscillating link due to each joint's backlash, (n,) [rad].
@@ -142,7 +142,7 @@ def rattle_of_others(
     inertia = np.abs(dynamics.inertia_matrix(posture))
     gravity = np.abs(dynamics.gravity(posture))
     coupling, own = inertia[joint], np.diag(inertia)
-    moves = np.minimum(_PLAY, amplitude * coupling / own)
+    moves = np.minimum(_LARGEST_BACKLASH, amplitude * coupling / own)
     shift = np.where(gravity > coupling * acceleration, 0.0, moves * coupling / own[joint])
     shift[joint] = 0.0
     return np.asarray(shift)
@@ -428,7 +428,7 @@ class MotorBench:
         links = (carried[0], max(carried[1], _LEAST_SPREAD * carried[0]))
         rotor = drive.reflected_inertia
         try:
-            play, std = fit_backlash(
+            backlash, std = fit_backlash(
                 swings, friction, links, (rotor, _ROTOR_SPREAD * rotor), drive.name
             )
         except IdentificationError as error:
@@ -438,10 +438,10 @@ class MotorBench:
         amplitude = 0.5 * max(float(np.ptp(run.q)) for run in recorded)
         fastest = max(float(np.abs(run.dq).max()) for run in recorded)
         dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
-        shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
+        shift = backlash_shifts(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
         # The shift by other joints' backlash is assumed to be equally likely between zero and its
         # largest value.
-        found = play, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
+        found = backlash, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
         others = [self._config.joint_names[i] for i in np.flatnonzero(shift > _SHIFT)]
         if others:
             self.warnings.append(
@@ -455,7 +455,7 @@ class MotorBench:
                 'not significant; for a more accurate result choose a posture with a large inertia '
                 'about this joint, in which gravity does not load its gear'
             )
-        elif is_largest((play, std)):
+        elif is_largest((backlash, std)):
             self.warnings.append(
                 f'{drive.name}: backlash is at least {1e3 * LARGEST:.0f} mrad, the largest '
                 'measurable value; inspect the gear'

@@ -156,7 +156,7 @@ def running_span(
         last = int(np.searchsorted(time, end))
         if last - first > 1:
             runs.append(slice(first, last))
-    return _liveliest(q, runs, f'arm_mode {RUNNING}')
+    return _longest_travel(q, runs, f'arm_mode {RUNNING}')
 
 
 def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str] | None:
@@ -183,7 +183,7 @@ def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str]
         inside = np.flatnonzero((stamp >= begin) & (stamp <= end))
         if len(inside) > 1:
             runs.append(slice(int(inside[0]), int(inside[-1]) + 1))
-    return _liveliest(q, runs, 'joint_command')
+    return _longest_travel(q, runs, 'joint_command')
 
 
 def moving_span(time: Array, q: Array) -> tuple[slice, str]:
@@ -213,7 +213,7 @@ def _ends_of_motion(q: Array) -> tuple[int, int] | None:
     return int(np.argmax(away)), len(q) - 1 - int(np.argmax(to_go[::-1]))
 
 
-def _liveliest(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str] | None:
+def _longest_travel(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str] | None:
     """Return the section with the longest joint travel, None if no joint moves in any section."""
     travel = [_travel(q[run]) for run in runs]
     if not travel or max(travel) < _SMALLEST_MOTION:

@@ -78,7 +78,7 @@ class RegressionBank:
         self.n = bags[0].samples.n
         columns = [[bag.term(term, inertial) for term in self.terms] for bag in bags]
         for bag in bags:
-            bag.forget_loads()
+            bag.drop_loads()
         self._factors: list[list[Array]] = []
         self._rows = np.zeros((self.n, FOLDS), dtype=np.intp)
         for joint in range(self.n):

@@ -188,10 +188,10 @@ class SampleColumns:
 
     def free_memory(self) -> None:
         """Drop intermediate signals of the fine samples, which are computed again if needed."""
-        self.forget_loads()
+        self.drop_loads()
         self._states.clear()
 
-    def forget_loads(self) -> None:
+    def drop_loads(self) -> None:
         """Drop the stored loads at the fine samples, which depend on the parameters."""
         self._loads = np.zeros(0), np.zeros((0, self.samples.n))
 

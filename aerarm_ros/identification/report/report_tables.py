@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
-_WORTH_NAMING = 0.1  # fraction of the mean square of a joint's residual
+_LEAST_SHARE = 0.1  # fraction of the mean square of a joint's residual
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
@@ -100,7 +100,7 @@ def residual_table(result: IdentificationResult) -> Html:
     rows: list[list[object]] = []
     for split in result.splits:
         for cause, parts in split.fractions.items():
-            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _WORTH_NAMING else ''
+            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _LEAST_SHARE else ''
             rows.append([split.bag, cause, *map(float, (100.0 * parts).round(1)), remedy])
         rest, above = 100.0 * split.unexplained, 100.0 * split.above_cutoff
         rows.append([split.bag, 'unexplained', *map(float, rest.round(1)), UNEXPLAINED])

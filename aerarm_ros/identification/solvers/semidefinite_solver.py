@@ -378,19 +378,19 @@ def _notes(
         notes.append(_note('the bounds of the centres of mass', failure))
     if wanted.total_mass is not None and kept.total_mass is None:
         low, high = wanted.total_mass
-        room = (
+        context = (
             f' with masses within a factor {limits.mass_factor:g} of the URDF (together '
             f'{limits.mass.sum():.4g} kg)'
         )
         failure = failures.get(LinkBounds(wanted.total_mass))
-        notes.append(_note(f'the total mass {low:g} .. {high:g} kg', failure, room))
+        notes.append(_note(f'the total mass {low:g} .. {high:g} kg', failure, context))
     return tuple(notes)
 
 
-def _note(bound: str, failure: IdentificationError | None, room: str = '') -> str:
+def _note(bound: str, failure: IdentificationError | None, context: str = '') -> str:
     """Return why a bound was dropped; `failure` is None if no solver call was needed."""
     if failure is None or (isinstance(failure, SolverError) and failure.contradiction):
-        return f'bound ignored, because it cannot be met{room}: {bound}'
+        return f'bound ignored, because it cannot be met{context}: {bound}'
     status = failure.status if isinstance(failure, SolverError) else 'inaccurate'
     return (
         f'bound ignored, because the solver failed with it ({status}), although it may be '
