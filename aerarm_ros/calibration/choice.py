@@ -316,7 +316,7 @@ def _has_effect(geometry: ArmGeometry, column: int) -> bool:
 
 
 def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:
-    """Return the errors with columns independent of the unknowns and of earlier columns."""
+    """Return the errors whose effect differs from that of the unknowns and of earlier errors."""
     rows = free_columns(start, wanted)
     count = len(wanted)
     basis = _orthonormal(rows[:, count:])

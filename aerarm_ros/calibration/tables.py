@@ -176,7 +176,8 @@ class _Reader:
         if not table.joints:
             raise CalibrationError(
                 f'none of the columns of {self._path} ({_some(columns)}) is a joint of the URDF '
-                f'({_some(self._known)}): name them as the joints, or pass --rename COLUMN=JOINT'
+                f'({_some(self._known)}): name the columns like the joints, or pass --rename '
+                'COLUMN=JOINT'
             )
         if not table.measured and not table.contacts:
             raise CalibrationError(

@@ -160,8 +160,8 @@ class UrdfDocument:
         if len(bases) != 1:
             listed = ', '.join(bases) or 'none (the joints form a loop)'
             raise DescriptionError(
-                'exactly one link, the base, must not be the child of a joint; in the URDF these '
-                f'are {listed}'
+                'exactly one link, the base, must not be the child of a joint; links that are not: '
+                f'{listed}'
             )
 
     def _read_joint(self, element: ET.Element) -> UrdfJoint:

@@ -75,9 +75,10 @@ _JOINT_ADVICE = {
     'effort_rate_max': '[Nm/s] full effort within 17 ms: set a rate that the gear teeth withstand.',
     'viscous, coulomb': 'friction [Nms/rad], [Nm] from the URDF, or typical of light drives: use '
     'the fv and fs of identifier or motor_bench.',
-    'board_kp, board_kd': 'gains at the motor [A/rad], [A s/rad]: damped in every posture with '
-    'the inertias above. Tune them again for other motors or gears, see '
-    'docs/how-to/tuning.md.',
+    'board_kp, board_kd': (
+        'gains at the motor [A/rad], [A s/rad]: with the inertias above, the motion is damped in '
+        'every posture. Tune them again for other motors or gears, see docs/how-to/tuning.md.'
+    ),
 }
 
 

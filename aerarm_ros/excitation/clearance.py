@@ -97,7 +97,7 @@ def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Return the largest change of each pair's distance per motion of each joint, (pairs, n).
+    """Return bounds of how fast each pair's distance changes with each joint angle, (pairs, n).
 
     The distance of two bodies changes by at most the relative motion of their points. A rotation
     of joint j by one radian moves a point of a body by at most the point's distance from the
@@ -441,7 +441,7 @@ class ClearanceChecker:
 
     @property
     def steepest(self) -> Array:
-        """Bound (n,) [m/rad] of the change of any pair's distance per motion of each joint."""
+        """Bound (n,) [m/rad] of how fast any pair's distance changes with each joint angle."""
         return np.asarray(self._bounds.max(axis=0))
 
     def distances(self, q: Array) -> Array:

@@ -217,7 +217,7 @@ class ArmAnimation:
 
 
 def scene() -> dict[str, object]:
-    """Return the layout of a scene in the base frame that shows the whole bounding box."""
+    """Return the layout of a three-dimensional plot that shows the whole arm in the base frame."""
     axes = {f'{axis}axis_title': f'{axis} [m]' for axis in 'xyz'}
     camera = {'eye': {'x': 1.9, 'y': 1.9, 'z': 1.1}, 'center': {'x': 0.0, 'y': 0.0, 'z': -0.12}}
     return {'aspectmode': 'data', 'camera': camera, **axes}

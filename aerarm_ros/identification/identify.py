@@ -92,7 +92,7 @@ _ROUNDS = 2
 
 
 def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[SampleColumns]:
-    """Return the bags with joint weights that are inversely proportional to each bag's noise.
+    """Return copies of the bags with joint weights inversely proportional to the noise in the bag.
 
     The noise is the residual torque in held-out parts of the motion, relative to the noise of all
     bags together. A single bag therefore has weights of one.

@@ -175,7 +175,7 @@ def _joint_columns(motion: _Motion, joint: int) -> Array:
 
 
 def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
-    """Return the ratio of measured to expected torque, without friction, and its share."""
+    """Return the factor from expected to measured torque, and the fraction that it explains."""
     others = _joint_columns(motion, joint)
     torques = np.column_stack([expected, motion.tau[:, joint]])
     left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T

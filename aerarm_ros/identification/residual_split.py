@@ -101,7 +101,7 @@ def split_residual(
     recording: Recording,
     ratios: Array | None = None,
 ) -> ResidualSplit:
-    """Split the residual of an estimate on a recording by its causes.
+    """Split the torque residual of an estimate, in one recording, by its causes.
 
     Parameters
     ----------

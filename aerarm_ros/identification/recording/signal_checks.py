@@ -76,8 +76,8 @@ def saturated_effort(
             mask[:, index] = False
         elif share > 0.0:
             warnings.append(
-                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the time, '
-                'and these samples are ignored; record a slower motion'
+                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the time; '
+                'these samples are ignored; record a slower motion'
             )
     return (mask if mask.any() else None), warnings
 

@@ -67,13 +67,13 @@ class SampleColumns:
         self.weights = np.ones(samples.n)
 
     def with_samples(self, samples: Samples) -> 'SampleColumns':
-        """Return the same columns with the torques of `samples`, which has the same motion."""
+        """Return a copy of the bag with the torques of `samples`; the motion must be the same."""
         other = copy(self)
         other.samples = samples
         return other
 
     def with_weights(self, weights: Array) -> 'SampleColumns':
-        """Return the bag with other weights (n,) of its joints."""
+        """Return a copy of the bag with other weights (n,) of the joints' rows."""
         other = copy(self)
         other.weights = weights
         return other

@@ -76,7 +76,7 @@ def solve_output_error(
 
 
 class _Trial:
-    """Parameters (p,), position residuals of their simulation, and derivatives."""
+    """Simulation with one parameter vector (p,): position residuals, and their derivatives."""
 
     def __init__(self, rollout: Rollout, windows: RolloutWindows, theta: Array) -> None:
         positions, self.slopes = rollout.sensitivities(theta)
