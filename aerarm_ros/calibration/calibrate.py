@@ -1,4 +1,4 @@
-"""Calibration of an arm's geometry from postures at rest: checks, choice of errors, result."""
+"""Calibration of an arm's geometry from measurements in postures at rest."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from aerarm_ros.calibration.observations import (
 )
 
 # joint motion [rad], [m] by which a posture may lie outside the range of the fitted postures
-_BESIDE = 0.05
+_RANGE_MARGIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class CalibrationOptions:
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Postures that only test the estimated geometry and are not used for the fit."""
+    """Postures that are not used for the fit and only test the estimated geometry."""
 
     name: str
     observations: Observations
@@ -116,15 +116,15 @@ class Calibration:
         return self.fit.observations
 
     def errors(self, fit: Fit, observations: Observations | None = None) -> tuple[float, float]:
-        """Return RMS errors of position [m] and angle [rad] of a fit."""
+        """Return the RMS residuals of positions [m] and angles [rad] of a fit."""
         observations = observations or self.observations
         return errors_of(observations.sources, fit.residuals(observations))
 
     def within(self, observations: Observations) -> Mask:
-        """Return which postures (M,) are within the joint ranges of the fitted postures."""
+        """Return a mask (M,) of the postures within the joint ranges of the fitted postures."""
         n = self.fit.geometry.n
         fitted_to = self.observations.q[:, :n]
-        low, high = fitted_to.min(axis=0) - _BESIDE, fitted_to.max(axis=0) + _BESIDE
+        low, high = fitted_to.min(axis=0) - _RANGE_MARGIN, fitted_to.max(axis=0) + _RANGE_MARGIN
         q = observations.q[:, :n]
         return np.asarray(((q >= low) & (q <= high)).all(axis=1))
 
@@ -143,7 +143,7 @@ class Calibration:
         return found
 
     def joint_values(self, kind: str) -> dict[str, tuple[float, float]]:
-        """Return the estimates of one kind of error by joint, each with its standard deviation."""
+        """Return the estimated errors of one kind by joint, each with its standard deviation."""
         fit = self.fit
         deviations = fit.deviations
         found = {}
@@ -194,7 +194,7 @@ def calibrate(
     compliance = options.compliance and chain.has_masses
     if options.compliance and not chain.has_masses:
         messages.append(
-            'the URDF gives no masses, so the deflection of the joints under gravity is '
+            'the URDF contains no masses, so the deflection of the joints under gravity is '
             'not estimated'
         )
     best, tried = chosen(start, options.level, compliance, options.eccentricity)
@@ -210,8 +210,8 @@ def _hidden(found: Identifiable, geometry: ArmGeometry) -> list[str]:
     if not names:
         return []
     return [
-        f'the postures do not determine {", ".join(names)}, which keep their nominal values: '
-        'record postures in which the neighbouring joints move further'
+        f'the postures do not determine {", ".join(names)}, so these errors keep their nominal '
+        'values: record postures in which the neighbouring joints move further'
     ]
 
 
@@ -226,7 +226,7 @@ def _without_copies(observations: Observations) -> tuple[Observations, list[str]
 
 
 def _like(one: HeldOut, observations: Observations) -> HeldOut:
-    """Return held-out postures with the same markers in the same order as the observations."""
+    """Return the held-out postures with their markers in the order of the observations."""
     sources = []
     for source in observations.sources:
         kind, name = type(source), source.name
@@ -243,7 +243,7 @@ def _like(one: HeldOut, observations: Observations) -> HeldOut:
             missing = [name for name in source.names if name not in other.names]
             if missing:
                 raise CalibrationError(
-                    f'{one.name} lacks marker {missing[0]}: add the columns of that marker'
+                    f'{one.name} lacks marker {missing[0]}: add the columns of this marker'
                 )
             order = [other.names.index(name) for name in source.names]
             other = replace(other, names=source.names, position=other.position[:, order])

@@ -16,7 +16,7 @@ _LIGHT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Serial arm read from a URDF, restricted to the joints that move the observed link.
+    """Serial arm of a URDF, reduced to the joints that move the observed link.
 
     Attributes
     ----------
@@ -93,9 +93,9 @@ def chain_of(
     missing = [name for name in moving if name not in known]
     if missing:
         raise CalibrationError(
-            f'no positions of joint {missing[0]}, which moves link {link}, are among the '
-            f'recorded joints {_some(recorded)}: record them, or pass --lock {missing[0]} if the '
-            'joint stayed at zero'
+            f'joint {missing[0]} moves link {link}, but has no recorded positions (recorded: '
+            f'{_some(recorded)}): record them, or pass --lock {missing[0]} if the joint stayed at '
+            'zero'
         )
     if not moving:
         raise CalibrationError(f'no recorded joint moves link {link} (--link): name another link')
@@ -107,7 +107,7 @@ def chain_of(
 
 
 def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Sequence[str]) -> str:
-    """Return the link after the last known joint of a chain."""
+    """Return the link that the last recorded joint of the chain moves."""
     ends = []
     for name in known:
         inner = {j for j in known if j != name}
@@ -122,14 +122,14 @@ def _last_link(document: UrdfDocument, above: dict[str, UrdfJoint], known: Seque
     if len(last) > 1 or most < len(known) - 1:
         behind = [document.joints[name].child for count, name in sorted(ends)[::-1]]
         raise CalibrationError(
-            'the recorded joints form several chains: name the link that carries the markers '
+            'the recorded joints belong to several chains: name the link that carries the markers '
             f'with --link, for example {", ".join(behind[:3])}'
         )
     return document.joints[last[0]].child
 
 
 def _with_masses(text: str, links: Sequence[str]) -> tuple[str, bool]:
-    """Return the URDF with a mass for each given link, and whether all masses were present."""
+    """Return the URDF with a mass for each of the links, and whether no mass was missing."""
     root = ET.fromstring(text)
     lacking = [
         element

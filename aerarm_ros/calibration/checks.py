@@ -1,4 +1,4 @@
-"""Checks of calibration measurements; each failed check raises one error."""
+"""Checks of the measurements of a calibration; a failed check raises an error."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _EXPLAINED = 0.2  # remaining fraction of the misfit after exchanging markers or
 
 
 def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
-    """Return the markers without duplicates, and a note on each duplicate."""
+    """Return the markers without duplicates, and a message about each duplicate."""
     kept: list[int] = []
     messages = []
     for k, name in enumerate(source.names):
@@ -43,8 +43,8 @@ def without_copies(source: MarkerSource) -> tuple[MarkerSource, list[str]]:
             kept.append(k)
         else:
             messages.append(
-                f'marker {name} has the values of {source.names[same]} in every posture and is '
-                'ignored'
+                f'marker {name} has the same values as {source.names[same]} in every posture and '
+                'is ignored'
             )
     names = tuple(source.names[k] for k in kept)
     return MarkerSource(
@@ -58,7 +58,7 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def check_count(observations: Observations) -> None:
-    """Check that enough postures have measurements, and that each marker and source has one.
+    """Check that enough postures have measurements, and every marker and source has at least one.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def check_count(observations: Observations) -> None:
     if int(seen.sum()) < FEWEST:
         raise CalibrationError(
             f'only {int(seen.sum())} postures have measurements, but the base frame alone needs '
-            f'{FEWEST}: record at least 15, better 40'
+            f'{FEWEST}: record at least 15 postures (40 are better)'
         )
     for source in observations.sources:
         measured = {source.name: source.seen}
@@ -118,7 +118,7 @@ def check_positions(observations: Observations, geometry: ArmGeometry) -> list[s
 
 
 def check_units(observations: Observations, geometry: ArmGeometry) -> None:
-    """Check that the measured marker motion is about as large as the motion of the arm model.
+    """Check that the markers move about as far as the model of the arm.
 
     Raises
     ------
@@ -136,14 +136,14 @@ def check_units(observations: Observations, geometry: ArmGeometry) -> None:
         measured = _spread(position)
         if predicted > 0.0 and _MILLIMETRES[0] < measured / predicted < _MILLIMETRES[1]:
             raise CalibrationError(
-                f'{source.name}: positions vary by {measured:.0f}, but the arm moves by '
+                f'{source.name}: measured positions vary by {measured:.0f}, but the arm moves by '
                 f'{predicted:.2g} m, so they look like millimetres; pass --length-unit mm, or '
                 'state the unit in the column names, as x1 [mm]'
             )
 
 
 def check_rigid(observations: Observations, *held_out: Observations) -> None:
-    """Check that markers keep their distances, also in held-out postures with the same sources.
+    """Check that the distances between markers are the same in all postures, also held-out ones.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def _check_distances(names: Sequence[str], positions: Array, labels: Sequence[st
 
 
 def check_misfit(fit: Fit) -> None:
-    """Check that the URDF matches the arm, and that no marker jumps or is exchanged.
+    """Check that the URDF matches the arm, that no marker jumps, and that no two are swapped.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def check_misfit(fit: Fit) -> None:
 
 
 def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
-    """Detect markers that are exchanged in a few postures, and a marker that jumps."""
+    """Raise an error if two markers are swapped in a few postures, or a marker jumps."""
     labels = fit.observations.labels
     vectors = residual.reshape(len(residual), len(source.names), 3)
     off = np.linalg.norm(vectors, axis=2)
@@ -261,8 +261,8 @@ def _check_single(source: MarkerSource, fit: Fit, residual: Array) -> None:
 
 def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
     text = (
-        f'the URDF does not describe this arm: {1e3 * typical:.0f} mm of its {1e3 * reach:.0f} '
-        'mm of motion remain unexplained'
+        f'the URDF does not describe this arm: of {1e3 * reach:.0f} mm of motion, '
+        f'{1e3 * typical:.0f} mm remain unexplained'
     )
     joint = _turning_back(fit, typical)
     if joint:
@@ -274,7 +274,7 @@ def _wrong_urdf(fit: Fit, typical: float, reach: float) -> str:
 
 
 def _turning_back(fit: Fit, typical: float) -> str:
-    """Return the joint whose sign inversion explains most of the motion, '' if none."""
+    """Return the joint whose opposite sign explains most of the motion; '' if there is none."""
     from aerarm_ros.calibration.fit import registered
 
     observations = fit.observations

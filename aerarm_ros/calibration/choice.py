@@ -1,4 +1,4 @@
-"""Choice of the geometric errors that measurements identify and that improve predictions."""
+"""Choice of the geometric errors to estimate: those that improve the prediction of new postures."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _SIGNIFICANT = 2.0**0.5
 _UNCERTAIN = 0.8
 _STILL = 0.3  # [rad] range over all postures below which a joint hardly moves
 _GAIN = 0.5  # standard errors by which a larger model must predict better
-_WORTH = 0.015  # fraction by which the prediction errors of a larger model must be smaller
+_LEAST_GAIN = 0.015  # fraction by which the prediction errors of a larger model must be smaller
 
 LEVELS = {
     'frames': (),
     'offsets': ('offset',),
     'geometry': ('offset', *LINK_GEOMETRY),
 }
-"""Kinds of geometric errors by level."""
+"""Kinds of geometric errors at each level of a calibration."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiable:
-    """Geometric errors sorted by whether given postures and sensors identify them.
+    """Geometric errors, divided into those that the postures identify and those that they do not.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Candidate:
 
 
 def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
-    """Return which errors of given kinds the postures identify, from the rank of the Jacobian.
+    """Return which errors of the given kinds the postures identify (rank of the Jacobian).
 
     The unknowns of the sources have priority: if an arm error has the same effect as an unknown of
     a source, the fit attributes the effect to the source. The errors follow in the order of
@@ -99,7 +99,7 @@ def identifiable(start: Fit, kinds: Sequence[str]) -> Identifiable:
 
 
 def check_unknowns(start: Fit) -> None:
-    """Check that the postures identify the sources' unknowns.
+    """Check that the postures identify the unknowns of all sources (base frames, markers).
 
     Raises
     ------
@@ -118,7 +118,7 @@ def check_unknowns(start: Fit) -> None:
 
 
 def check_offsets(start: Fit, found: Identifiable) -> list[str]:
-    """Check that the postures identify the joint offsets, as far as possible; return warnings.
+    """Check that the postures identify the joint offsets; return warnings about uncertain ones.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _too_similar(start: Fit, name: str, uncertain: str = '') -> str:
         if moved[k] < (_STILL if not geometry.is_prismatic(k) else 0.1 * _STILL)
     ]
     advice = (
-        f'{", ".join(still)} hardly move: move every joint further'
+        f'{", ".join(still)} hardly moves: move every joint further'
         if still
         else 'record more postures, in which all joints move further'
     )
@@ -203,7 +203,7 @@ def chosen(
 def _models(
     names: Sequence[str], compliance: bool, eccentricity: bool
 ) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the name and the kinds of errors of each model to try, smallest model first."""
+    """Return the models to try, the smallest first, as names with the kinds of their errors."""
     extras: list[tuple[str, tuple[str, ...]]] = [('', ())]
     if compliance:
         extras.append((' + compliance', ('compliance',)))
@@ -218,7 +218,7 @@ def _models(
 
 
 def insignificant(fit: Fit) -> list[int]:
-    """Return the free errors within 1.4 standard deviations of nominal, weakest first.
+    """Return the free errors within 1.4 standard deviations of zero, the least significant first.
 
     After each removal the remaining errors are updated as in a fit without the removed error.
     """
@@ -226,7 +226,7 @@ def insignificant(fit: Fit) -> list[int]:
     values = fit.errors[list(fit.free)].copy()
     covariance = fit.covariance[:count, :count].copy()
     left = list(range(count))
-    gone = []
+    removed = []
     while left:
         deviation = np.sqrt(np.maximum(np.diag(covariance)[left], 1e-300))
         ratio = np.abs(values[left]) / deviation
@@ -239,12 +239,12 @@ def insignificant(fit: Fit) -> list[int]:
         values = values - gain * values[weakest]
         covariance = covariance - np.outer(gain, covariance[weakest])
         left.remove(weakest)
-        gone.append(fit.free[weakest])
-    return gone
+        removed.append(fit.free[weakest])
+    return removed
 
 
 def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
-    """Return each source's residuals (M, K), predicted for each posture by a fit without it."""
+    """Return the residuals (M, K) of each source, each posture predicted by a fit without it."""
     observations, count = start.observations, len(start.observations)
     order = np.random.default_rng(0).permutation(count)
     found = [np.full_like(residual, np.nan) for residual in start.residuals()]
@@ -258,7 +258,7 @@ def cross_validated(start: Fit, columns: Sequence[int]) -> list[Array]:
 
 
 def errors_of(sources: Sequence[Source], residuals: Sequence[Array]) -> tuple[float, float]:
-    """Return RMS errors of positions [m], as vector norm, and of angles [rad]."""
+    """Return the RMS residuals of positions [m] and of angles [rad], both as vector norms."""
     squares: dict[str, list[Array]] = {'m': [], 'rad': []}
     for source, residual in zip(sources, residuals, strict=True):
         for unit, values in squares.items():
@@ -290,33 +290,33 @@ def _candidate(
 def _predicts_better(one: Candidate, other: Candidate) -> bool:
     gain = other.predicted - one.predicted
     error = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
-    least = max(_GAIN * error, _WORTH * float(np.mean(other.predicted)))
+    least = max(_GAIN * error, _LEAST_GAIN * float(np.mean(other.predicted)))
     return bool(float(np.mean(gain)) > least)
 
 
 def _without_insignificant(
     best: Candidate, start: Fit, noise: tuple[float, float]
 ) -> Candidate | None:
-    gone = insignificant(best.fit)
-    if not gone:
+    removed = insignificant(best.fit)
+    if not removed:
         return None
-    kept = [k for k in best.fit.free if k not in gone]
+    kept = [k for k in best.fit.free if k not in removed]
     return _candidate(f'{best.name}, significant ones', start, kept, noise)
 
 
 def _is_implausible(fit: Fit, place: int, value: float) -> bool:
-    """Return whether an error's value would mean a joint with negative spring stiffness."""
+    """Return whether the value of an error means that a joint has a negative stiffness."""
     return fit.geometry.names[fit.free[place]].endswith('.compliance') and value < 0.0
 
 
 def _has_effect(geometry: ArmGeometry, column: int) -> bool:
-    """Return whether an error is modelled; eccentricity is not modelled for prismatic joints."""
+    """Return whether the error is part of the model: prismatic joints have no eccentricity."""
     joint, kind = divmod(column, len(KINDS))
     return not (geometry.is_prismatic(joint) and KINDS[kind] in ECCENTRICITY)
 
 
 def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list[int]:
-    """Return the Jacobian columns that are independent of earlier columns and of the unknowns."""
+    """Return the errors whose effect differs from that of the unknowns and of earlier errors."""
     rows = free_columns(start, wanted)
     count = len(wanted)
     basis = _orthonormal(rows[:, count:])
@@ -334,7 +334,7 @@ def _independent(start: Fit, wanted: Sequence[int], weak: float = _WEAK) -> list
 
 
 def _left_of(rows: Array) -> Array:
-    """Return the fraction of each matrix column that is linearly independent of earlier columns."""
+    """Return the fraction of each column that is linearly independent of earlier columns."""
     basis = np.zeros((len(rows), 0))
     shares = []
     for own in rows.T:

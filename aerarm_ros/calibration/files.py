@@ -36,7 +36,7 @@ _CONFIG_HEADER = (
 
 
 def calibrated_urdf(calibration: Calibration, with_offsets: bool) -> str:
-    """Return the URDF with calibrated joint origins; everything else stays unchanged.
+    """Return the URDF with calibrated joint origins; all other elements stay unchanged.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _displace(joint: ET.Element, value: Array, offset: float) -> None:
 
 
 def calibration_yaml(calibration: Calibration, offsets_in: str) -> str:
-    """Return the estimated geometric errors and frames of a calibration as YAML.
+    """Return the text of calibration.yaml: estimated geometric errors and frames.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def config_yaml(calibration: Calibration, source: Path) -> str:
 
 
 def summary(calibration: Calibration) -> dict[str, Any]:
-    """Return the results of a calibration as plain numbers."""
+    """Return the results of a calibration as a dictionary of numbers and texts."""
     fit = calibration.fit
     return {
         'model': calibration.best.name,
@@ -155,7 +155,7 @@ def summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def errors_summary(calibration: Calibration) -> dict[str, Any]:
-    """Return RMS errors [mm], [mrad] of fitted and held-out postures, nominal and calibrated."""
+    """Return RMS errors before and after calibration [mm], [mrad], also in held-out postures."""
     groups = {'training': calibration.observations}
     groups |= {held.name: held.observations for held in calibration.held_out}
     found: dict[str, Any] = {}
@@ -175,7 +175,7 @@ def errors_summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def frames(fit: Fit) -> dict[str, Any]:
-    """Return, per sensor, the arm's base in the sensor frame and the markers in the link frame."""
+    """Return, for each sensor, the base in the sensor's frame and the markers in the link's."""
     found: dict[str, Any] = {}
     for source, state in zip(fit.observations.sources, fit.states, strict=True):
         if isinstance(source, PlaneSource):
@@ -208,7 +208,7 @@ def _pose(rotation: Array, translation: Array) -> dict[str, Any]:
 
 
 def _as_drawn(calibration: Calibration) -> dict[str, list[str]]:
-    """Return the names of errors that stay zero, grouped by the reason."""
+    """Return the names of the errors that are not estimated, grouped by the reason."""
     names = calibration.fit.geometry.names
     found = calibration.found
     return {
@@ -235,7 +235,7 @@ def _mm(value: float) -> float | None:
 
 
 def _rounded(value: Any) -> Any:
-    """Return a document with numbers rounded to seven digits."""
+    """Return the document with its numbers rounded to seven digits."""
     if isinstance(value, dict):
         return {key: _rounded(one) for key, one in value.items()}
     if isinstance(value, list):

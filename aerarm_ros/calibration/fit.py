@@ -1,4 +1,4 @@
-"""Robust non-linear least squares of geometric errors, with covariance."""
+"""Robust nonlinear least-squares fit of geometric errors, with their covariance."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ class Fit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the free errors, followed by the unknowns of all sources."""
+        """Names of the free errors, then of the unknowns of all sources."""
         unknowns = [name for s in self.observations.sources for name in s.unknowns]
         return (*(self.geometry.names[k] for k in self.free), *unknowns)
 
     def residuals(self, observations: Observations | None = None) -> list[Array]:
-        """Return the residuals (M, K) of each source [m], [rad], optionally for other postures."""
+        """Return the residuals (M, K) of each source [m], [rad], by default of fitted postures."""
         observations = observations or self.observations
         poses = self.geometry.poses(observations.q, self.errors)
         return [
@@ -67,7 +67,7 @@ class Fit:
         ]
 
     def jacobian(self, observations: Observations | None = None) -> list[Array]:
-        """Return derivatives (M, K, free + unknowns) of each source's residuals by the unknowns."""
+        """Return the derivatives (M, K, free + unknowns) of the residuals of each source."""
         observations = observations or self.observations
         poses = self.geometry.poses(observations.q, self.errors, with_jacobian=True)
         return _jacobians(self, observations, poses)
@@ -101,7 +101,7 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
     def _weighted(self) -> tuple[Array, Array, Array]:
-        """Return the weighted Jacobian rows, the weighted residuals and the posture of each row.
+        """Return weighted Jacobian rows, weighted residuals, and the posture number of each row.
 
         Residuals are in standard deviations, and postures are indices of `observations`. Missing
         readings are left out.
@@ -122,7 +122,7 @@ class Fit:
 
 
 def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
-    """Fit only base frames and marker positions, with the nominal geometry of the arm."""
+    """Fit only the base frames and marker positions; the arm keeps its nominal geometry."""
     errors = np.zeros(len(geometry.names))
     poses = geometry.poses(observations.q, errors)
     states = tuple(source.register(poses) for source in observations.sources)
@@ -130,7 +130,7 @@ def registered(geometry: ArmGeometry, observations: Observations) -> Fit:
 
 
 def fitted(start: Fit, free: Sequence[int], observations: Observations | None = None) -> Fit:
-    """Fit given geometric errors, and the base frames and marker positions of all sources.
+    """Fit the geometric errors `free`, and the base frames and marker positions of all sources.
 
     The loss is ``soft_l1`` beyond three standard deviations. The estimate maximizes the posterior
     probability. The prior of each geometric error has the standard deviation
@@ -168,7 +168,7 @@ def fitted(start: Fit, free: Sequence[int], observations: Observations | None = 
 
 
 def free_columns(fit: Fit, columns: Sequence[int]) -> Array:
-    """Return derivatives of all valid residuals with respect to given errors and all unknowns.
+    """Return the derivatives of all valid residuals with respect to `columns` and all unknowns.
 
     Each row is divided by the measurement noise, and each column is multiplied by the typical
     size of its error: (N, errors + unknowns).
@@ -262,7 +262,7 @@ def _with_noise(fit: Fit) -> Fit:
 
 
 def _repeats(fit: Fit) -> float:
-    """Return the mean design effect of all sources, see `Fit.repeats`.
+    """Return the mean design effect of all sources, which is the value of `Fit.repeats`.
 
     The independent measurements of a posture are counted by the participation ratio
     ``tr(S)^2 / tr(S^2)`` of the residuals' second moments S, without the bias of a finite number
@@ -285,7 +285,7 @@ def _repeats(fit: Fit) -> float:
 
 
 def _scale(values: Array) -> float:
-    """Return the standard deviation of values clipped at three, corrected for the clipping."""
+    """Return the standard deviation of values without outliers."""
     scale = _MAD * float(np.median(np.abs(values)))
     if scale == 0.0:
         return float(np.sqrt(np.mean(values**2)))
@@ -308,7 +308,7 @@ def _jacobians(fit: Fit, observations: Observations, poses: LinkPoses) -> list[A
 
 
 def _inverse(matrix: Array) -> Array:
-    """Return the inverse of a symmetric matrix with rows of very different magnitude."""
+    """Return the inverse of a symmetric matrix whose rows differ widely in magnitude."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)

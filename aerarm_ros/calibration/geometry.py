@@ -12,7 +12,7 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
 KINDS = ('offset', 'x', 'y', 'z', 'rx', 'ry', 'rz', 'compliance', 'sin', 'cos')
-"""Errors of one joint, in the order in which they are tried.
+"""Kinds of errors of a joint, in the order in which the calibration tries them.
 
 offset
     Added to the recorded position [rad], of a prismatic joint [m].
@@ -29,7 +29,7 @@ ECCENTRICITY = ('sin', 'cos')
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Standard deviations of a typical arm's geometry from its URDF, before any measurement.
+    """Typical deviations of an arm's geometry from its URDF (standard deviations).
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ _POSTURES = 200  # number of random postures in which the largest gravity torque
 
 @dataclass(frozen=True, eq=False)
 class LinkPoses:
-    """Poses of a link's frame in the base frame, with derivatives by the geometric errors.
+    """Poses of a link in the base frame, with derivatives by the geometric errors.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class LinkPoses:
 
 
 class ArmGeometry:
-    """Kinematic chain to a link, with geometric errors.
+    """Kinematic chain from the base to a link, with geometric errors.
 
     The pose of the link is ``M_1 E_1 J_1(p_1) ... M_k E_k J_k(p_k)``, with the joint placements
     ``M`` of the URDF, the errors ``E`` (displacement and rotation of a joint's frame), and the
@@ -135,7 +135,7 @@ class ArmGeometry:
         return self._count
 
     def is_prismatic(self, joint: int) -> bool:
-        """Return whether a joint, counted from 0, is prismatic."""
+        """Return whether the joint with this number (from 0) is prismatic."""
         return bool(np.any(self._subspaces[joint][:3]))
 
     def _typical(self, tolerance: Tolerance) -> Array:
@@ -152,7 +152,7 @@ class ArmGeometry:
         return np.array(typical)
 
     def columns(self, *kinds: str) -> list[int]:
-        """Return the indices of all errors of given kinds, in the order of `names`."""
+        """Return the indices in `names` of all errors of the given kinds."""
         return [k for k, name in enumerate(self.names) if name.rpartition('.')[2] in kinds]
 
     def unit(self, column: int) -> str:
@@ -175,7 +175,7 @@ class ArmGeometry:
         return true
 
     def gravity_torque(self, q: Array) -> Array:
-        """Return the joints' gravity torques (M, n) of the nominal arm [Nm]."""
+        """Return the gravity torques (M, n) at the joints of the nominal arm [Nm]."""
         model = self.robot.model
         data = model.createData()
         return np.array([pin.computeGeneralizedGravity(model, data, row).copy() for row in q])
@@ -207,7 +207,7 @@ class ArmGeometry:
         return LinkPoses(rotation, position, self._jacobian(q, regressor, inner))
 
     def placed(self, errors: Array) -> tuple[Any, list[Array]]:
-        """Return a pinocchio.Model with displaced joints, and (6, 6) placement derivatives."""
+        """Return a pinocchio.Model with displaced joints, and derivatives (6, 6) per joint."""
         model = self.robot.model.copy()
         inner = []
         for i, value in enumerate(errors.reshape(self._count, len(KINDS))):
@@ -239,12 +239,12 @@ class ArmGeometry:
 
 
 def error_transform(value: Array) -> Any:
-    """Return displacement and rotation, from a joint's ten errors (10,), as pinocchio.SE3."""
+    """Return the displacement of a joint's frame (pinocchio.SE3) due to the errors (10,)."""
     return pin.SE3(pin.exp3(np.array(value[4:7])), np.array(value[1:4]))
 
 
 def _subspace(model: Any, joint: int) -> Array:
-    """Return the axis (6,) of a joint with one degree of freedom, in its frame."""
+    """Return the motion axis (6,) of a joint with one degree of freedom, in the joint's frame."""
     data = model.joints[joint].createData()
     model.joints[joint].calc(data, np.zeros(model.nq), np.zeros(model.nv))
     return np.array(data.S).reshape(6, -1)[:, 0]

@@ -159,12 +159,12 @@ def calibrate_mount(
 
 
 def _check_deviations(fit: Fit) -> Array:
-    """Return the standard deviations of mount and markers, after a check of the mount's."""
+    """Return the standard deviations of mount and markers; reject an uncertain mount."""
     deviations = fit.deviations
     position, rotation = max(deviations[:3]), max(deviations[3:6])
     if position > _UNCERTAIN_POSITION or rotation > _UNCERTAIN_ROTATION:
         raise CalibrationError(
-            f'the recording leaves the mount uncertain by {1e3 * position:.0f} mm and '
+            f'the recording determines the mount only within {1e3 * position:.0f} mm and '
             f'{1e3 * rotation:.0f} mrad: move every joint by more than 0.5 rad'
         )
     return deviations
@@ -223,7 +223,7 @@ def calibrate_imu(drone: Track, time: Array, rate: Array, force: Array) -> ImuRe
 
 
 class _ImuData:
-    """IMU samples and drone poses on one time grid, smoothed by the same window."""
+    """IMU samples and drone poses on a common time grid, smoothed by a common window."""
 
     def __init__(self, drone: Track, time: Array, rate: Array, force: Array, grid: Array) -> None:
         assert drone.rotation is not None
@@ -295,7 +295,7 @@ def _solved_imu(data: _ImuData, late: float) -> ImuResult:
 def _weighted_step(
     data: _ImuData, rotation: Array, rate_bias: Array, force: Array, columns: Array, values: Array
 ) -> tuple[Array, Array]:
-    """Return a Gauss-Newton step (12,) of the IMU's rotation and unknowns, and its covariance.
+    """Return a Gauss-Newton step (12,) of the IMU's unknowns, and its covariance.
 
     Smoothed samples are correlated within the window, so only the independent ones count.
     """
@@ -320,13 +320,13 @@ def _weighted_step(
 
 
 def _rotation_by_rates(data: _ImuData) -> tuple[Array, Array, float]:
-    """Return rotation of the IMU on the body, gyroscope bias and residual, by Kabsch's method."""
+    """Return rotation of the IMU on the body, gyroscope bias and residual (Kabsch's method)."""
     body = data.body_rate - data.body_rate.mean(axis=0)
     own = data.own_rate - data.own_rate.mean(axis=0)
     strength = np.linalg.svd(body, compute_uv=False) / np.sqrt(len(body))
     if strength[1] < _LEAST_TURN:
         raise CalibrationError(
-            f'the drone turns only slowly ({strength[1]:.2g} rad/s) about a second axis: record '
+            f'the drone turns too slowly about a second axis ({strength[1]:.2g} rad/s): record '
             'a flight, or a motion by hand, that rolls, pitches and yaws by 20 degrees'
         )
     left, _, right = np.linalg.svd(body.T @ own)
@@ -357,14 +357,14 @@ def _rate_offset(time: Array, rate: Array, other_time: Array, other: Array) -> t
 
 
 def _in_body(track: Track, drone: Track) -> Track:
-    """Return a marker track expressed in the drone's body frame."""
+    """Return the track of a marker in the body frame of the drone."""
     assert drone.rotation is not None
     inside = (track.time >= drone.time[0]) & (track.time <= drone.time[-1])
     inside &= np.isfinite(track.position).all(axis=1)
     if inside.sum() < 50:
         raise CalibrationError(
-            f'only {int(inside.sum())} frames show both {track.name} and the drone: record both '
-            'for at least 20 s'
+            f'only {int(inside.sum())} motion-capture frames show both {track.name} and the drone: '
+            'record both for at least 20 s'
         )
     time = track.time[inside]
     turn = Slerp(drone.time, Rotation.from_matrix(drone.rotation))(time)
@@ -379,7 +379,8 @@ def _frames(tracks: Sequence[Track], time: Array) -> tuple[Array, Array]:
     common = common[:: max(1, len(common) // _SAMPLES)]
     if len(common) < 50:
         raise CalibrationError(
-            'markers and joint states overlap in fewer than 50 frames: record both at the same time'
+            'fewer than 50 motion-capture frames overlap with the joint states: record both at the '
+            'same time'
         )
     position = np.full((len(common), len(tracks), 3), np.nan)
     for k, track in enumerate(tracks):

@@ -24,7 +24,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class CalibrationError(ValueError):
-    """Unusable data or option; the message names the faulty entry and what to check."""
+    """Error for unusable data or options; the message names the faulty entry and what to check."""
 
 
 _AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
@@ -35,7 +35,7 @@ _REFINED = 6
 
 @dataclass(frozen=True, eq=False)
 class Source(ABC):
-    """Measurements of one sensor in M postures; missing ones are NaN.
+    """Measurements of one sensor in M postures; a missing measurement is NaN.
 
     Attributes
     ----------
@@ -51,12 +51,12 @@ class Source(ABC):
     @property
     @abstractmethod
     def unknowns(self) -> tuple[str, ...]:
-        """Names of the source's unknowns, base frame first."""
+        """Names of the unknowns of the source, the base frame first."""
 
     @property
     @abstractmethod
     def channels(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit, 'm' or 'rad', of each of the K residuals per posture."""
+        """Name and unit ('m' or 'rad') of each of the K residuals of a posture."""
 
     @abstractmethod
     def residuals(self, poses: LinkPoses, state: Array) -> Array:
@@ -72,15 +72,15 @@ class Source(ABC):
 
     @abstractmethod
     def register(self, poses: LinkPoses) -> Array:
-        """Return initial unknowns (S,) of the source, from measurements and nominal poses."""
+        """Return the initial state (S,) of the source, from measurements and nominal poses."""
 
     @abstractmethod
     def moved(self, state: Array, step: Array) -> Array:
-        """Return the changed state of the source after a step (U,) of its unknowns."""
+        """Return the state of the source after a step (U,) of its unknowns."""
 
     @abstractmethod
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return the source restricted to given postures."""
+        """Return a source with only the postures `index`."""
 
     @property
     @abstractmethod
@@ -88,13 +88,13 @@ class Source(ABC):
         """Mask (M,) of postures with measurements."""
 
     def sigma(self, length: float, angle: float) -> Array:
-        """Return each residual's noise (K,), from the noise of lengths [m] and angles [rad]."""
+        """Return the noise of each residual (K,), given that of lengths [m] and angles [rad]."""
         return np.array([length if unit == 'm' else angle for _, unit in self.channels])
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerSource(Source):
-    """Positions of markers on the link, each at an unknown position.
+    """Measured positions of markers, which are fixed to the link at unknown positions.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class MarkerSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Base frame (6), followed by each marker's position in the link's frame (3)."""
+        """Names of the unknowns: base frame (6), and position of each marker on the link (3)."""
         places = tuple(f'{marker}.{axis}' for marker in self.names for axis in 'xyz')
         return (*_base_names(self), *places)
 
@@ -152,7 +152,7 @@ class MarkerSource(Source):
         return _best_start(lambda rotation: self._linear(poses, rotation))
 
     def _linear(self, poses: LinkPoses, rotation: Array) -> tuple[float, Array]:
-        """Return the smallest residual for a given base rotation, and the state that reaches it."""
+        """Return the smallest squared residual for a base rotation, and the best state."""
         seen: Mask = np.asarray(np.isfinite(self.position).all(axis=2))
         rows, values = [], []
         markers = len(self.names)
@@ -177,7 +177,7 @@ class MarkerSource(Source):
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return the source restricted to given postures."""
+        """Return a source with only the postures `index`."""
         return replace(self, position=self.position[index])
 
     @property
@@ -188,7 +188,7 @@ class MarkerSource(Source):
 
 @dataclass(frozen=True, eq=False)
 class PoseSource(Source):
-    """Measured poses of a rigid body on the link, or of a fixed body seen by a camera on the link.
+    """Poses of a body on the link, or of a fixed body measured by a camera on the link.
 
     Attributes
     ----------
@@ -206,7 +206,7 @@ class PoseSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Base frame (6), followed by the attached frame in the link's frame (6)."""
+        """Names of the unknowns: base frame (6), and attached frame relative to the link (6)."""
         what = 'camera' if self.eye_in_hand else 'body'
         return (*_base_names(self), *(f'{self.name}.{what}.{axis}' for axis in _AXES))
 
@@ -253,7 +253,7 @@ class PoseSource(Source):
         return by_errors, by_unknowns
 
     def _inverse_derivative(self, poses: LinkPoses, state: Array) -> Array:
-        """Return (M, 6, 6) derivatives of the inverse pose's twist by the pose's twist."""
+        """Return the derivatives (M, 6, 6) of the inverse pose with respect to the pose."""
         rotation, position = self._predicted(poses, state)
         result = np.zeros((len(position), 6, 6))
         result[:, :3, :3] = -rotation
@@ -311,7 +311,7 @@ class PoseSource(Source):
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return the source restricted to given postures."""
+        """Return a source with only the postures `index`."""
         return replace(self, rotation=self.rotation[index], position=self.position[index])
 
     @property
@@ -323,7 +323,7 @@ class PoseSource(Source):
 
 @dataclass(frozen=True, eq=False)
 class PlaneSource(Source):
-    """Contacts between one point of the link and a plane.
+    """Contacts between a point of the link and a plane, both at unknown positions.
 
     The plane's equation in the base frame is ``n . x = d``, and the residual is the distance of
     the point from the plane.
@@ -338,7 +338,7 @@ class PlaneSource(Source):
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """Tilt of the normal (2), distance (1) and the point in the link's frame (3)."""
+        """Names of the unknowns: tilt of the plane (2), its distance (1), point on the link (3)."""
         own = ('plane.tilt1', 'plane.tilt2', 'plane.distance', 'tip.x', 'tip.y', 'tip.z')
         return tuple(f'{self.name}.{key}' for key in own)
 
@@ -389,7 +389,7 @@ class PlaneSource(Source):
         return moved
 
     def rows(self, index: npt.NDArray[Any]) -> Self:
-        """Return the source restricted to given postures."""
+        """Return a source with only the postures `index`."""
         return replace(self, touches=self.touches[index])
 
     @property
@@ -417,7 +417,7 @@ class Observations:
     labels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Generate labels for postures without a label."""
+        """Assign numbers as labels to postures without a label."""
         if not self.labels:
             names = tuple(f'posture {k + 1}' for k in range(len(self.q)))
             object.__setattr__(self, 'labels', names)
@@ -427,7 +427,7 @@ class Observations:
         return len(self.q)
 
     def rows(self, index: Sequence[int] | npt.NDArray[Any]) -> Observations:
-        """Return the observations restricted to given postures."""
+        """Return observations with only the postures `index`."""
         places = np.asarray(index)
         if places.dtype == bool:
             places = np.flatnonzero(places)
@@ -454,7 +454,7 @@ def _split_poses(state: Array) -> tuple[Array, Array, tuple[Array, Array]]:
 
 
 def _moved_base(state: Array, step: Array) -> Array:
-    """Return a copy of the state with the base frame displaced and rotated about its origin."""
+    """Return a copy of the state with the base frame displaced and rotated by `step`."""
     moved = state.copy()
     if len(step):
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
@@ -464,7 +464,7 @@ def _moved_base(state: Array, step: Array) -> Array:
 
 
 def _best_start(linear: object) -> Array:
-    """Return the state with the smallest residual among random base rotations, then refine it."""
+    """Return the state with the smallest residual, searched from random base rotations."""
     assert callable(linear)
     generator = np.random.default_rng(0)
     starts = Rotation.random(_STARTS, rng=generator)
@@ -480,7 +480,7 @@ def _best_start(linear: object) -> Array:
 
 
 def _turned(angular: Array, lever: Array) -> Array:
-    """Return the cross products (M, 3, P) of angular velocities (M, 3, P) and levers (M, 3)."""
+    """Return the cross products (M, 3, P) of vectors (M, 3, P) with levers (M, 3)."""
     return np.cross(angular, lever[:, :, None], axis=1)
 
 

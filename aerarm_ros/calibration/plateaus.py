@@ -67,7 +67,7 @@ class RestingArm:
 
 
 def resting_arm(time: Array, q: Array) -> RestingArm:
-    """Return the rest periods, in which no joint moves by more than 2 mrad per 0.25 s for 0.4 s.
+    """Return periods of 0.4 s or more in which no joint moves by more than 2 mrad within 0.25 s.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def resting_arm(time: Array, q: Array) -> RestingArm:
 
 
 def time_offset(time: Array, q: Array, track: Track) -> tuple[float, float]:
-    """Return the time by which a track's stamps lag behind the stamps of the joint states.
+    """Return the time by which the stamps of a track lag behind the stamps of the joint states.
 
     The delay aligns the speed of the track with the speed of the joints. The maximum of the
     cross-correlation of both speeds, interpolated by a parabola, gives the delay.
@@ -175,8 +175,8 @@ def rest_observations(
         rests.start - rests.start[0]))  # fmt: skip
     if not any(source.seen.any() for source in sources):
         raise CalibrationError(
-            'no sensor measured anything while the arm rested: check that sensors and joint '
-            'states are stamped by one clock'
+            'no sensor measured anything while the arm rested: check that sensors and joint states '
+            'use the same clock for their stamps'
         )
     return Observations(rests.q, tuple(sources), labels)
 
@@ -210,7 +210,7 @@ def _robust_mean(values: Array) -> Array:
 
 
 def _speed(grid: Array, time: Array, values: Array) -> Array:
-    """Return the smoothed speed minus its mean at grid times; 0 outside the recorded time."""
+    """Return the smoothed speed at the grid times minus its mean; 0 where not recorded."""
     order = np.argsort(time, kind='stable')
     on_grid = np.column_stack([np.interp(grid, time[order], column[order]) for column in values.T])
     width = max(1, round(_SMOOTH * _RATE))
@@ -223,7 +223,7 @@ def _speed(grid: Array, time: Array, values: Array) -> Array:
 
 
 def _correlation(one: Array, other: Array, lags: int) -> Array:
-    """Return the correlation of `one` with `other` delayed by -lags to lags samples."""
+    """Return the correlations of `one` with `other`, which is delayed by -lags to lags samples."""
     size = 1 << int(np.ceil(np.log2(len(one) + len(other))))
     product = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
     whole = np.fft.irfft(product, size)

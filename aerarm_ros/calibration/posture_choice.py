@@ -92,7 +92,7 @@ def choose_postures(
 
 
 def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callable[[Array], bool]:
-    """Return a function of a posture: whether a marker on the link faces the camera.
+    """Return a function that returns whether a marker faces the camera in a posture.
 
     A marker is visible up to 60 degrees between its normal and the line of sight.
 
@@ -110,7 +110,7 @@ def faces_camera(geometry: ArmGeometry, camera: Array, normal: Array) -> Callabl
     """
     length = float(np.linalg.norm(normal))
     if length == 0.0:
-        raise CalibrationError('the normal of the marker is 0 0 0: give its direction')
+        raise CalibrationError('the normal of the marker is 0 0 0: give a direction')
     errors = np.zeros(len(geometry.names))
 
     def is_visible(q: Array) -> bool:
@@ -148,7 +148,7 @@ def _candidates(
 
 
 def _assumed(geometry: ArmGeometry, q: Array) -> Fit:
-    """Return a fit of the nominal arm with three assumed markers on the link, at postures q."""
+    """Return a fit of the nominal arm in the postures q, with three assumed markers on the link."""
     names = ('a', 'b', 'c')
     source = MarkerSource('mocap', names, np.zeros((len(q), len(names), 3)))
     state = np.concatenate([np.eye(3).ravel(), np.zeros(3), np.ravel(_PLACES)])
@@ -194,7 +194,7 @@ def _log_determinant(matrix: Array) -> float:
 
 
 def _shortest_way(q: Array, start: Array | None) -> list[int]:
-    """Return an order in which each posture is followed by the nearest remaining one."""
+    """Return an order of the postures in which the nearest remaining posture always comes next."""
     left = list(range(len(q)))
     at = q[0] if start is None else start
     order = []

@@ -27,13 +27,13 @@ from aerarm_ros.pages.plots import figure_html, plotting_script
 _METRIC = (
     'Root mean square of the distance between measured and predicted position, and of the angle '
     'between measured and predicted orientation. "Before" is the original URDF, with base frame '
-    'and markers fitted to the training postures. Held-out postures take no part in any fit.'
+    'and markers fitted to the training postures. No fit uses the held-out postures.'
 )
 _CHOICE = (
-    'Each model was fitted ten times, each time without a tenth of the postures, and predicted '
-    'that tenth. In every model, estimates within 1.4 standard deviations of the nominal value '
-    'are set to the nominal value. A larger model is chosen if its mean prediction error is '
-    'smaller by more than half a standard error.'
+    'Each model was fitted ten times. Each fit omitted another tenth of the postures and predicted '
+    'it. Estimates within 1.4 standard deviations of the nominal value are set to the nominal '
+    'value. A larger model is chosen if its mean prediction error is smaller by more than half a '
+    'standard error.'
 )
 _PARAMETERS = (
     'Offsets are added to recorded positions. x, y, z and the rotation vector rx, ry, rz '
@@ -41,13 +41,13 @@ _PARAMETERS = (
     'allow for correlated residuals within a posture.'
 )
 _ABSORBED = (
-    'Base frame, markers or other errors of this list have the same effect on the measurement. '
-    'No posture distinguishes these errors, so they stay at their nominal values.'
+    'An indistinguishable error has the same effect on the measurements as the base frame, the '
+    'markers or another error. No posture separates them, so it keeps its nominal value.'
 )
 
 
 def calibration_html(calibration: Calibration, mapping: Sequence[str] = ()) -> str:
-    """Return the complete report as self-contained HTML that opens offline.
+    """Return the report of a calibration as self-contained HTML that opens offline.
 
     Parameters
     ----------
@@ -81,8 +81,8 @@ def headline(calibration: Calibration) -> str:
     before = calibration.errors(calibration.registration, observations)
     after = calibration.errors(calibration.fit, observations)
     text = (
-        f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm '
-        f'calibrated ({calibration.best.name}, {len(calibration.fit.free)} errors)'
+        f'Position error {name}: {1e3 * before[0]:.2f} mm before, {1e3 * after[0]:.2f} mm after '
+        f'calibration ({calibration.best.name}, {len(calibration.fit.free)} estimated errors)'
     )
     if np.isfinite(after[1]):
         text += f'; orientation {1e3 * before[1]:.2f} and {1e3 * after[1]:.2f} mrad'
@@ -118,7 +118,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def _extrapolation(calibration: Calibration, observations: Observations) -> str:
-    """Return validation errors within and beyond the fitted joint ranges; '' if none is beyond."""
+    """Return the errors within and beyond the fitted joint ranges; '' if no posture is beyond."""
     within = calibration.within(observations)
     if within.all() or not within.any():
         return ''
@@ -250,7 +250,7 @@ def _estimate_table(calibration: Calibration) -> Html:
         for name, column, value, deviation in _estimates(fit)
     ]
     if not rows:
-        return paragraph('All errors are insignificant: the arm matches its URDF.')
+        return paragraph('All geometric errors are insignificant: the arm matches its URDF.')
     return table(['error', 'estimate', 'standard deviation', 'unit'], rows)
 
 
@@ -268,9 +268,9 @@ def _frame_table(fit: Fit) -> Html:
 def _as_drawn(calibration: Calibration) -> Html:
     names = calibration.fit.geometry.names
     found = calibration.found
-    gone = [names[k] for k in found.columns if k not in calibration.fit.free]
+    removed = [names[k] for k in found.columns if k not in calibration.fit.free]
     groups = {
-        'Insignificant, or outside the chosen model': gone,
+        'Insignificant, or outside the chosen model': removed,
         'Not determined by these postures': [names[k] for k in found.hidden],
         'Indistinguishable from other errors': [names[k] for k in found.absorbed],
     }

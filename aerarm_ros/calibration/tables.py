@@ -36,7 +36,7 @@ _CONTACT = re.compile(r'^contact[_.]?(?P<name>\w*)$', re.IGNORECASE)
 
 @dataclass(eq=False)
 class Measured:
-    """Measurements of one marker or pose, one per table row; NaN where missing.
+    """Measurements of one marker or pose, one per table row; a missing measurement is NaN.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Measured:
 
 @dataclass(eq=False)
 class PostureTable:
-    """Joint positions and measurements of a table, one posture per row.
+    """Joint positions and measurements read from a table with one posture per row.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def read_postures(
 
 
 class _Reader:
-    """Assigns table columns to joints, markers, poses and contacts."""
+    """Reader that assigns table columns to joints, markers, poses and contacts."""
 
     def __init__(
         self,
@@ -176,7 +176,8 @@ class _Reader:
         if not table.joints:
             raise CalibrationError(
                 f'none of the columns of {self._path} ({_some(columns)}) is a joint of the URDF '
-                f'({_some(self._known)}): name them as the joints, or pass --rename COLUMN=JOINT'
+                f'({_some(self._known)}): name the columns like the joints, or pass --rename '
+                'COLUMN=JOINT'
             )
         if not table.measured and not table.contacts:
             raise CalibrationError(
@@ -211,7 +212,7 @@ class _Reader:
         return False
 
     def _numbered_joints(self, columns: Mapping[str, Array]) -> None:
-        """Assign `q1 ... qn` to the URDF's joints in order, if no column has a joint name."""
+        """Assign `q1 ... qn` to the joints of the URDF in order, if no column names a joint."""
         if self._table.joints:
             return
         numbered = []
@@ -277,8 +278,8 @@ class _Reader:
         thing = self._axes.setdefault(match['name'] or '1', {})
         if axis in thing:
             raise CalibrationError(
-                f'columns {thing[axis][0]} and {name} of {self._path} mean the same '
-                'quantity: remove one'
+                f'columns {thing[axis][0]} and {name} of {self._path} contain the same quantity: '
+                'remove one'
             )
         thing[axis] = (name, values, factor)
         return True
@@ -312,7 +313,7 @@ class _Reader:
 
 
 def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
-    """Return rotations (M, 3, 3) from quaternions or roll, pitch and yaw; None without either."""
+    """Return rotations (M, 3, 3) from quaternions, or from roll, pitch and yaw; None if missing."""
     for keys in (('qx', 'qy', 'qz', 'qw'), _ANGLES):
         if not all(key in axes for key in keys):
             continue
@@ -331,7 +332,7 @@ def _rotation(axes: Mapping[str, tuple[str, Array, float]]) -> Array | None:
 
 
 def _csv_columns(path: Path, wrong: dict[str, str]) -> dict[str, Array]:
-    """Return the columns of a CSV file; names of non-numeric columns are added to `wrong`."""
+    """Return the columns of a CSV file; problems of non-numeric columns are added to `wrong`."""
     with path.open(encoding='utf-8-sig', errors='replace') as file:
         header = file.readline().lstrip('#').strip()
         found = [d for d in (';', '\t', ',') if d in header]

@@ -45,7 +45,7 @@ Measured = dict[str, float]
 def turn_findings(
     config: ArmConfig, joint: int, turn: float, report: ProbeReport
 ) -> tuple[Findings, Measured]:
-    """Evaluate the reports on a joint that a person turned while the motors were off.
+    """Evaluate the bridge's report on a joint that a person turned while the motors were off.
 
     Parameters
     ----------
@@ -99,33 +99,34 @@ def turn_findings(
     if abs(off) > RATIO_TOLERANCE:
         findings.append(
             f'{this.name}: the motor makes {reduction:.2f} turns per turn of the joint, but the '
-            f'configuration says {expected:.4g} ({100.0 * off:+.0f} %); correct the gear ratio, '
+            f'configuration states {expected:.4g} ({100.0 * off:+.0f} %); correct the gear ratio, '
             'or turn the joint by the requested angle'
         )
     pulses = report.span[joint] / _REVOLUTION
     if abs(report.pulses[joint] - pulses) > _PULSES_OFF:
         findings.append(
-            f'{this.name}: {report.pulses[joint]} index pulses in {pulses:.1f} motor turns; '
+            f'{this.name}: the encoder reported {report.pulses[joint]} index pulses in '
+            f'{pulses:.1f} motor turns; '
             "check the encoder's index line"
         )
     return findings, {'reduction': reduction}
 
 
 def return_findings(config: ArmConfig, joint: int, report: ProbeReport) -> Findings:
-    """Return the problems of a joint that was turned back; arguments as in `turn_findings`."""
+    """Return the problems of a joint that a person turned back; see `turn_findings`."""
     this = config.joints[joint]
     off = this.gear.ratio * report.travel[joint]
     if abs(off) <= _RETURN_TOLERANCE:
         return []
     return [
-        f'{this.name}: after the return to the home configuration, the encoder reads {off:+.3f} '
-        'rad off; place '
-        'the joint exactly, or check the encoder for lost counts and the gear for slip'
+        f'{this.name}: after the return to the home configuration, the encoder angle is off by '
+        f'{off:+.3f} rad; place the joint exactly, or check the encoder for lost counts and the '
+        'gear for slip'
     ]
 
 
 def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[Findings, Measured]:
-    """Evaluate a joint whose motor turned it back and forth; arguments as in `turn_findings`.
+    """Evaluate the report on a joint that its motor turned back and forth; see `turn_findings`.
 
     Returns
     -------
@@ -147,19 +148,19 @@ def drive_findings(config: ArmConfig, joint: int, report: ProbeReport) -> tuple[
     effort = this.torque_per_ampere
     if way[joint] < _NOT_DRIVEN:
         moved = (
-            f'{", ".join(others)} moved instead, check the channels'
+            f'{", ".join(others)} moved instead: check the channels'
             if others
             else f'the joint did not move at {effort * report.current_max:.2f} Nm. Possible '
             'causes: too much friction, an open motor phase, or an object that holds the joint'
         )
-        return [f'{this.name}: its motor did not move it; {moved}'], {}
+        return [f'{this.name}: the motor did not move the joint; {moved}'], {}
     findings = []
     if others:
         findings.append(f'{this.name}: {", ".join(others)} moved as well; check the motor phases')
     if min(up.speed, -down.speed) < 0.5 * SPEED:
         findings.append(
-            f'{this.name}: the joint ran at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead '
-            f'of {SPEED:+g} and {-SPEED:+g}; check the direction of its motor'
+            f'{this.name}: the joint moved at {up.speed:+.2f} and {down.speed:+.2f} rad/s instead '
+            f'of {SPEED:+g} and {-SPEED:+g} rad/s; check the direction of its motor'
         )
     measured = {
         'friction': 0.5 * effort * (up.measured - down.measured),
@@ -195,15 +196,15 @@ def _friction_findings(name: str, friction: float, expected: float) -> Findings:
         else ('check the coupling of the gear to the motor')
     )
     return [
-        f'{name}: friction is {friction:.3f} Nm, but the configuration says {expected:.3f} Nm; '
-        f'{what}, check torque constant and gear'
+        f'{name}: friction is {friction:.3f} Nm, but the configuration states {expected:.3f} Nm; '
+        f'{what}, and check torque constant and gear'
     ]
 
 
 def pulse_offset(
     config: ArmConfig, joint: int, home_angle: float, report: ProbeReport
 ) -> float | None:
-    """Return the motor angle at the index pulses, modulo a turn [rad]; None without a pulse.
+    """Return the motor angle at the index pulses, modulo a turn [rad]; None without any.
 
     Parameters
     ----------
@@ -216,13 +217,13 @@ def pulse_offset(
 
 _TURN = 0.5 * np.pi  # [rad] angle by which a person turns a joint, measured with a set square
 _TURN_MIN = 0.5
-_ROOM = 0.05  # [rad] minimum distance between the turned joint and its position limit
+_LIMIT_MARGIN = 0.05  # [rad] minimum distance between the turned joint and its position limit
 _TOOL_MOVES = 0.02  # [m/rad] larger tool motions describe the direction of a joint to the person
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """Instruction for a person, to be confirmed.
+    """Instruction to a person, which the person confirms.
 
     Attributes
     ----------
@@ -237,7 +238,7 @@ class Prompt:
 
 
 class CommissioningStep(ABC):
-    """Commissioning step of one joint.
+    """Step in the commissioning of a joint (abstract base class).
 
     Attributes
     ----------
@@ -285,7 +286,7 @@ class BoardStep(CommissioningStep):
     """Step that checks whether the joint's board answers."""
 
     def update(self, report: ProbeReport) -> None:
-        """Finish the step with the first report of the bridge."""
+        """Finish the step as soon as the bridge reports."""
         if report.phase != 'watching':
             problem = report.reason or f'the bridge is {report.mode}'
         else:
@@ -330,14 +331,14 @@ class TurnStep(CommissioningStep):
         self._ask()
 
     def answer(self, yes: bool) -> None:
-        """Process the person's answer; the next report of the bridge completes the turn."""
+        """Process the person's answer; the bridge's next report then completes the turn."""
         super().answer(yes)
         self._is_confirmed = yes
         if yes and self._stage == 0:
             self.number += 1  # make the bridge restart its count at the present angle
 
     def update(self, report: ProbeReport) -> None:
-        """Evaluate the joint's turn, once the person has confirmed it."""
+        """Evaluate the turn of the joint after the person has confirmed it."""
         if not self._is_confirmed or self.is_done:
             return
         if report.phase != 'watching':
@@ -382,7 +383,7 @@ class DriveStep(CommissioningStep):
         super().__init__(config, robot, joint)
         self.prompt = Prompt(
             f'The motor of {self._name} aligns now, then turns the joint by {REACH:g} rad to '
-            'both sides. Let a second person hold the weight of the arm. Keep all hands away from '
+            'both sides. A second person must hold the weight of the arm. Keep all hands away from '
             f'{self._name}: THE ARM MOVES. Drive the motor?'
         )
 
@@ -394,7 +395,7 @@ class DriveStep(CommissioningStep):
             self.number += 1
 
     def update(self, report: ProbeReport) -> None:
-        """Evaluate the motor's motion once it has ended."""
+        """Evaluate the motion of the motor after its end."""
         if self.kind != DRIVE or report.phase not in ('done', 'failed'):
             return
         findings, measured = drive_findings(self._config, self._joint, report)
@@ -406,9 +407,9 @@ class DriveStep(CommissioningStep):
 def _turn(config: ArmConfig, joint: int) -> float:
     """Return the angle by which a person turns a joint from its home configuration [rad]."""
     this, home = config.joints[joint], config.rest_position[joint]
-    up, down = this.position_max - home - _ROOM, home - this.position_min - _ROOM
-    room = up if up >= min(_TURN, down) else -down
-    turn = float(np.clip(room, -_TURN, _TURN))
+    up, down = this.position_max - home - _LIMIT_MARGIN, home - this.position_min - _LIMIT_MARGIN
+    free = up if up >= min(_TURN, down) else -down
+    turn = float(np.clip(free, -_TURN, _TURN))
     if abs(turn) < _TURN_MIN:
         raise ValueError(
             f'{this.name} can turn only {abs(turn):.2f} rad from its home configuration, but '
@@ -418,7 +419,7 @@ def _turn(config: ArmConfig, joint: int) -> float:
 
 
 def _direction(config: ArmConfig, robot: Robot, joint: int, turn: float) -> str:
-    """Return a description of the positive direction of a joint, with the arm at home."""
+    """Return a text that describes the direction of a joint's turn, with the arm at home."""
     try:
         tool = Kinematics(robot)
     except ValueError:  # the arm has no frame of that name
@@ -491,18 +492,18 @@ class Commissioning:
 
     @property
     def is_done(self) -> bool:
-        """Whether all joints are finished, or the procedure was ended early."""
+        """Whether all joints are finished, or the client has ended the procedure."""
         return self._is_ended or not self._steps
 
     @property
     def prompt(self) -> Prompt | None:
-        """Instruction to confirm, None while the bridge works."""
+        """Instruction that the person must confirm; None while the bridge works."""
         step = self._step
         return None if step is None else step.prompt
 
     @property
     def request(self) -> ProbeRequest:
-        """Next request to the bridge, to be repeated at 10 Hz or more."""
+        """Present request to the bridge; the client sends it at 10 Hz or more."""
         step = self._step
         if step is None:
             return ProbeRequest(f'{self._client}:end', OFF)
@@ -517,7 +518,7 @@ class Commissioning:
             self._go_on()
 
     def update(self, now: datetime, report: ProbeReport) -> None:
-        """Process a report of the bridge; reports on earlier requests are ignored."""
+        """Process a report of the bridge, and ignore reports on earlier requests."""
         step = self._step
         if step is None or report.id != self.request.id:
             return
@@ -525,7 +526,7 @@ class Commissioning:
         self._go_on(now)
 
     def end(self) -> None:
-        """End the procedure, ask the bridge to stop, and record nothing for this joint."""
+        """End the procedure without a result of the present joint, and stop the bridge."""
         self._is_ended = True
 
     @property

@@ -1,4 +1,4 @@
-"""Record of a commissioned arm, a YAML file next to its configuration."""
+"""Record of an arm's commissioning: a YAML file next to the arm's configuration."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class JointRecord:
         findings: Sequence[str],
         measured: Mapping[str, float],
     ) -> JointRecord:
-        """Return the record of a commissioned joint, with its present configuration."""
+        """Return the record of a joint that was commissioned with its present configuration."""
         return cls(date, tuple(findings), dict(measured), _configuration(joint))
 
     @property
@@ -94,7 +94,7 @@ class CommissioningRecord:
     joints: Mapping[str, JointRecord] = field(default_factory=dict)
 
     def problem(self, config: ArmConfig, emulated: bool = False) -> str:
-        """Return why an arm counts as not commissioned, and what to do; '' if commissioned."""
+        """Return why the arm is not commissioned, with advice; '' if it is commissioned."""
         if self.arm != config.name:
             return (
                 f'the commissioning record belongs to arm {self.arm}, not to {config.name}: '
@@ -120,7 +120,7 @@ class CommissioningRecord:
         return ''
 
     def changed_key(self, joint: JointConfig) -> str:
-        """Return the configuration key that has changed since commissioning, or ''."""
+        """Return a key of the configuration that has changed since commissioning, or ''."""
         then, now = self.joints[joint.name].configuration, _configuration(joint)
         changed = [
             key
@@ -130,7 +130,7 @@ class CommissioningRecord:
         return next(iter(changed), '')
 
     def open_joints(self, config: ArmConfig) -> list[int]:
-        """Return the numbers of joints not commissioned, or changed since their commissioning."""
+        """Return the numbers of the joints that still must be commissioned."""
         return [
             i
             for i, joint in enumerate(config.joints)
@@ -141,7 +141,7 @@ class CommissioningRecord:
         ]
 
     def pulse_offset(self, config: ArmConfig) -> NDArray[np.float64]:
-        """Return each motor's angle at its encoder's index pulse, modulo a turn (n,) [rad].
+        """Return the angle of each motor at its encoder's index pulse, modulo a turn, (n,) [rad].
 
         The angle is 0 for a joint whose pulse was not measured or whose drive configuration has
         changed; `problem` names that joint.
@@ -154,17 +154,17 @@ class CommissioningRecord:
         return offsets
 
     def with_prefix(self, prefix: str) -> CommissioningRecord:
-        """Return the record with a prefix added to all joint names, as on the topics."""
+        """Return the record with a prefix added to all joint names, as on ROS topics."""
         named = {f'{prefix}{name}': entry for name, entry in self.joints.items()}
         return replace(self, joints=named)
 
     def without_prefix(self, prefix: str) -> CommissioningRecord:
-        """Return the record without a prefix of the joint names, as in files."""
+        """Return the record with a prefix removed from all joint names, as in the file."""
         named = {name.removeprefix(prefix): entry for name, entry in self.joints.items()}
         return replace(self, joints=named)
 
     def save(self, path: Path) -> None:
-        """Write the record file completely or not at all; raises OSError if this fails."""
+        """Write the record file; if this raises OSError, the previous file remains unchanged."""
         joints = {name: _plain(entry) for name, entry in self.joints.items()}
         document = {
             'format': _FORMAT,
@@ -177,7 +177,7 @@ class CommissioningRecord:
 
 
 def record_path(config_path: Path, emulated: bool = False) -> Path:
-    """Return the path of the record that belongs to a configuration."""
+    """Return the path of the commissioning record of a configuration file."""
     kind = '.emulated' if emulated else ''
     return config_path.with_name(f'{config_path.stem}{kind}.commissioning.yaml')
 
@@ -239,7 +239,7 @@ def _plain(entry: JointRecord) -> dict[str, Any]:
 
 def _entry(entry: Any) -> JointRecord:
     if not isinstance(entry, dict):
-        raise ConfigError(f'joints: {entry!r} is not a valid joint entry')
+        raise ConfigError(f'joints: {entry!r} is not the entry of a joint')
     findings = entry.get('findings')
     if not isinstance(findings, list) or entry.get('passed') is not (not findings):
         raise ConfigError("joints: 'passed' and 'findings' contradict each other")

@@ -33,7 +33,7 @@ ENCODERS = ('incremental', 'absolute')
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """Dual-motor control board on its SPI bus.
+    """Board that controls two motors, and its connection to the SPI bus.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class ArmConfig:
-    """Configuration of an arm without its URDF.
+    """Drive train configuration of an arm; the URDF is separate.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class ArmConfig:
     emulated_only: bool = False
 
     def __post_init__(self) -> None:
-        """Validate conditions that involve several parts."""
+        """Validate conditions between several parts of the configuration."""
         check_name('arm', 'name', self.name)
         check_name('arm', 'profile', self.profile)
         if not self.joints:
@@ -214,13 +214,13 @@ class ArmConfig:
         return np.array([value(joint) for joint in self.joints], dtype=float)
 
     def absolute_encoders(self, default: str) -> tuple[bool, ...]:
-        """Return whether each encoder is absolute; `default` is the type of the frame profile."""
+        """Return whether each encoder is absolute; boards without a type use `default`."""
         return tuple(
             (self.boards[joint.board].encoders or default) == 'absolute' for joint in self.joints
         )
 
     def with_encoders(self, kind: str) -> 'ArmConfig':
-        """Return a copy in which all boards have the encoder type `kind`, one of `ENCODERS`."""
+        """Return a copy in which all boards have encoders of the type `kind`, one of `ENCODERS`."""
         return replace(self, boards=tuple(replace(board, encoders=kind) for board in self.boards))
 
     def with_prefix(self, prefix: str) -> 'ArmConfig':
@@ -426,12 +426,12 @@ class DriveTrain:
         return self._current_per_effort * effort
 
     def motor_to_joint_gain(self, gain: Array) -> Array:
-        """Return joint gains for board gains (4.4).
+        """Return the joint-side gains for motor-side gains of the boards, thesis (4.4).
 
         Board gains in [A/rad] and [A s/rad] become joint gains in [Nm/rad] and [Nms/rad].
         """
         return self._joint_gain_per_motor_gain * gain
 
     def joint_to_motor_gain(self, gain: Array) -> Array:
-        """Return board gains (4.4) for joint gains: the inverse of `motor_to_joint_gain`."""
+        """Return the motor-side gains of the boards, thesis (4.4), for joint-side gains."""
         return gain / self._joint_gain_per_motor_gain

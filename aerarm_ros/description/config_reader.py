@@ -1,4 +1,4 @@
-"""Conversion of YAML mappings to frozen dataclasses, with errors that name the key."""
+"""Reader of YAML files that converts them to dataclasses; its errors name the faulty key."""
 
 import dataclasses
 import math
@@ -14,11 +14,11 @@ from aerarm_ros.description.resources import find_file, resource
 
 
 class DescriptionError(ValueError):
-    """Unusable URDF; the message names the joint or link and the remedy."""
+    """Error for an unusable URDF; the message names the joint or link and the remedy."""
 
 
 class ConfigError(ValueError):
-    """Unusable configuration; the message names the key and its allowed values."""
+    """Error for an unusable configuration; the message names the key and its allowed values."""
 
 
 def check_range(owner: str, key: str, value: float, low: float, high: float, unit: str) -> None:
@@ -55,7 +55,7 @@ def check_choice(owner: str, key: str, value: object, choices: tuple[object, ...
 
 
 def check_name(owner: str, key: str, value: object) -> None:
-    """Check that a value is a text that is not empty.
+    """Check that a value is a non-empty text.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def check_name(owner: str, key: str, value: object) -> None:
 
 
 LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-"""Loader of plain data; PyYAML's C loader, if available, is ten times faster."""
+"""YAML loader of plain data; the C loader of PyYAML, if available, is ten times faster."""
 
 _LARGEST = 2**20  # bytes; ten times the largest file of this package
 _DEEPEST = 20
@@ -81,13 +81,13 @@ class UniqueKeyLoader(LOADER):  # type: ignore[misc]
     """YAML loader for plain data that rejects repeated keys, which PyYAML would accept."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Build a mapping from a YAML node after checking for repeated keys."""
+        """Build a mapping from a YAML node; raise ConfigError for a repeated key."""
         seen = set()
         for key_node, _ in node.value:
             key = getattr(key_node, 'value', None)
             if isinstance(key, str) and key in seen:
                 line = key_node.start_mark.line + 1
-                raise ConfigError(f'line {line}: key {key[:100]} is given twice, remove one')
+                raise ConfigError(f'line {line}: key {key[:100]} is given twice: remove one')
             seen.add(key if isinstance(key, str) else id(key_node))
         found: dict[Any, Any] = super().construct_mapping(node, deep)
         return found
@@ -127,7 +127,9 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
         than in any configuration.
     """
     if len(text) > _LARGEST:
-        raise ConfigError(f'the file is larger than {_LARGEST} bytes, more than any configuration')
+        raise ConfigError(
+            f'the file is larger than {_LARGEST} bytes, the limit for a configuration'
+        )
     try:
         _check_events(text)
         return yaml.load(text, Loader=loader)
@@ -144,24 +146,27 @@ def plain_data(text: str, loader: Any = UniqueKeyLoader) -> Any:
 
 
 def _check_events(text: str) -> None:
-    """Check the YAML events of a text, without building data and without recursion."""
+    """Check a YAML text for anchors, deep nesting and long numbers before its data are built."""
     depth = 0
     for event in yaml.parse(text, Loader=LOADER):
         reason = ''
         if isinstance(event, yaml.AliasEvent) or getattr(event, 'anchor', None):
-            reason = 'YAML anchors and aliases are not supported, write the values out'
+            reason = 'YAML anchors and aliases are not supported: write the values out'
         depth += isinstance(event, _OPENING) - isinstance(event, _CLOSING)
         if depth > _DEEPEST:
             reason = f'nested more than {_DEEPEST} levels deep'
         if isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
-            reason = f'the number has {len(event.value)} characters'
+            reason = (
+                f'the number has {len(event.value)} characters, above the limit of '
+                f'{_LONGEST_NUMBER}'
+            )
         if reason:
             line = event.start_mark.line + 1 if event.start_mark else 0
             raise ConfigError(f'line {line}: {reason}')
 
 
 def _is_long_number(event: Any) -> bool:
-    """Return whether a YAML scalar is, or by its tag may become, a number with many digits."""
+    """Return whether a YAML value is, or may become by its tag, a number of many digits."""
     long = len(event.value) > _LONGEST_NUMBER
     return long and (event.tag is not None or _NUMBER.fullmatch(event.value) is not None)
 
@@ -171,7 +176,7 @@ _PREFIX = re.compile(r'([A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*/?)?')
 
 
 def check_prefix(prefix: str) -> None:
-    """Check that a prefix of link and joint names yields valid ROS frame names.
+    """Check that link and joint names with this prefix are valid names of ROS frames.
 
     Raises
     ------
@@ -217,14 +222,14 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def config_path(path: Path | str | None, packaged: str) -> Path:
-    """Return the path of a configuration; for None, that of the packaged file in config/."""
+    """Return the path of a configuration file; None selects the packaged file in config/."""
     return resource('config', packaged) if path is None else find_file(path)
 
 
 def load(
     path: Path | str | None, packaged: str, make: Callable[[dict[str, Any]], Config]
 ) -> Config:
-    """Read a YAML file, by default the packaged one in config/, and convert it with `make`.
+    """Read a YAML file, and convert its content with `make`; None selects the packaged file.
 
     Raises
     ------
@@ -330,7 +335,7 @@ def _convert(where: str, value: Any, hint: Any) -> Any:
 
 
 def _number(where: str, value: Any) -> float:
-    """Return a float; accept texts such as '1/31' and '1e-5', which YAML 1.1 reads as a text."""
+    """Return a float; accept numbers such as '1/31' and '1e-5', which YAML 1.1 reads as texts."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if isinstance(value, str):

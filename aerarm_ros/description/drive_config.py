@@ -45,7 +45,7 @@ class GearConfig:
 
 
 RATED_AMBIENT = 25.0
-"""Ambient temperature for which a continuous current is stated [degC]."""
+"""Ambient temperature to which a motor's continuous current refers [degC]."""
 COPPER = 0.00393
 """Temperature coefficient of copper's resistance at 20 degC (IEC 60028) [1/K]."""
 # Continuous current as a fraction of the short-time current, for a motor without data. Small
@@ -56,7 +56,7 @@ _GUESSED_SHARE = 0.33
 
 @dataclass(frozen=True, slots=True)
 class ThermalConfig:
-    """Thermal data of a motor on its mount.
+    """Thermal data of a motor, mounted as in the arm.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class ThermalConfig:
 
     @classmethod
     def guessed(cls, current_max: float) -> ThermalConfig:
-        """Return conservative thermal data of a motor, guessed from its short-time current [A]."""
+        """Return cautious thermal data of a motor, guessed from its short-time current [A]."""
         return cls(float(f'{_GUESSED_SHARE * current_max:.2g}'))
 
 
@@ -193,7 +193,7 @@ class MotorConfig:
 
     @property
     def resistance_text(self) -> str:
-        """Phase resistance as text, with its standard deviation if known."""
+        """Phase resistance as text, with its standard deviation if it was measured."""
         known = 'an estimate' if self.resistance_std is None else f'± {self.resistance_std:.2g}'
         return f'{self.resistance:.4g} ({known})'
 
@@ -219,7 +219,7 @@ _RANGES = (
 
 @dataclass(frozen=True, slots=True)
 class JointConfig:
-    """Driven joint with its motor, gear and limits; all values refer to the joint side.
+    """Joint with its motor, gear and limits; values are joint-side unless stated otherwise.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ def check_vector(owner: str, key: str, values: tuple[float, ...], bound: float, 
 
 
 def check_position(owner: str, key: str, values: tuple[float, ...]) -> None:
-    """Check a position on a drone, three numbers [m]; raises ConfigError."""
+    """Check that a position on a drone consists of three plausible numbers [m]."""
     check_vector(owner, key, values, _LENGTH_BOUND, 'm')
 
 
@@ -87,7 +87,7 @@ _UNIT_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class RotorConfig:
-    """Propeller with its motor, commanded by thrust.
+    """Propeller with its motor; the command is the thrust.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class RotorConfig:
 
     @property
     def wrench_per_thrust(self) -> npt.NDArray[np.float64]:
-        """Force [-] and moment [m] about the body frame's origin, per thrust of the rotor (6,)."""
+        """Force [-] and moment [m] about the body's origin, per thrust of the rotor, (6,)."""
         axis = np.array(self.axis) / math.hypot(*self.axis)
         moment = np.cross(self.position, axis) + self.moment_per_thrust * axis
         return np.concatenate([axis, moment])
@@ -154,8 +154,8 @@ class RotorConfig:
 GRAVITY = 9.81
 """Gravitational acceleration [m/s^2]."""
 THRUST_RESERVE = 1.2
-"""Smallest ratio of the largest vertical thrust of level rotors, without moment, to the weight. The
-reserve is used to rotate and stop the drone.
+"""Smallest accepted ratio of the largest thrust of a level drone, without moment, to its weight.
+The excess over 1 is a reserve for rotating and stopping the drone.
 """
 
 # smallest sideways force that counts, relative to the thrust along the body's z axis
@@ -205,7 +205,7 @@ class DroneConfig:
     rotors: tuple[RotorConfig, ...]
 
     def __post_init__(self) -> None:
-        """Validate all values, and conditions that involve several parts."""
+        """Validate all values, and conditions between several parts of the drone."""
         check_name('drone', 'name', self.name)
         check_range('drone', 'mass', self.mass, 0.05, 500.0, 'kg')
         check_position('drone', 'centre_of_mass', self.centre_of_mass)
@@ -242,7 +242,7 @@ class DroneConfig:
 
     @property
     def is_fully_actuated(self) -> bool:
-        """Whether the rotors can produce any force, also sideways, independently of the moment."""
+        """Whether the rotors can produce force in any direction, independently of the moment."""
         matrix = self.allocation
         matrix[3:] /= self._arm_length
         smallest = np.linalg.svd(matrix, compute_uv=False)
@@ -258,12 +258,12 @@ class DroneConfig:
         return np.array([getattr(rotor, field) for rotor in self.rotors], dtype=float)
 
     def with_errors(self, mass: float = 1.0, inertia: float = 1.0) -> 'DroneConfig':
-        """Return the drone with scaled mass and inertia, to simulate a wrong drone file."""
+        """Return a copy with scaled mass and inertia, to simulate errors in the drone file."""
         tensor = tuple(inertia * value for value in self.inertia)
         return replace(self, mass=mass * self.mass, inertia=tensor)
 
     def check_carries(self, mass: float, centre_in_base: npt.ArrayLike) -> None:
-        """Check that the rotors can lift drone and arm while level, with a reserve.
+        """Check that the level rotors can lift drone and arm, with a reserve.
 
         Parameters
         ----------
@@ -346,15 +346,15 @@ class DroneConfig:
         if moment > largest:
             raise ConfigError(
                 f'drone: inertia = {list(self.inertia)} has the principal moment {moment:.3g} kg '
-                f'm^2, but {self.mass:g} kg within body and rotors reach {largest:.3g} at most; '
-                'check the unit [kg m^2], mass, size and rotors'
+                f'm^2, but {self.mass:g} kg within the extent of body and rotors have at most '
+                f'{largest:.3g} kg m^2; check the unit [kg m^2], mass, size and rotors'
             )
 
     def _check_on_body(self, key: str, place: tuple[float, ...]) -> None:
         if any(abs(x) > 0.5 * length + _EDGE for x, length in zip(place, self.size, strict=True)):
             raise ConfigError(
-                f'drone: {key} at {list(place)} m is outside the body, whose size is '
-                f'{list(self.size)} m about its frame; check both'
+                f'drone: {key} at {list(place)} m is outside the body, whose box of '
+                f'{list(self.size)} m is centred at the body frame; check both'
             )
 
     def _check_rotors(self) -> None:

@@ -15,7 +15,7 @@ _COLOURS = {'drone_body': '0.25 0.27 0.30 1', 'drone_rotor': '0.55 0.60 0.66 0.5
 
 
 def with_drone(urdf_text: str, drone: DroneConfig, prefix: str = '') -> str:
-    """Return the URDF of drone and arm, in which the link `drone` carries the arm's base link.
+    """Return the URDF of a drone with its arm; the arm's base link is fixed to the link `drone`.
 
     The visual shapes show the body as a box, the rotor arms, and the rotors as discs. The frame
     of the link `drone_imu` is the IMU's frame. Mass and inertia are those of the drone file.

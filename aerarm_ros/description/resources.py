@@ -48,7 +48,7 @@ def find_file(path: Path | str) -> Path:
 
 
 def resource(*parts: str) -> Path:
-    """Return the path of a shared file, for example `resource('urdf', 'aerarm.urdf')`.
+    """Return the path of a packaged file, for example `resource('urdf', 'aerarm.urdf')`.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def resource(*parts: str) -> Path:
 
 
 def write_whole(path: Path, text: str, durable: bool = True) -> None:
-    """Write a text file; an existing file is only replaced once the new file is complete.
+    """Write a text file; an existing file is replaced only after the new file is complete.
 
     Special files such as /dev/stdout are written directly. If `durable` is False, readers always
     see a complete file, but the file is not synchronized to the disk.
@@ -80,13 +80,13 @@ def write_whole(path: Path, text: str, durable: bool = True) -> None:
     if path.exists() and not path.is_file():  # a device must not be replaced by a regular file
         path.write_text(text, encoding='utf-8')
         return
-    beside = path.with_name(f'{path.name}.{os.getpid()}.part')
+    temporary = path.with_name(f'{path.name}.{os.getpid()}.part')
     try:
-        with beside.open('w', encoding='utf-8') as file:
+        with temporary.open('w', encoding='utf-8') as file:
             file.write(text)
             file.flush()
             if durable:
                 os.fsync(file.fileno())
-        beside.replace(path)
+        temporary.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

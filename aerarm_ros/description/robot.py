@@ -62,7 +62,7 @@ class Robot:
 
     @property
     def link_names(self) -> tuple[str, ...]:
-        """Name of each moving joint's child link, whose frame is the joint's frame."""
+        """Names of the moving links, from base to tool; each has the frame of its joint."""
         return tuple(joint.child for joint in self.joints)
 
     @cached_property
@@ -91,7 +91,7 @@ class Robot:
         return self.model.frames[self.model.getFrameId(name, pin.FrameType.BODY)]
 
     def own_name(self, name: str) -> str:
-        """Return the name of a link or joint in the arm's files, without prefix."""
+        """Return the name of a link or joint as in the arm's files, without prefix."""
         return name.removeprefix(self.prefix)
 
     @cached_property
@@ -106,7 +106,7 @@ class Robot:
 
     @cached_property
     def posture_range(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (n,) of random postures [rad]; one turn for unlimited joints."""
+        """Position limits (n,) for random postures [rad]; one turn for joints without limits."""
         low, high = self.position_min, self.position_max
         return (
             _frozen(np.where(np.isfinite(low), low, -np.pi)),
@@ -135,7 +135,7 @@ class Robot:
 
     @cached_property
     def load_friction(self) -> Array:
-        """Dry friction (n,) per transmitted gear torque [-] from `<dynamics load_friction>`."""
+        """Dry friction (n,) per torque in the gear [-], from `<dynamics load_friction>`."""
         return _frozen([joint.load_friction for joint in self.joints])
 
     @cached_property
@@ -241,7 +241,7 @@ def load_robot(
 
 
 def read_urdf(urdf: Path | str | None) -> tuple[str, Path | None]:
-    """Return text and path of a URDF; None means the packaged URDF, and a text has no path.
+    """Return the text and the path of a URDF; None selects the packaged URDF, a text has no path.
 
     Raises
     ------
@@ -307,7 +307,7 @@ def _build_model(document: UrdfDocument, moving: list[UrdfJoint]) -> Any:
 
 
 def _free_unlimited(model: Any, document: UrdfDocument) -> None:
-    """Replace limits that are missing in the URDF by infinity."""
+    """Set limits that are missing in the URDF to infinity."""
     for index, name in enumerate(model.names[1:]):
         joint = document.joints[name]
         if joint.kind == 'continuous':
@@ -326,10 +326,10 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
                 f'not a serial arm: joint {model.names[index]} does not follow joint '
                 f'{model.names[index - 1]}; lock the joints of side branches'
             )
-    asked = [joint.name for joint in moving]
-    if sorted(asked) != sorted(names):
+    requested = [joint.name for joint in moving]
+    if sorted(requested) != sorted(names):
         raise DescriptionError(
-            f'joints {asked} do not form one chain from the base: the chain has {names}'
+            f'joints {requested} do not form one chain from the base: the chain consists of {names}'
         )
     children = {joint.name: joint.child for joint in moving}
     for index, name in enumerate(names, start=1):
@@ -341,10 +341,10 @@ def _check_model(model: Any, moving: list[UrdfJoint]) -> None:
 
 
 def _check_order(model: Any, joint_names: Sequence[str] | None) -> None:
-    """Check that given joint names are in chain order, because positions are matched by index."""
+    """Check that the joint names are in the order of the chain, from base to tool."""
     names = list(model.names[1:])
-    asked = [name for name in joint_names or names if name in names]
-    if asked != names:
+    requested = [name for name in joint_names or names if name in names]
+    if requested != names:
         raise DescriptionError(
             f'joint_names must be in the order from base to tool: {", ".join(names)}'
         )

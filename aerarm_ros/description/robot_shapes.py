@@ -55,11 +55,11 @@ def load_shapes(
 
 
 def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
-    """Check every referenced mesh file before the first one is loaded."""
+    """Check the size and format of all mesh files in a URDF before loading the first one."""
     names = [mesh.get('filename', '') for mesh in ET.fromstring(urdf).iter('mesh')]
     if len(names) > _MOST:
         raise DescriptionError(
-            f'the URDF names {len(names)} meshes, above the limit of {_MOST}: use fewer meshes'
+            f'the URDF refers to {len(names)} meshes, above the limit of {_MOST}: use fewer meshes'
         )
     together = 0
     for name in names:
@@ -76,7 +76,7 @@ def _check_meshes(urdf: str, folders: Sequence[Path]) -> None:
 
 
 def _checked_size(file: Path) -> int:
-    """Return the size of a mesh file in bytes, after checking the limit."""
+    """Return the size of a mesh file in bytes; raise an error for an unsuitable file."""
     if not file.is_file():
         raise DescriptionError(f'mesh {file} is not a regular file: check its path')
     if file.suffix.lower() not in _FORMATS:

@@ -1,4 +1,4 @@
-"""Parser and checks of a URDF's joints and links, applied before the dynamics library.
+"""Parser and checks of the joints and links in a URDF, applied before the dynamics library.
 
 The parser of the dynamics library reports a faulty inertia on stderr and continues without it, so
 this module checks the URDF first.
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from aerarm_ros.description.config_reader import DescriptionError
 
 LOAD_FRICTION = 'load_friction'
-"""Attribute of <dynamics>: dry friction per torque transmitted by a gear [-]."""
+"""Name of an attribute of <dynamics>: dry friction per torque transmitted by a gear [-]."""
 DAMPING_BESIDE_LOAD, FRICTION_BESIDE_LOAD = 'damping_beside_load', 'friction_beside_load'
-"""Attributes of <dynamics> next to `LOAD_FRICTION`: damping and friction without the load-dependent
-part. Other programs read `damping` and `friction`, which include that part at the typical load.
+"""Names of attributes of <dynamics>: damping and friction without the load-dependent part. Other
+programs read `damping` and `friction`, which include this part at a typical load.
 """
 CALIBRATED = 'calibrated geometry'
-"""Text of the comment before the root of a calibrated URDF."""
+"""Text that a comment at the beginning of a calibrated URDF contains."""
 LARGEST = 2**24
 """Largest number of characters of a URDF."""
 
@@ -160,7 +160,8 @@ class UrdfDocument:
         if len(bases) != 1:
             listed = ', '.join(bases) or 'none (the joints form a loop)'
             raise DescriptionError(
-                f'exactly one link, the base, must not be a child of a joint; the URDF has {listed}'
+                'exactly one link, the base, must not be the child of a joint; links that are not: '
+                f'{listed}'
             )
 
     def _read_joint(self, element: ET.Element) -> UrdfJoint:
@@ -211,7 +212,7 @@ class UrdfDocument:
 
 
 def _parsed(text: str) -> ET.Element:
-    """Parse an XML text of limited size and depth; return its root."""
+    """Return the root of an XML text, after checks of its size and depth."""
     if len(text) > LARGEST:
         raise DescriptionError(
             f'the file has more than {LARGEST} characters, above the limit for a URDF'
@@ -239,7 +240,7 @@ def _parsed(text: str) -> ET.Element:
 
 
 def _check_numbers(root: ET.Element) -> None:
-    """Check that positions, axes and shapes are finite numbers of plausible size."""
+    """Check that positions, axes and sizes of shapes are finite numbers of plausible magnitude."""
     for owner in (*root.findall('link'), *root.findall('joint')):
         for element in owner.iter():
             for key, count in _VECTORS.get(element.tag, {}).items():

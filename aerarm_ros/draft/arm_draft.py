@@ -1,4 +1,4 @@
-"""Draft of an arm's configuration from a URDF and guessed values."""
+"""Draft of an arm's configuration, from a URDF and guessed values."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class IdentifiedDrives:
 
     @classmethod
     def read(cls, path: Path, joint_names: Sequence[str]) -> IdentifiedDrives:
-        """Read friction and rotor inertia of given joints from the identifier's estimate.yaml.
+        """Read friction and rotor inertia of the joints from the identifier's estimate.yaml.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class IdentifiedDrives:
 
 @dataclass(frozen=True)
 class DriveDraft:
-    """Drafted configuration of one joint, with the names of guessed values.
+    """Drafted configuration of one joint, with the names of its guessed values.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class DriveDraft:
 
     @classmethod
     def of(cls, robot: Robot, number: int, load: float) -> DriveDraft:
-        """Return the drafted drive of a joint from its URDF limits and guesses.
+        """Return the drafted drive of a joint, from its limits in the URDF and guesses.
 
         Parameters
         ----------
@@ -146,8 +146,8 @@ class DriveDraft:
         effort = known.setdefault('effort_max', _two_digits(max(_LOAD_FACTOR * load, 0.1)))
         if effort <= load:
             raise DescriptionError(
-                f'joint {joint.name}: its effort limit of {effort:g} Nm cannot carry the '
-                f'outstretched arm, which needs {load:.3g} Nm; check its <limit> and the masses'
+                f'joint {joint.name}: the effort limit of {effort:g} Nm is below the {load:.3g} Nm '
+                'that hold the outstretched arm; check its <limit> and the masses'
             )
         guesses = {field for field in JointConfig.__dataclass_fields__ if field != 'name'}
         guesses -= found.keys() - {key for key, value in found.items() if value is None}
@@ -221,7 +221,7 @@ def _motor(effort: float) -> MotorConfig:
 
 
 def _usable(value: float, most: float) -> float | None:
-    """Return a limit from a URDF; None if it is not positive or larger than `most`."""
+    """Return a limit of a URDF; None if it is not positive or is larger than `most`."""
     return float(value) if 0.0 < value <= most else None
 
 
@@ -239,7 +239,7 @@ _AMPLE = 1.1  # factor above the least damping, because frames round the gain
 
 
 def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple[Array, Array]:
-    """Return stiffness K [Nm/rad] and damping D [Nms/rad] of the board loops, (n,) each.
+    """Return stiffness K [Nm/rad] and damping D [Nms/rad] of the boards' loops, (n,) each.
 
     D is the largest damping for which all eigenvalues of M^-1 D stay below the bandwidth of the
     boards' velocity loop in every tested posture; M(q) is the inertia matrix. K = r D, with r at
@@ -269,7 +269,7 @@ def draft_gains(robot: Robot, rotor_inertia: Array, damping_min: Array) -> tuple
     slowest, fastest = _rates(mobility, damping)
     if fastest > _BANDWIDTH_MAX:
         raise ValueError(
-            'keeping the stopped arm from falling needs a velocity loop of '
+            'holding the stopped arm against gravity needs a velocity loop with a bandwidth of '
             f'{fastest / (2.0 * math.pi):.0f} Hz, too fast for the boards: check masses and '
             'inertias of the last links, and velocity limits'
         )
@@ -292,7 +292,7 @@ _NARROW = 0.01  # [m] clearance required if the requested clearances cannot be k
 
 
 class RestPosture:
-    """Search for the home configuration, about which an excitation moves the arm.
+    """Search for a home configuration, which is also the centre of excitations.
 
     Random postures are drawn about the middle of the joint ranges. Among the postures with at
     least half of the largest clearance, the posture with the smallest holding torques is chosen.
@@ -357,8 +357,8 @@ class RestPosture:
         best = float(margins.max())
         if best < 0.0:
             self.problem = (
-                f'none of {len(postures)} postures keeps the required clearance, the best one '
-                f'misses it by {-best:.2g} m: check the collision shapes and ground_height'
+                f'none of {len(postures)} random postures has the required clearance; the best '
+                f'posture lacks {-best:.2g} m: check the collision shapes and ground_height'
             )
         clear = [
             q for q, margin in zip(postures, margins, strict=True) if margin >= self._enough(best)
@@ -392,7 +392,7 @@ class RestPosture:
 
 
 def _narrower(surroundings: ExcitationConfig) -> tuple[ExcitationConfig, ...]:
-    """Return the requested surroundings, followed by surroundings with weaker requirements."""
+    """Return the requested surroundings, then surroundings with smaller clearances or no ground."""
     near_ground = replace(surroundings, ground_clearance=_NARROW)
     near = replace(near_ground, self_clearance=_NARROW)
     return surroundings, near_ground, near, replace(near, ground_height=None)
@@ -498,7 +498,7 @@ def _board(number: int) -> BoardConfig:
 
 
 def _with_dynamics(config: ArmConfig, robot: Robot) -> ArmConfig:
-    """Return the configuration with gains and acceleration limits that suit the arm's inertia."""
+    """Return the configuration with gains and acceleration limits from the arm's inertia."""
     loads = JointLoads(config, robot)
     drive = DriveTrain(config)
     gains = draft_gains(robot, drive.reflected_inertia, loads.damping_min)

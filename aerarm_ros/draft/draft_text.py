@@ -1,4 +1,4 @@
-"""Draft as commented YAML, with guessed values marked and advice on how to determine them."""
+"""Text of a draft as YAML: marked guesses, and comments on how to determine the true values."""
 
 from __future__ import annotations
 
@@ -28,17 +28,20 @@ emulated_only."""
 
 # Advice on how to determine each value that may be guessed.
 _ARM_ADVICE = {
-    'profile': "layout of the boards' frames: a name of config/profiles, or a file of your own.",
+    'profile': (
+        "layout of the boards' frames: a name in config/profiles, or the path of another profile."
+    ),
     'gravity_in_base': '[m/s^2], gravity in the frame of the base link, as the base is mounted. '
     'An arm that hangs upside down has [0, 0, 9.81].',
-    'rest_position': '[rad], in the order of the joints: free of collisions and easy to hold, '
-    'judged by the URDF. Look at it in the browser (view), and set the posture '
-    'in which the arm is parked.',
+    'rest_position': (
+        '[rad], in the order of the joints: free of collisions and easy to hold, judged by the '
+        'URDF. Check it in the browser (view), and set the posture in which the arm is parked.'
+    ),
     'rated_payload': 'the largest payload: mass [kg], and x, y, z of its centre of mass in the '
     "frame of the last link's joint [m]. Weigh the payload; the limits then "
     'include it.',
-    'boards': 'numbered from 0; two motors per board. device: ls /dev/spidev*, bus and chip '
-    "select as wired. clock_hz, mode: from the boards' documents.",
+    'boards': 'numbered from 0; two motors per board. device: bus and chip select as wired; '
+    "`ls /dev/spidev*` lists the devices. clock_hz, mode: from the boards' documents.",
     'motors': 'pole_pairs, kv [rpm/V], current_max [A], resistance [ohm, phase to neutral]: from '
     'the data sheet; in this draft they follow from each effort limit and the gear. '
     'rotor_inertia [kg m^2], and a torque_constant_measured [Nm/A] to add: from '
@@ -48,10 +51,10 @@ _ARM_ADVICE = {
     'the fraction of the thermal resistance outside the housing. To measure them, let '
     'the motor hold a load.',
     'gears': 'ratio = joint speed / motor speed: from the data sheet, or count the motor turns '
-    'per joint turn. efficiency stays 1 where losses are identified as friction.',
+    'per joint turn. efficiency stays 1 if losses are identified as friction.',
 }
 _JOINT_ADVICE = {
-    'motor, gear': 'name of a motor and gear in the lists above.',
+    'motor, gear': "names of the joint's motor and gear in the lists above.",
     'board, channel': 'board (its number in the list above) and channel of the motor: see where '
     'the motor is plugged in.',
     'sign, offset': 'joint angle = sign * ratio * motor angle + offset. With the motors off, '
@@ -60,8 +63,10 @@ _JOINT_ADVICE = {
     'is the joint angle at which the encoder reads zero.',
     'position_min, position_max': '[rad] from the URDF, or half a turn to each side: set the '
     'range that cables and stops allow.',
-    'velocity_max': '[rad/s] from the URDF, or a low default: keep well below the no-load speed '
-    'of the motor.',
+    'velocity_max': (
+        '[rad/s] from the URDF, or a low default: set a value well below the no-load speed of the '
+        'motor.'
+    ),
     'acceleration_max': '[rad/s^2] half of the acceleration that effort_max allows against gravity '
     'with the outstretched arm, and at least full speed after 0.1 s: set a value that gears and '
     'mount withstand.',
@@ -70,9 +75,10 @@ _JOINT_ADVICE = {
     'effort_rate_max': '[Nm/s] full effort within 17 ms: set a rate that the gear teeth withstand.',
     'viscous, coulomb': 'friction [Nms/rad], [Nm] from the URDF, or typical of light drives: use '
     'the fv and fs of identifier or motor_bench.',
-    'board_kp, board_kd': 'gains at the motor [A/rad], [A s/rad]: damped in every posture with '
-    'the inertias above. Tune them again for other motors or gears, see '
-    'docs/how-to/tuning.md.',
+    'board_kp, board_kd': (
+        'gains at the motor [A/rad], [A s/rad]: with the inertias above, the motion is damped in '
+        'every posture. Tune them again for other motors or gears, see docs/how-to/tuning.md.'
+    ),
 }
 
 
@@ -127,21 +133,27 @@ def arm_text(draft: ArmDraft, source: str) -> str:
 
 _EXCITATION_ADVICE = {
     'position_share': "usable fraction of each joint's range, about its middle.",
-    'velocity_share': 'fraction of the velocity and acceleration limits.',
-    'effort_share': 'fraction of the torque and motor current limits.',
-    'transfer_share': 'fraction of the usable velocity on the way to the trajectory and back.',
-    'self_clearance': '[m] between links that are not neighbours: allow for cables and screws '
-    'outside the collision shapes.',
-    'ground_clearance': '[m] above the ground.',
+    'velocity_share': 'usable fraction of the velocity and acceleration limits.',
+    'effort_share': 'usable fraction of the torque and motor current limits.',
+    'transfer_share': (
+        'fraction of the usable velocity and acceleration for motions to the trajectory and back.'
+    ),
+    'self_clearance': (
+        '[m] smallest distance between links that are not neighbours: allow for cables and screws '
+        'outside the collision shapes.'
+    ),
+    'ground_clearance': '[m] smallest distance from the ground.',
     'ground_height': '[m] height of the ground above the base frame, negative if the ground is '
     'below: measure it; null if no ground is in reach. Model a table, a wall or a landing gear '
     'in the URDF, as collision shapes of the base.',
     'bias': '[rad] centre of the motion: the home configuration.',
     'bias_spread': '[rad] largest random offset from bias.',
-    'highest_frequency': '[Hz] highest harmonic: well below the first bending mode. To find that '
-    'mode, tap the arm while its motors hold it, and look at the ringing of '
-    'its velocities.',
-    'ramp_time': '[s] run-in and run-out along the trajectory.',
+    'highest_frequency': (
+        '[Hz] highest frequency of a harmonic: well below the first bending mode. To find this '
+        'mode, tap the arm while its motors hold it, and look at the oscillation of its '
+        'velocities.'
+    ),
+    'ramp_time': '[s] duration of run-in and run-out along the trajectory.',
     'unchecked_pairs': "links that touch by construction, as 'one to other': never checked "
     'for collisions.',
     'check_clearance': 'false moves the arm without any collision check: use it only if the URDF '

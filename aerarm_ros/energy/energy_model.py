@@ -54,14 +54,14 @@ class DrivePower:
         return power
 
     def from_supply(self, electrical: npt.ArrayLike) -> Array:
-        """Return the power drawn from the supply [W], from the motors' electrical power [W]."""
+        """Return the power from the supply [W] for electrical powers of the motors [W]."""
         power = np.asarray(electrical, dtype=float)
         return np.where(power < 0.0, self.recovery * power, power)
 
 
 @dataclass(frozen=True, eq=False)
 class EnergyBalance:
-    """Energy of n joints in a time interval, by cause.
+    """Energy of n joints in a time interval, divided by cause.
 
     All attributes except `seconds` are (n,) [J]; the supplied energy is the sum of `parts`.
 
@@ -94,11 +94,11 @@ class EnergyBalance:
 
     @classmethod
     def nothing(cls, n: int) -> EnergyBalance:
-        """Return an energy balance of zero for n joints."""
+        """Return an energy balance of n joints with zero energy."""
         return cls(0.0, *(np.zeros(n) for _ in fields(cls)[1:]))
 
     def __add__(self, other: EnergyBalance) -> EnergyBalance:
-        """Return the energy balance of two time intervals together."""
+        """Return the sum of the energy balances of two time intervals."""
         values = (getattr(self, f.name) + getattr(other, f.name) for f in fields(self))
         return EnergyBalance(*values)
 
@@ -231,7 +231,7 @@ class EnergyModel:
         weight: Array,
         friction: Array,
     ) -> EnergyBalance:
-        """Return the energy balance of M time intervals from components of the torque.
+        """Return the energy balance of M time intervals, from the components of the joint torques.
 
         Parameters
         ----------
@@ -265,7 +265,7 @@ class EnergyModel:
         )
 
     def torques(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-        """Return inverse dynamics torques and gravity torques of a motion, (M, n) [Nm] each."""
+        """Return torques without friction, and gravity torques, of a motion, (M, n) [Nm]."""
 
         def rows() -> Iterator[tuple[Array, Array]]:
             for motion in zip(q, dq, ddq, strict=True):
@@ -332,7 +332,7 @@ class BalanceMeter:
         self._square = np.zeros(model.n)  # [Nm^2 s] time integral of the squared drive torques
 
     def restart(self) -> None:
-        """Discard the last state, so that the next one starts a new interval."""
+        """Discard the last state; the next state starts a new interval."""
         self._begin = None
 
     def add(self, time: float, state: ArmState) -> bool:

@@ -48,7 +48,7 @@ class BenchMeasurement:
 def split(
     measurements: Sequence[BenchMeasurement], path_time: Array
 ) -> Iterator[tuple[BenchMeasurement, slice]]:
-    """Yield each measurement with its row numbers, for samples at `path_time` (M,) [s]."""
+    """Yield each measurement with the rows of its samples, for samples at `path_time` (M,) [s]."""
     for measurement in measurements:
         first, last = np.searchsorted(path_time, (measurement.start, measurement.end))
         yield measurement, slice(int(first), int(last))
@@ -56,7 +56,7 @@ def split(
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """Plan of a motor bench run.
+    """Speeds, travels and repetitions of the motions in a motor bench run.
 
     Parameters
     ----------
@@ -88,14 +88,14 @@ class BenchPlan:
     def __post_init__(self) -> None:
         if len(set(self.speeds)) < 2 or min(self.speeds) <= 0.0:
             raise ExcitationError(
-                f'speeds {list(self.speeds)} must be two or more different positive ones, to '
-                'separate viscous from Coulomb friction (4.13)'
+                f'speeds {list(self.speeds)} must contain two or more different positive values, '
+                'to separate viscous from Coulomb friction (4.13)'
             )
         if not 0.0 < self.span < 2.0 * np.pi:
             raise ExcitationError(f'span {self.span:g} must lie between 0 and 2 pi rad')
         if self.swings and not 0.0 < self.amplitude <= 0.5 * self.span:
             raise ExcitationError(
-                f'swing amplitude {self.amplitude:g} rad must be above 0 and within half of the '
+                f'swing amplitude {self.amplitude:g} rad must be above 0 and at most half of the '
                 f'span of {self.span:g} rad'
             )
 
@@ -157,10 +157,10 @@ class BenchMotion:
     def _check(self, joint: int) -> None:
         limits, plan = self._limits, self._plan
         name, middle = limits.joint_names[joint], self._posture[joint]
-        room = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
-        if room < plan.span:
+        free = 2.0 * min(middle - limits.position_min[joint], limits.position_max[joint] - middle)
+        if free < plan.span:
             raise ExcitationError(
-                f'{name} can move {max(room, 0.0):.3g} rad about {middle:.3g} rad, less than the '
+                f'{name} can move {max(free, 0.0):.3g} rad about {middle:.3g} rad, less than the '
                 f'span of {plan.span:.3g} rad: choose a smaller span or another posture'
             )
         if max(plan.speeds) > limits.velocity[joint]:
@@ -231,7 +231,7 @@ class BenchMotion:
         self._add(f'{name} swings', swings)
 
     def _move(self, end: Array) -> None:
-        """Append a motion, which is not evaluated, to the posture `end`."""
+        """Append a motion to the posture `end`; the motion is not evaluated."""
         duration = rest_to_rest_duration(
             end - self._at,
             _TRANSFER_SHARE * self._limits.velocity,

@@ -24,7 +24,7 @@ GROUND = 'ground'
 def build_collision_geometry(
     robot: Robot, ground_height: float | None, package_directories: Sequence[Path] = ()
 ) -> pin.GeometryModel:
-    """Return the collision shapes of an arm and its surroundings, without collision pairs.
+    """Return the collision shapes of an arm and its surroundings; the pairs are still empty.
 
     Meshes are replaced by their convex hulls.
 
@@ -77,7 +77,7 @@ def _read_shapes(robot: Robot, package_directories: Sequence[Path]) -> pin.Geome
 def _ground(robot: Robot, height: float) -> pin.GeometryObject:
     gravity = np.asarray(robot.gravity_in_base, dtype=float)
     if not np.linalg.norm(gravity) > 0.0:
-        raise ExcitationError('ground checks need gravity: set the ground height to none')
+        raise ExcitationError('the ground needs a direction of gravity: set ground_height to null')
     up = -gravity / np.linalg.norm(gravity)
     plane = pin.hppfcl.Halfspace(up, height)
     return pin.GeometryObject(GROUND, 0, 0, pin.SE3.Identity(), plane)
@@ -90,14 +90,14 @@ def touches_ground(geometry: pin.GeometryModel, pair: pin.CollisionPair) -> bool
 
 
 def link_of(model: pin.Model, geometry: pin.GeometryModel, shape: int) -> str:
-    """Return the name of the link that a shape belongs to; 'ground' for the ground."""
+    """Return the name of the link to which a shape belongs; 'ground' for the ground."""
     found = geometry.geometryObjects[shape]
     fixed_to_nothing = found.parentJoint == 0 and found.parentFrame == 0
     return str(found.name if fixed_to_nothing else model.frames[found.parentFrame].name)
 
 
 def motion_bounds(model: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Return each pair's largest change of distance per joint motion, (pairs, n) [m/rad].
+    """Return bounds of how fast each pair's distance changes with each joint angle, (pairs, n).
 
     The distance of two bodies changes by at most the relative motion of their points. A rotation
     of joint j by one radian moves a point of a body by at most the point's distance from the
@@ -149,7 +149,7 @@ def _reach(model: pin.Model, shape: pin.GeometryObject, shared: Sequence[int]) -
 _SAMPLES = 500
 _CONSTANT = 1e-5  # [m]
 _BUILT_CLOSE = 1.25
-"""Links count as close by design if their distance never exceeds this multiple of the clearance."""
+"""Links whose distance never exceeds this multiple of the clearance count as close by design."""
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ class _Selection:
         return pairs
 
     def _distances(self, pairs: Sequence[pin.CollisionPair]) -> Array:
-        """Return the distances in random postures (samples, pairs) [m]."""
+        """Return the distances of pairs in random postures, (samples, pairs) [m]."""
         self._replace_pairs(pairs)
         robot, geometry = self._robot, self._geometry
         data, geometry_data = robot.model.createData(), pin.GeometryData(geometry)
@@ -256,7 +256,7 @@ class _Selection:
         return distances
 
     def _required(self, pair: pin.CollisionPair, distance: Array) -> float | None:
-        """Return the required distance of a pair [m], None if the pair is not checked."""
+        """Return the required distance of a pair [m]; None if the pair is not checked."""
         wanted = self._wanted(pair)
         nearest, farthest = float(distance.min()), float(distance.max())
         if frozenset(self._names(pair)) in self._unchecked:
@@ -264,23 +264,28 @@ class _Selection:
             return None
         if farthest - nearest < _CONSTANT and nearest >= 0.0:
             if nearest < wanted:
-                self._note(pair, f'{nearest:.3g} m apart in every posture, not checked')
+                self._note(
+                    pair, f'not checked, because the distance is {nearest:.3g} m in every posture'
+                )
             return None
         if farthest < 0.0 and self._is_base_and_link_1(pair):
-            self._note(pair, 'joined by joint 1 and overlapping in every posture, not checked')
+            self._note(
+                pair, 'not checked, because joint 1 connects them and they overlap in every posture'
+            )
             return None
         if self._both_of_the_arm(pair) and 0.0 <= farthest <= _BUILT_CLOSE * wanted:
             keep = max(min(wanted, 0.5 * float(np.median(distance))), 0.0)
             self._note(
                 pair,
-                f'built close together, required distance {keep:.3g} m instead of {wanted:g} m',
+                f'close together by design, so the required distance is {keep:.3g} m instead of '
+                f'{wanted:g} m',
             )
             return keep
         if farthest < wanted:
-            self._refuse(pair, farthest, wanted)
+            self._raise_too_close(pair, farthest, wanted)
         return wanted
 
-    def _refuse(self, pair: pin.CollisionPair, farthest: float, wanted: float) -> None:
+    def _raise_too_close(self, pair: pin.CollisionPair, farthest: float, wanted: float) -> None:
         subject = ' to '.join(self._names(pair))
         found = (
             'overlaps in every posture'
@@ -291,7 +296,7 @@ class _Selection:
         remedy = (
             'ground_height and ground_clearance'
             if touches_ground(self._geometry, pair)
-            else "the collision shapes' sizes and origins and self_clearance"
+            else 'sizes and origins of the collision shapes, and self_clearance'
         )
         raise ExcitationError(
             f'{subject} {found}: check {remedy}. If the links touch by construction, add the '
@@ -306,7 +311,7 @@ class _Selection:
         return set(self._names(pair)) == {self._base, self._robot.link_names[0]}
 
     def _both_of_the_arm(self, pair: pin.CollisionPair) -> bool:
-        """Return whether both shapes are links of the arm; link 1 with the base does not count."""
+        """Return whether both shapes are links of the arm; False for base and link 1."""
         shapes = [self._geometry.geometryObjects[i] for i in (pair.first, pair.second)]
         low, high = sorted(shape.parentJoint for shape in shapes)
         return low > 0 or (self._base in self._names(pair) and high > 1)
@@ -377,7 +382,7 @@ class ClearanceChecker:
     """
 
     RESOLUTION = 2e-3
-    """Largest difference between the smallest distance found and the guaranteed one [m]."""
+    """Largest difference between the smallest distance found and the guaranteed distance [m]."""
 
     def __init__(
         self,
@@ -390,14 +395,16 @@ class ClearanceChecker:
     ) -> None:
         required = (self_clearance, ground_clearance)
         if not all(np.isfinite(value) and value >= 0.0 for value in required):
-            raise ExcitationError(f'clearances must not be negative, but {required} m was given')
+            raise ExcitationError(
+                f'clearances [m] must be finite and not negative, but are {required}'
+            )
         self._model = robot.model
         self._data = robot.model.createData()
         self._geometry = build_collision_geometry(robot, ground_height, package_directories)
         selected = select_pairs(robot, self._geometry, required, unchecked_pairs)
         self._required = selected.required
         self.notes = selected.notes
-        """Texts on pairs without check or with less than the requested clearance."""
+        """Texts about pairs that are not checked or keep less than the requested clearance."""
         self._geometry_data = pin.GeometryData(self._geometry)
         # References into the geometry data are stored once, because indexing takes longer than
         # computing all distances.
@@ -434,16 +441,16 @@ class ClearanceChecker:
 
     @property
     def steepest(self) -> Array:
-        """Largest change of any pair's distance per motion of each joint (n,) [m/rad]."""
+        """Bound (n,) [m/rad] of how fast any pair's distance changes with each joint angle."""
         return np.asarray(self._bounds.max(axis=0))
 
     def distances(self, q: Array) -> Array:
-        """Return each pair's distance at q (n,) [rad], (pairs,) [m]; negative if overlapping."""
+        """Return the distance of each pair (pairs,) [m] at q (n,) [rad]; negative for overlap."""
         pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
         return np.fromiter(map(_distance, self._results), float, len(self._results))
 
     def margin(self, q: Array) -> float:
-        """Return the smallest difference of distance and required distance at q (n,) [m]."""
+        """Return the smallest margin, distance minus required distance, at q (n,) [m]."""
         return float((self.distances(q) - self._required).min())
 
     def margin_gradient(self, q: Array) -> Array:
@@ -460,7 +467,7 @@ class ClearanceChecker:
         return np.asarray(result.normal @ (second - first))
 
     def _point_jacobian(self, shape: int, point: Array) -> Array:
-        """Return the Jacobian (3, n) of a point fixed to a shape, in the base frame."""
+        """Return the Jacobian (3, n) of a point that is fixed to a shape, in the base frame."""
         joint = self._geometry.geometryObjects[shape].parentJoint
         if joint == 0:
             return np.zeros((3, self._model.nv))
@@ -527,7 +534,7 @@ class ClearanceChecker:
 
 @dataclass
 class _Worst:
-    """Smallest difference of distance and required distance found so far [m], per kind of pair."""
+    """Smallest margin, distance minus required distance, found so far for one kind of pair [m]."""
 
     margin: float = np.inf
     guaranteed: float = np.inf

@@ -57,7 +57,7 @@ class SmoothRegressor:
     def derivatives(
         self, states: JointReference, stacked: Array
     ) -> Iterator[tuple[int, int, Array]]:
-        """Yield the derivative (M, n, p) of the stacked regressor by each entry of the state.
+        """Yield the derivative (M, n, p) of the regressor with respect to each entry of the state.
 
         The derivatives are forward differences. Only the position derivatives have an error
         (about 1e-6) that exceeds rounding errors.
@@ -76,7 +76,7 @@ class SmoothRegressor:
 
 @dataclass(frozen=True, eq=False)
 class IdentifiableSpace:
-    """Row space of the regressor over all motions.
+    """Space of the parameter combinations that any motion of the arm can identify.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class IdentifiableSpace:
     def of_regressor(
         cls, robot: Robot, regressor: SmoothRegressor, columns: slice, samples: int = 400
     ) -> IdentifiableSpace:
-        """Compute the space numerically from random states.
+        """Compute the identifiable space numerically, from random states.
 
         Parameters
         ----------
@@ -131,12 +131,12 @@ class DesignCriterion(Protocol):
     """Design criterion to minimize."""
 
     def evaluate(self, stacked: Array) -> tuple[float, Array]:
-        """Return the criterion of one period's regressor (M, n, p), and its derivative by it."""
+        """Return the criterion, and its derivative by the regressor (M, n, p) of one period."""
         ...
 
 
 def information_gradient(stacked: Array, by_information: Array) -> Array:
-    """Return the derivative with respect to W of a function of A = sum_k W_k^T W_k / M.
+    """Return the derivative of a function of the information matrix with respect to the regressor.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def information(stacked: Array) -> Array:
 
 
 class BoundedCriterion:
-    """Smooth penalty on another criterion above a limit.
+    """Smooth penalty that acts if another criterion exceeds a limit.
 
     The penalty log(1 + exp(s (value - limit))) / s is almost zero below the limit and rises with
     slope one above the limit.

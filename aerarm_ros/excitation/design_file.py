@@ -19,7 +19,7 @@ from aerarm_ros.excitation.trajectory_designer import DesignResult, DesignSpecif
 
 
 def write_design(path: Path | str, text: str) -> None:
-    """Write a text file, completely or not at all.
+    """Write a text file; on failure, no incomplete file remains.
 
     Raises
     ------
@@ -39,7 +39,7 @@ FORMAT = 'aerarm_ros/fourier_trajectory/1'
 
 @dataclass(frozen=True)
 class _Document:
-    """Keys of a trajectory file; entries of `made_with` only inform the user."""
+    """Keys of a trajectory file; the program does not read the entries of `made_with`."""
 
     format: str
     fundamental_frequency: float
@@ -76,7 +76,7 @@ class TrajectoryFile:
     periods: int | None = None
 
     def save(self, path: Path | str) -> None:
-        """Write the file, replacing an existing one completely or not at all.
+        """Write the trajectory file; on failure, an existing file remains unchanged.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class TrajectoryFile:
 
 
 def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
-    """Return texts with the smallest margin to each kind of limit, for `made_with`."""
+    """Return the smallest margin to each kind of limit, for the entry `made_with`."""
     return {
         margin.limit: {
             'subject': margin.subject,
@@ -181,7 +181,7 @@ def describe_margins(report: FeasibilityReport) -> dict[str, Any]:
 def designed_file(
     specification: DesignSpecification, result: DesignResult, periods: int
 ) -> TrajectoryFile:
-    """Return the trajectory file of a design, with a number of periods to play."""
+    """Return the trajectory file of a design; `periods` is the number of periods to play."""
     quality = result.quality
     made_with: dict[str, Any] = {
         'objective': specification.objective,

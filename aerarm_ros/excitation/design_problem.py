@@ -1,4 +1,4 @@
-"""Trajectory design as a non-linear program."""
+"""Trajectory design as a nonlinear program: states, constraints and derivatives."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class StateBasis:
         return JointReference(*(basis @ coefficients for basis in self._basis))
 
     def pull_back(self, *gradients: Array) -> Array:
-        """Convert a function's gradient by the states to its gradient by the coefficients.
+        """Convert the gradient of a function of the states to a gradient by the coefficients.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class StateBasis:
 
 
 class DesignConstraints:
-    """Smooth constraints of a design: one per joint and kind of limit, and one for all clearances.
+    """Smooth constraints of a design: one for each joint and kind of limit, one for all clearances.
 
     The samples of each constraint are combined by the Kreisselmeier-Steinhauser function, a
     log-sum-exp that is never below the largest sample, so a satisfied constraint is satisfied at
@@ -112,7 +112,7 @@ class DesignConstraints:
     """
 
     _CLEARANCE_SCALE = 0.1
-    """Distance [m] with the same weight as a whole limit of another kind."""
+    """Distance [m] that counts as much as the full range of a joint limit."""
 
     def __init__(
         self,
@@ -129,7 +129,7 @@ class DesignConstraints:
         self._scales = (half_range, limits.velocity, limits.acceleration, effort)
         finite = np.isfinite(np.concatenate(self._scales))
         self.active = np.append(finite, [True] * (clearance is not None))
-        """Mask of the active constraints; infinite limits have none."""
+        """Mask of the active constraints; an infinite limit has no constraint."""
         self._clearance = clearance
         self._pad = pad
         self._sharpness = sharpness
@@ -152,7 +152,7 @@ class DesignConstraints:
     def gradients(
         self, states: JointReference, effort: Array, period: int
     ) -> tuple[list[Array], Array | None]:
-        """Return the derivatives of the constraints by sampled positions, velocities and torques.
+        """Return the derivatives of the constraints with respect to the sampled states and torques.
 
         Returns
         -------
@@ -180,7 +180,7 @@ class DesignConstraints:
         )
 
     def _shortfall(self, positions: Array) -> Array:
-        """Return each posture's required minus actual distance, (M,) [m]; positive if violated."""
+        """Return the scaled missing distance of each posture, (M,); positive if violated."""
         assert self._clearance is not None
         margins = np.array([self._clearance.margin(q) for q in positions])
         return (self._pad - margins) / self._CLEARANCE_SCALE
@@ -197,23 +197,23 @@ class DesignConstraints:
 
 
 class FeasibleIterates:
-    """Iterates of an optimizer that satisfy the constraints.
+    """Steps of an optimizer that satisfy the constraints.
 
     If the optimizer is stopped, or its optimum violates a limit between samples, an earlier
     iterate is often feasible and almost as good.
     """
 
     _TOLERANCE = 1e-3
-    """Constraint violation that may still be feasible, because the constraints are conservative."""
+    """Accepted violation of the constraints, which are conservative."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, int, Array]] = []
         self._count = 0
         self.last: Array | None = None
-        """The latest iterate, feasible or not."""
+        """The latest step of the optimizer, feasible or not."""
 
     def see(self, x: Array, value: float, constraints: Array) -> None:
-        """Store an iterate of the optimizer if it satisfies the constraints.
+        """Store a step of the optimizer if it satisfies the constraints.
 
         Parameters
         ----------
@@ -227,7 +227,7 @@ class FeasibleIterates:
             self._seen.append((value, self._count, self.last))
 
     def best(self, number: int = 12) -> list[tuple[Array, int]]:
-        """Return up to `number` iterates, best first, each with its step number.
+        """Return up to `number` stored steps, the best first, each with its number.
 
         Iterates near an optimum often violate the same limit, so the selection is spread over all
         iterates: the best iterate, then those with exactly 1, 2, 4, 8 and so on better iterates.
@@ -239,7 +239,7 @@ class FeasibleIterates:
 
 @dataclass
 class _Point:
-    """Stored results of the evaluation of one coefficient vector."""
+    """Results of the last evaluation, and the coefficient vector to which they belong."""
 
     key: bytes
     states: JointReference
@@ -253,7 +253,7 @@ class _Point:
 
 
 class DesignProblem:
-    """Criterion and constraints of a design, with derivatives by a flat coefficient vector.
+    """Criterion and constraints of a design, as functions of a vector of Fourier coefficients.
 
     All four functions share one evaluation, cached for the last vector.
 
@@ -319,7 +319,7 @@ class DesignProblem:
         return point
 
     def _contract(self, point: _Point) -> tuple[Array, Array]:
-        """Return the derivatives of criterion (3, P, n) and torques (3, M, n, n) by the state.
+        """Return the derivatives of criterion (3, P, n) and torques (3, M, n, n) by the states.
 
         The regressor's derivative (3 n, M, n, p) is computed entry by entry, to limit the memory.
         """

@@ -130,7 +130,8 @@ class RandomTrajectory:
         )
         binding = (
             f'{limit} of {subject} is outside its limit in {100 * count / len(broken):.0f} % of '
-            f'them ({best.reached:.4g} {best.unit} at best, limit {best.allowed:.4g} {best.unit})'
+            f'them (best value {best.reached:.4g} {best.unit}, limit {best.allowed:.4g} '
+            f'{best.unit})'
         )
         return NothingDrawnError(
             f'none of {len(broken)} random trajectories (seed {seed}) is feasible; {binding}. '
@@ -143,7 +144,7 @@ class RandomTrajectory:
 APPROACH, EXCITATION, RETURN = 'approach', 'excitation', 'return'
 
 Slowdown = Callable[[JointMotion], float]
-"""Returns the factor, 1 or more, by which the duration of a motion must grow."""
+"""Function that returns the factor, 1 or more, by which a motion must be slowed down."""
 
 
 def _unslowed(_: JointMotion) -> float:
@@ -151,7 +152,7 @@ def _unslowed(_: JointMotion) -> float:
 
 
 class ExcitationPlanner:
-    """Planner of approach, excitation and return, with a check of the complete motion.
+    """Planner of motions to a trajectory, along it, and back; it checks the complete motion.
 
     Parameters
     ----------
@@ -185,7 +186,7 @@ class ExcitationPlanner:
     def slowed(
         self, trajectory: FourierTrajectory, periods: int, slowdown: Slowdown
     ) -> FourierTrajectory:
-        """Return a trajectory of the same shape, as slow as its excitation with ramps needs."""
+        """Return a trajectory of the same shape, slowed down until `slowdown` requires no more."""
         while (factor := slowdown(self._excitation(trajectory, periods))) > self._SLOWED:
             trajectory = trajectory.slowed(factor)
         return trajectory
@@ -198,7 +199,7 @@ class ExcitationPlanner:
         go_back: bool = True,
         slowdown: Slowdown = _unslowed,
     ) -> MotionSequence:
-        """Return a motion from rest at `start` through some periods of the trajectory to rest.
+        """Return a motion from rest at `start` through `periods` periods of the trajectory to rest.
 
         Parameters
         ----------
@@ -233,19 +234,19 @@ class ExcitationPlanner:
     def _transfer(
         self, name: str, postures: tuple[Array, Array, Array], slowdown: Slowdown
     ) -> list[Stage]:
-        """Return the first feasible candidate path between start and end of `postures`.
+        """Return the first feasible path from the first to the second posture of `postures`.
 
         The third posture is the centre, through which one candidate leads.
         """
-        refused = None
+        closest = None
         for way in _ways(*postures):
             stages = self._stages(name, way, slowdown)
             report = self._transfer_checker.check(MotionSequence(stages), stop_early=True)
             if report.feasible:
                 return stages
-            refused = refused or report.binding
+            closest = closest or report.binding
         raise InfeasibleError(
-            f'no path was found for the {name} ({refused}): bring the arm to another posture first'
+            f'no path was found for the {name} ({closest}): bring the arm to another posture first'
         )
 
     def _stages(self, name: str, way: Sequence[Array], slowdown: Slowdown) -> list[Stage]:
@@ -260,7 +261,7 @@ class ExcitationPlanner:
 
 
 def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
-    """Yield lists of postures from `start` to `end`: direct, through `centre`, joint by joint."""
+    """Yield paths as lists of postures: direct, through `centre`, and joint by joint."""
     yield [start, end]
     yield [start, centre, end]
     for order in (range(len(start)), reversed(range(len(start)))):
@@ -274,7 +275,7 @@ def _ways(start: Array, end: Array, centre: Array) -> Iterator[list[Array]]:
 
 @dataclass(frozen=True, eq=False)
 class ExcitationSetup:
-    """Robot model, limits and feasibility checker of one arm, used to design and plan excitations.
+    """Robot model, limits and feasibility checker of one arm, for design and planning.
 
     A setup can be sent to another process, which builds its own checker.
 
@@ -358,7 +359,7 @@ class ExcitationSetup:
 
     @cached_property
     def clearance(self) -> ClearanceChecker | None:
-        """Checker of the distances between links and to the ground, None if they are not checked.
+        """Checker of distances between links, and between links and ground; None without a check.
 
         Building the checker raises ExcitationError without collision shapes.
         """
@@ -375,12 +376,12 @@ class ExcitationSetup:
 
     @cached_property
     def stops(self) -> StopLimits:
-        """Return the acceleration, torque and current limits of a stop along a motion."""
+        """Limits of acceleration, torque and current while the arm stops along a motion."""
         return StopLimits(self.limits, self.effort_model)
 
     @cached_property
     def checker(self) -> FeasibilityChecker:
-        """Feasibility checker with the limits that an excitation may use."""
+        """Feasibility checker with the fraction of the limits that an excitation may use."""
         return FeasibilityChecker(
             self.usable_limits,
             self.clearance,
@@ -391,7 +392,7 @@ class ExcitationSetup:
 
     @cached_property
     def planner(self) -> ExcitationPlanner:
-        """Planner of motions from any posture through an excitation and back."""
+        """Planner of motions from any posture through an excitation, and back to that posture."""
         transfers = FeasibilityChecker(
             self.limits, self.clearance, self.effort_model, stops=self.stops
         )
@@ -402,7 +403,7 @@ class ExcitationSetup:
     def random_trajectory(
         self, amplitude: float, fundamental: float, harmonics: int
     ) -> RandomTrajectory:
-        """Return the distribution of random trajectories about the configured centre `bias`.
+        """Return the distribution of random trajectories about the configured centre.
 
         Parameters
         ----------
@@ -419,7 +420,7 @@ class ExcitationSetup:
         )
 
     def require_bias(self) -> None:
-        """Check that the arm may rest at the configured centre of the motion.
+        """Check that resting at the centre `bias` of the configuration violates no limit.
 
         Nothing is checked without a configured centre, because random trajectories then have
         different centres.

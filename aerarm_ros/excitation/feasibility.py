@@ -112,7 +112,7 @@ def peak_margins(
     values: Array,
     allowed: Array,
 ) -> list[LimitMargin]:
-    """Return each joint's margin at its largest magnitude; infinite limits are omitted.
+    """Return the margin of each joint at its largest absolute value; infinite limits are omitted.
 
     Parameters
     ----------
@@ -158,11 +158,11 @@ class FeasibilityReport:
 
     @property
     def binding(self) -> LimitMargin:
-        """Smallest margin of the motion, relative to its limit."""
+        """Margin of the motion that is the smallest, relative to its limit."""
         return min(self.margins, key=lambda margin: margin.relative)
 
     def worst_of_each(self) -> list[LimitMargin]:
-        """Return, for each kind of limit, the smallest margin of all joints or pairs of links."""
+        """Return the smallest margin, over all joints or pairs of links, of each kind of limit."""
         worst: dict[str, LimitMargin] = {}
         for margin in self.margins:
             if margin.limit not in worst or margin.relative < worst[margin.limit].relative:
@@ -198,7 +198,7 @@ def effort_margins(
     times: Array,
     states: JointReference,
 ) -> list[LimitMargin]:
-    """Return the margins of the joint torques and motor currents that states require.
+    """Return the margins of the joint torques and motor currents that a motion requires.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ _LEFT = 0.1
 
 
 class StopLimits:
-    """Acceleration, torque and motor current limits of a stop along a motion.
+    """Limits of acceleration, torque and motor current while the arm stops along a motion.
 
     A stop (see `stop_along`) keeps the arm on the path of the motion, so all postures are those
     of the motion, and no joint becomes faster. Because stops are rare, a stop may use the full
@@ -238,7 +238,7 @@ class StopLimits:
     """
 
     _RESTS = 0.02
-    """Time between static postures that are checked along the motion [s]."""
+    """Time between two postures of the motion at which holding is checked [s]."""
 
     def __init__(self, limits: MotionLimits, effort_model: EffortModel | None) -> None:
         self.limits = limits
@@ -265,7 +265,7 @@ class StopLimits:
         return effort_margins(what, self.limits, self._effort_model, times, rest)
 
     def inertial_torque(self, q: Array, ddq: Array) -> Array | None:
-        """Return the joint torque of an acceleration [Nm], within limits; None without a model.
+        """Return the torque [Nm] for an acceleration, within limits; None without a model.
 
         All arrays are (n,).
         """
@@ -279,7 +279,7 @@ class StopLimits:
         return torque
 
     def _effort_rows(self, model: EffortModel, point: JointReference) -> Iterable[Row]:
-        """Return each joint's torque limit as rows for `stop_along`, including the current limit.
+        """Return rows for `stop_along` that limit the torque and the current of each joint.
 
         Friction is assumed to fall with the squared speed during the stop. Real friction falls
         less, so a braking motor needs less torque than computed.
@@ -324,7 +324,7 @@ class FeasibilityChecker:
     """
 
     _GLANCE = 25
-    """Spacing in cycles of the samples of the first, coarse check."""
+    """Number of control cycles between two samples of the first, coarse check."""
 
     def __init__(
         self,

@@ -24,8 +24,8 @@ Outcome = DesignResult | InfeasibleError
 _worker: _Worker | None = None
 
 GRACE = 20.0
-"""Time for workers to return their best result after a stop [s]."""
-_INTERVAL = 0.1  # between two questions whether to stop [s]
+"""Time within which worker processes return their best result after a stop request [s]."""
+_INTERVAL = 0.1  # [s] between two checks of the stop request
 
 
 def design_all(
@@ -95,7 +95,7 @@ class _Worker:
         return bool(self.stopping.value)
 
     def prepare(self) -> None:
-        """Prepare this process for designs."""
+        """Prepare a worker process: build its designer, and start to watch for a stop."""
         global _worker
         _worker = self
         self.designer = TrajectoryDesigner(self.specification)

@@ -24,7 +24,7 @@ class CommandLaw(Protocol):
 
 
 class FeedForwardLaw:
-    """Control law of position, velocity and feed-forward torque, thesis (4.4).
+    """Control law that commands position, velocity and feed-forward torque, thesis (4.4).
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class FeedForwardLaw:
         self._effort_model = effort_model
 
     def command(self, reference: JointReference, position: Array) -> JointCommand:
-        """Return reference and feed-forward torque; the position loop is closed on the boards."""
+        """Return the reference with feed-forward torque; the boards close the position loop."""
         effort = self._effort_model.effort(*(np.atleast_2d(part) for part in reference))[0]
         return JointCommand(reference.q, reference.dq, effort)
 
@@ -75,7 +75,7 @@ class PlayState(Enum):
 
 
 class ExcitationPlayer:
-    """Returns one command per measured state until the motion ends.
+    """Player that returns one command per measured state until the motion ends.
 
     The time of the motion is taken from the stamps of the states, so a lost message causes a gap
     in the commands but does not delay the motion.
@@ -95,7 +95,7 @@ class ExcitationPlayer:
     """
 
     START_TOLERANCE = 0.05
-    """Largest joint motion between planning and start [rad]."""
+    """Largest accepted joint motion between planning and start [rad]."""
 
     def __init__(
         self,
@@ -164,7 +164,7 @@ class ExcitationPlayer:
         return self._law.command(start, position)
 
     def update(self, stamp_ns: int, position: Array) -> JointCommand:
-        """Return the command that answers one measured state.
+        """Return the command for one measured state.
 
         Parameters
         ----------

@@ -34,7 +34,7 @@ class TriangleMesh(NamedTuple):
 
 
 def mesh_of_shape(shape: pin.GeometryObject) -> TriangleMesh | None:
-    """Return the mesh of a convex shape in its link's joint frame, None without points.
+    """Return the mesh of a convex shape, in the frame of its link's joint; None for other shapes.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def mesh_of_shape(shape: pin.GeometryObject) -> TriangleMesh | None:
 
 
 def _points(geometry: Any) -> Array | None:
-    """Return points (P, 3) whose hull approximates the shape; circles become polygons."""
+    """Return points (P, 3) whose convex hull approximates the shape; circles become polygons."""
     if hasattr(geometry, 'halfSide'):
         corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
         return np.asarray(corners * np.asarray(geometry.halfSide))
@@ -85,7 +85,7 @@ def _points(geometry: Any) -> Array | None:
 
 
 def _outermost(points: Array) -> Array:
-    """Return the points of (P, 3) points that are farthest out in evenly spread directions.
+    """Return those of the points (P, 3) that are outermost in evenly spread directions.
 
     A hull of a scanned shape has thousands of corners, and an animation stores each many times.
     """
@@ -100,7 +100,7 @@ def _outermost(points: Array) -> Array:
 
 
 def _ball_rings() -> list[tuple[float, float]]:
-    """Return radius and height of circles on the upper half of the unit sphere."""
+    """Return the radii and heights of circles on the upper half of the unit sphere."""
     latitudes = np.linspace(0.0, 0.5 * np.pi, 4)
     return [(max(float(np.cos(a)), 1e-3), float(np.sin(a))) for a in latitudes]
 
@@ -187,7 +187,7 @@ class ArmAnimation:
         return meshes
 
     def _place(self, q: Array) -> list[go.Mesh3d]:
-        """Return the positions of the mesh corners of all links at the posture q."""
+        """Return meshes with the corner positions of all links at the posture q."""
         pin.forwardKinematics(self._robot.model, self._data, q)
         meshes = []
         for joint, mesh in self._bodies.items():
@@ -200,7 +200,7 @@ class ArmAnimation:
 
     @staticmethod
     def _merge_by_joint(shapes: list[pin.GeometryObject]) -> dict[int, TriangleMesh]:
-        """Return one mesh per joint's link, with key 0 for shapes fixed to the base."""
+        """Return one mesh for the link of each joint, by joint number; number 0 is the base."""
         parts: dict[int, list[TriangleMesh]] = {}
         for shape in shapes:
             mesh = mesh_of_shape(shape)
@@ -217,7 +217,7 @@ class ArmAnimation:
 
 
 def scene() -> dict[str, object]:
-    """Return the layout of a scene in the base frame that shows the whole bounding box."""
+    """Return the layout of a three-dimensional plot that shows the whole arm in the base frame."""
     axes = {f'{axis}axis_title': f'{axis} [m]' for axis in 'xyz'}
     camera = {'eye': {'x': 1.9, 'y': 1.9, 'z': 1.1}, 'center': {'x': 0.0, 'y': 0.0, 'z': -0.12}}
     return {'aspectmode': 'data', 'camera': camera, **axes}
@@ -313,12 +313,11 @@ class Preview:
         gain = np.exp(other.log_deviation - quality.log_deviation)
         lead = (
             f'{trajectory.harmonics} harmonics of {trajectory.f0:g} Hz. Condition number of the '
-            f'regressor (thesis, equation 5.2): {quality.condition_number:.1f}, of the random '
-            f'motion from which the design started: {other.condition_number:.1f}. With columns '
-            f'scaled to equal length: {quality.scaled_condition_number:.1f} and '
-            f'{other.scaled_condition_number:.1f}. The expected standard deviations of the '
-            f'parameters are {gain:.2f} times smaller than with the random motion (geometric '
-            'mean).'
+            f'regressor (thesis, equation 5.2): {quality.condition_number:.1f} (random motion from '
+            f'which the design started: {other.condition_number:.1f}). With columns scaled to '
+            f'equal length: {quality.scaled_condition_number:.1f} (random motion: '
+            f'{other.scaled_condition_number:.1f}). The expected standard deviations of the '
+            f'parameters are {gain:.2f} times smaller than with the random motion (geometric mean).'
         )
         rows = [
             (m.limit, m.subject, float(m.reached), float(m.allowed), float(m.margin), m.unit)

@@ -16,15 +16,15 @@ from aerarm_ros.motion.signals import Array
 
 
 class ExcitationError(ValueError):
-    """Excitation that cannot be built, loaded or played; the message says what to check."""
+    """Error for an unusable or impossible excitation; the message states what to check."""
 
 
 class InfeasibleError(ExcitationError):
-    """Motion that violates a limit of the arm; the message names the limit."""
+    """Error for a motion that violates a limit of the arm; the message names the limit."""
 
 
 class NothingDrawnError(InfeasibleError):
-    """Search in which no random trajectory was feasible.
+    """Error for a search in which no random trajectory was feasible.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class NothingDrawnError(InfeasibleError):
 
 
 class DesignStoppedError(ExcitationError):
-    """Design that was stopped before a feasible trajectory was found."""
+    """Error for a design that was stopped before a feasible trajectory was found."""
 
 
 def one_per_joint(name: str, values: ArrayLike, n: int) -> Array:
@@ -60,7 +60,7 @@ def one_per_joint(name: str, values: ArrayLike, n: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Motion limits of each joint, all (n,) in the order of the joints; infinite without a limit.
+    """Motion limits of all joints, arrays (n,) in the order of the joints; infinite if unlimited.
 
     Parameters
     ----------
@@ -98,13 +98,13 @@ class MotionLimits:
         for i, name in enumerate(self.joint_names):
             if not self.position_min[i] < self.position_max[i]:
                 raise ExcitationError(
-                    f'position limits of {name} leave no range: minimum '
+                    f'the position limits of {name} leave no range of motion: minimum '
                     f'{self.position_min[i]:.4g} rad, maximum {self.position_max[i]:.4g} rad'
                 )
 
     @classmethod
     def of_arm(cls, config: ArmConfig) -> MotionLimits:
-        """Return the motion limits of an arm's configuration file."""
+        """Return the motion limits in the configuration file of an arm."""
         return cls(
             tuple(config.joint_names),
             config.column('position_min'),
@@ -119,7 +119,7 @@ class MotionLimits:
     def of_robot(
         cls, robot: Robot, acceleration_limit: ArrayLike = np.inf, current_limit: ArrayLike = np.inf
     ) -> MotionLimits:
-        """Return the motion limits in a URDF, completed by acceleration and current limits.
+        """Return the motion limits in a URDF, and the given acceleration and current limits.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class MotionLimits:
         )
 
     def scaled(self, position: float, velocity: float, effort: float) -> MotionLimits:
-        """Return these limits scaled by factors in (0, 1], as the usable part for an excitation.
+        """Return the usable part of the limits, each scaled by a factor in (0, 1].
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class ExcitationConfig:
         object.__setattr__(self, 'unchecked_pairs', tuple(pairs))
 
     def bias_spread_of(self, robot: Robot) -> Array:
-        """Return the largest random offset of each joint's centre `bias` [rad], (n,).
+        """Return the largest random offset of each joint from the centre `bias` (n,) [rad].
 
         Without a given bias, the middle of a joint's range is only a guess (and may be a posture in
         collision), so the offset covers a third of the range.
@@ -261,7 +261,7 @@ class ExcitationConfig:
             return np.where(np.isfinite(middle), middle, 0.0)
         if len(self.bias) != robot.n:
             raise ConfigError(
-                f'excitation: bias has {len(self.bias)} values, the robot has {robot.n} joints'
+                f'excitation: bias has {len(self.bias)} values, but the robot has {robot.n} joints'
             )
         for name, value in zip(robot.joint_names, self.bias, strict=True):
             if not np.isfinite(value):

@@ -77,7 +77,7 @@ class FourierTrajectory:
 
     @property
     def highest_frequency(self) -> float:
-        """Frequency of the highest harmonic N f0 [Hz]."""
+        """Frequency N f0 of the highest harmonic [Hz]."""
         return self.harmonics * self.f0
 
     def slowed(self, factor: float) -> 'FourierTrajectory':
@@ -124,7 +124,7 @@ def transfer(start: ArrayLike, end: ArrayLike, duration: float) -> PolynomialPat
 
 
 def standstill(position: ArrayLike) -> PolynomialPath:
-    """Return one control cycle of rest at `position` (n,) [rad]."""
+    """Return a motion that rests at `position` (n,) [rad] for one control cycle."""
     return transfer(position, position, 1e-3)
 
 
@@ -137,7 +137,7 @@ class Stage:
 
 
 class MotionSequence:
-    """Sequence of stages, which is a motion itself.
+    """Motion that consists of consecutive stages.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ class SteadyStroke:
         if self.steady_time <= 0.0:
             raise ExcitationError(
                 f'a stroke of {abs(self.travel):.3g} rad is too short for {self.speed:.3g} '
-                'rad/s, because acceleration and braking alone take '
+                'rad/s, because acceleration and braking together already take '
                 f'{self.speed * self.ramp_time:.3g} rad'
             )
 
@@ -312,7 +312,7 @@ class SteadyStroke:
 
     @property
     def steady_time(self) -> float:
-        """Time at constant speed [s]; at that speed a ramp's distance takes half the ramp time."""
+        """Time at constant speed [s]; each ramp covers half its duration times the speed."""
         return abs(self.travel) / self.speed - self.ramp_time
 
     @property
@@ -336,7 +336,7 @@ class SteadyStroke:
         )
 
     def _of_joint(self, others: Array, value: ArrayLike) -> Array:
-        """Return `others` with `value`, scalar or (M,), added to the moving joint."""
+        """Return `others` (n,) with `value`, scalar or (M,), added to the moving joint."""
         value = np.asarray(value)
         whole = np.broadcast_to(others, (*value.shape, len(others))).copy()
         whole[..., self.joint] += value

@@ -34,7 +34,7 @@ from aerarm_ros.motion.signals import Array, JointReference
 
 @dataclass(frozen=True)
 class Quality:
-    """Quality figures of a trajectory.
+    """Measures of the quality of a trajectory for identification.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ class DesignSpecification:
         scaled: ConditionCriterion,
         optimality: InformationCriterion,
     ) -> DesignCriterion:
-        """Return the criterion that the objective minimizes, composed of three criteria."""
+        """Return the criterion to minimize for the objective, composed of the given criteria."""
         if self.objective == BOTH:
             # Above its limit, the condition number has twice the weight of the standard
             # deviations.
@@ -199,7 +199,7 @@ _CONVERGED, _OUT_OF_ITERATIONS = 0, 9
 
 
 class _StopDesignError(Exception):
-    """Raised inside the objective function to leave the optimizer."""
+    """Exception raised in the objective function to stop the optimizer."""
 
 
 class TrajectoryDesigner:
@@ -214,15 +214,13 @@ class TrajectoryDesigner:
     """Amplitude factors tried for a feasible start, relative to the specification."""
     _REPORT_SAMPLES = 2000
     _RESTARTS = 4
-    """Largest number of restarts if the solver's quadratic subproblem fails; a restart resets the
-    curvature.
+    """Largest number of runs of the solver; a new run after a failure resets the curvature.
     """
     _TOWARD_START = (0.97, 0.93, 0.85, 0.75, 0.6, 0.4)
-    """Fractions of the path from start to optimum that are tried if smaller amplitudes are
-    infeasible.
+    """Fractions of the way from start to optimum, tried if smaller amplitudes are infeasible.
     """
     _REPAIR = (1.0, 0.995, 0.99, 0.98, 0.96, 0.93, 0.9, 0.85, 0.8)
-    """Scale factors about the bias tried for a result that violates a limit between samples."""
+    """Amplitude factors that are tried for a result that violates a limit between samples."""
 
     def __init__(self, specification: DesignSpecification) -> None:
         setup = specification.setup
@@ -251,7 +249,7 @@ class TrajectoryDesigner:
         )
 
     def initial(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
-        """Return the random feasible trajectory from which the design with number `start` begins.
+        """Return the random feasible trajectory from which design number `start` begins.
 
         Raises
         ------
@@ -270,8 +268,8 @@ class TrajectoryDesigner:
                 trajectory, report = candidates.draw_feasible(
                     seed, self._setup.checker, self._setup.config.ramp_time, 40, stop
                 )
-            except NothingDrawnError as refusal:
-                binding = refusal.binding
+            except NothingDrawnError as error:
+                binding = error.binding
                 continue
             return self._result(trajectory, report, start, began)
         amplitude = self.specification.amplitude
@@ -282,7 +280,7 @@ class TrajectoryDesigner:
         )
 
     def design(self, start: int, stop: Callable[[], bool] = lambda: False) -> DesignResult:
-        """Return the best feasible trajectory found from a start; at worst the initial trajectory.
+        """Return the best feasible trajectory of a design, at worst its initial trajectory.
 
         Parameters
         ----------
@@ -301,18 +299,18 @@ class TrajectoryDesigner:
         optimum = self._optimise(begin, iterates, stop)
         # A search that was stopped gives no information about violated limits.
         stopped = optimum is None
-        refusal: LimitMargin | None = None
+        violation: LimitMargin | None = None
         for coefficients, remark in self._proposals(begin, optimum, iterates):
             trajectory = self._basis.trajectory(coefficients)
             report = self._check(trajectory)
             if report.feasible:
-                remark = _explain(remark, refusal)
+                remark = _explain(remark, violation)
                 result = self._result(trajectory, report, start, began, remark, stopped)
                 if self.specification.betters(result.quality, initial.quality):
                     return result
-            elif refusal is None and not stopped:
-                refusal = report.binding
-        remark = _explain('nothing better than the random start', refusal)
+            elif violation is None and not stopped:
+                violation = report.binding
+        remark = _explain('no better trajectory than the random start', violation)
         seconds = time.monotonic() - began
         return replace(initial, seconds=seconds, remark=remark, stopped=stopped)
 
@@ -323,7 +321,7 @@ class TrajectoryDesigner:
     def _proposals(
         self, begin: Array, optimum: Array | None, iterates: FeasibleIterates
     ) -> Iterator[tuple[Array, str]]:
-        """Yield coefficient matrices to check, best first, each with a remark on its origin."""
+        """Yield coefficient matrices to check, the best first, each with a remark on its origin."""
         if optimum is not None:
             yield from self._shrunk(optimum, '')
         for coefficients, number in iterates.best():
@@ -348,7 +346,7 @@ class TrajectoryDesigner:
             yield scaled, ', '.join(filter(None, texts))
 
     def states(self, trajectory: FourierTrajectory) -> JointReference:
-        """Return the states of one period, sampled finely enough for the reported figures."""
+        """Return the states of one period, sampled finely enough for the reported quality."""
         time = np.arange(self._REPORT_SAMPLES) * trajectory.period / self._REPORT_SAMPLES
         return trajectory.evaluate(time)
 
@@ -357,7 +355,7 @@ class TrajectoryDesigner:
         return self._exact_regressor.stack(states)
 
     def quality(self, states: JointReference) -> Quality:
-        """Return the quality figures of a motion, given by (M, n) equally spaced states."""
+        """Return the quality of a trajectory, from (M, n) equally spaced states."""
         stacked = self.stacked(states)
         return Quality(
             self._criterion.evaluate(stacked)[0],
@@ -443,7 +441,9 @@ class TrajectoryDesigner:
         return DesignResult(trajectory, quality, report, start, seconds, remark, stopped)
 
 
-def _explain(remark: str, refusal: LimitMargin | None) -> str:
+def _explain(remark: str, violation: LimitMargin | None) -> str:
     return (
-        remark if refusal is None else f'{remark}, because the optimum exceeds a limit: {refusal}'
+        remark
+        if violation is None
+        else f'{remark}, because the optimum exceeds a limit: {violation}'
     )

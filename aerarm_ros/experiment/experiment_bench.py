@@ -1,4 +1,4 @@
-"""Simulation of a controller on the emulated arm, as fast as the processor allows.
+"""Simulations of controllers on the emulated arm without ROS, faster or slower than real time.
 
 All code between control law and physics engine equals that of the real arm: the bridge's cycle with
 its frames, the boards' control laws, quantized encoders and filtered velocities. ROS is omitted, so
@@ -76,7 +76,7 @@ class ExperimentCase:
 
 
 def all_cases() -> list[ExperimentCase]:
-    """Return all cases of the experiment."""
+    """Return all cases of experiment 5.4."""
     still = [
         ExperimentCase(law, parameters, observer)
         for law in (GRAVITY, HOST, BOARDS)
@@ -101,14 +101,14 @@ _START_LIMIT = 20.0  # [s] longest time in which the motors must align and the a
 
 
 class MotionSource:
-    """Excitation motion as the reference of a controller."""
+    """Reference of a controller that follows an excitation motion."""
 
     def __init__(self, motion: RampedExcitation) -> None:
         self._motion = motion
         self.begin = np.inf
 
     def take_over(self, q: Array) -> None:
-        """Do nothing, because the arm is already at the start of the motion."""
+        """Do nothing: the arm is already at the start of the motion."""
 
     def update(self, q: Array, now: float, dt: float) -> JointReference:
         """Return the reference at `now` [s], constant before the start and after the end."""
@@ -118,7 +118,7 @@ class MotionSource:
 
 @dataclass(frozen=True, eq=False)
 class ExperimentRun:
-    """Recorded data of one run, with one row per cycle.
+    """Recorded data of one simulated run, with one row per control cycle.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class ExperimentRun:
 
 
 class ExperimentBench:
-    """Simulation of an arm whose true parameters deviate from CAD, following a motion.
+    """Simulation of an arm that follows a motion and whose true parameters deviate from CAD.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class ExperimentBench:
         return ExperimentRun(case, time, q, desired_q, effort, full_speed)
 
     def _enable(self, bridge: BridgeCycle) -> float:
-        """Align the motors and hold the arm at rest; return the simulated time at the end [s]."""
+        """Align the motors and hold the arm at rest; return the simulated time after that [s]."""
         now = 0.0
         ready_at = np.inf
         while now < ready_at + SETTLE:
@@ -253,7 +253,7 @@ class ExperimentBench:
 def run_all(
     bench: ExperimentBench, cases: Sequence[ExperimentCase], workers: int
 ) -> Generator[ExperimentRun, None, None]:
-    """Yield the run of each case, in order; results do not depend on the number of workers.
+    """Yield the run of each case in order; the number of workers does not change the results.
 
     Leaving the iteration early ends the workers.
 
@@ -345,7 +345,7 @@ class ExperimentReport:
         write_whole(path, text)
 
     def _over_still(self, case: ExperimentCase, rms: Array) -> str:
-        """Return the RMS errors divided by those of the same case on a still base, as text.
+        """Return the RMS errors relative to the same case on a still base, as text.
 
         The two ratios are those of the worst joint and of the tool. '' for a case with a still
         base, or if that case has not run on a still base.
@@ -401,7 +401,7 @@ def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def _numbers(row: Sequence[str]) -> list[str | float]:
-    """Return a row of the table for the page, with texts of numbers converted to numbers."""
+    """Return a row of the table with its numeric texts converted to numbers, for the page."""
     return [float(x) if x.replace('.', '', 1).isdigit() else x for x in row]
 
 

@@ -15,7 +15,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True)
 class LinkBounds:
-    """User's bounds of masses and centres of mass for the semidefinite solver.
+    """User's bounds of total mass and centres of mass, which the semidefinite solver applies.
 
     Attributes
     ----------
@@ -35,14 +35,14 @@ class LinkBounds:
             low, high = self.total_mass
             if not (np.isfinite([low, high]).all() and 0.0 <= low < high):
                 raise IdentificationError(
-                    f'total mass {low:g} .. {high:g} kg must be two increasing numbers, '
-                    'not negative'
+                    f'total mass {low:g} .. {high:g} kg must be two non-negative numbers, the '
+                    'smaller one first'
                 )
 
 
 @dataclass(frozen=True, eq=False)
 class InertiaBoxes:
-    """For each of n links, the homogeneous box with the mass and inertia of the link.
+    """Homogeneous boxes of n links; each box has the mass and inertia of its link.
 
     Attributes
     ----------
@@ -60,18 +60,18 @@ class InertiaBoxes:
 
     @property
     def reach(self) -> Array:
-        """Half extents (n, 3) of the boxes along the axes of the links' joint frames [m]."""
+        """Half extents of the boxes (n, 3) along the axes of the frame of each link's joint [m]."""
         return np.asarray((np.abs(self.axes) @ self.half_edges[..., None])[..., 0])
 
     def corners(self) -> Array:
-        """Return the box corners (n, 8, 3) in the frames of the links' joints [m]."""
+        """Return the corners of the boxes (n, 8, 3) [m], each in the frame of its link's joint."""
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         edges = self.axes * self.half_edges[:, None, :]
         return np.asarray(self.centre[:, None, :] + signs @ edges.transpose(0, 2, 1))
 
 
 def inertia_boxes(inertial: Array) -> InertiaBoxes:
-    """Return homogeneous boxes with the mass and inertia of links.
+    """Return, for each link, the homogeneous box with the same mass and inertia.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def inertia_boxes(inertial: Array) -> InertiaBoxes:
 
 
 CoupledJoints = Sequence[tuple[str, str]]
-"""Pairs of a joint and its driver, the joint whose motion causes a torque on the first."""
+"""Pairs (joint, driver): the motion of the driver, another joint, causes a torque at the joint."""
 
 
 def coupled_terms(
@@ -158,7 +158,7 @@ class ArmParameters:
 
     @classmethod
     def stated(cls, robot: Robot, config: ArmConfig | None) -> 'ArmParameters':
-        """Return the parameters stated in the URDF, with rotor inertia from the configuration.
+        """Return the parameters in the URDF, with the rotor inertia from the configuration.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class ArmParameters:
         )
 
     def vector(self, model: JointModel) -> Array:
-        """Return the parameters in the order of `model.columns`; 0 for terms without CAD value."""
+        """Return the parameters in the order of `model.columns`; 0 without a nominal value."""
         known = {
             TermKind.VISCOUS: self.viscous,
             TermKind.COULOMB: self.coulomb,
@@ -197,7 +197,7 @@ class ArmParameters:
         return np.concatenate([self.inertial.ravel(), joints])
 
     def inertial_scale(self) -> Array:
-        """Return the natural size of each inertial parameter, from mass and radius of gyration.
+        """Return a typical magnitude of each inertial parameter, from mass and radius of gyration.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Torque error (5.3) of an estimate, and warnings about motions beyond the identified range."""
+"""Torque error of an estimate, thesis (5.3), and warnings about motion that it extrapolates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _QUANTITIES = (('q', 'position'), ('dq', 'velocity'), ('ddq', 'acceleration'))
 
 @dataclass(frozen=True, eq=False)
 class BagDemand:
-    """Motion range of one bag relative to that of the identification, and torque uncertainty.
+    """Excess of a bag's motion over the identification motion, and uncertainty of its torque.
 
     Attributes
     ----------
@@ -55,9 +55,9 @@ def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColum
     beyond = []
     for quantity, _ in _QUANTITIES:
         known = np.vstack([getattr(bag.samples, quantity)[bag.samples.kept] for bag in bags])
-        asked = getattr(judged.samples, quantity)[judged.samples.kept]
+        compared = getattr(judged.samples, quantity)[judged.samples.kept]
         low, high = known.min(axis=0), known.max(axis=0)
-        over = np.maximum(asked.max(axis=0) - high, low - asked.min(axis=0))
+        over = np.maximum(compared.max(axis=0) - high, low - compared.min(axis=0))
         beyond.append(np.maximum(over, 0.0) / np.maximum(high - low, 1e-9))
     terms = [term for _, term in fit.model.joint_columns]
     regression = RegressionBank([judged], terms, fit.inertial).regression(fit.model)
@@ -71,7 +71,7 @@ def bag_demand(fit: ModelFit, bags: Sequence[SampleColumns], judged: SampleColum
 def extrapolation_warnings(
     fit: ModelFit, identification: Sequence[BagDemand], validation: Sequence[BagDemand]
 ) -> list[str]:
-    """Return warnings about validation bags that exceed the range of the identification bags."""
+    """Return warnings about validation bags whose motion exceeds the identification motion."""
     names = fit.model.joint_names
     known = np.max([demand.uncertainty for demand in identification], axis=0)
     warnings = []
@@ -87,15 +87,15 @@ def extrapolation_warnings(
             if joints:
                 warnings.append(
                     f'{demand.bag}: {word} leaves the range of the identification motion '
-                    f'({", ".join(joints)}), so the errors are those of extrapolation'
+                    f'({", ".join(joints)}), so the model extrapolates in this bag'
                 )
         grown = (demand.uncertainty > _GROWTH * known) & (demand.uncertainty > fit.noise.std)
         if grown.any():
             joints = [name for name, bad in zip(names, grown, strict=True) if bad]
             warnings.append(
                 f'{demand.bag}: the torque of {", ".join(joints)} depends on parameters that the '
-                'identification motion hardly excites; identify from a motion that is more '
-                'similar'
+                'identification motion hardly excites; identify from a motion that is similar to '
+                'this bag'
             )
     return warnings
 
@@ -105,7 +105,7 @@ _SMALLEST = 1e-300  # avoids division by zero for a bag without torque
 
 @dataclass(frozen=True, eq=False)
 class BagAssessment:
-    """Torque errors of an estimate on one bag.
+    """Torque errors of one solver's estimate on one bag.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class BagAssessment:
     prediction: Prediction
 
     def __repr__(self) -> str:
-        """Return the torque errors as text, without the samples."""
+        """Return the torque errors of the bag as text."""
         return (
             f'<{self.bag}: torque error {self.filtered:.2f} % filtered, '
             f'{self.filtered_measured:.2f} % with only the measured torque filtered, '
@@ -170,7 +170,7 @@ def assess(estimate: Estimate, bags: Sequence[SampleColumns]) -> list[BagAssessm
 
 
 def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
-    """Return the torque error (5.3) of all joints stacked and of each joint [%].
+    """Return the torque error, thesis (5.3), of all joints together and of each joint [%].
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def torque_errors(measured: Array, predicted: Array) -> tuple[float, Array]:
 
 _SLOW = 0.05  # fraction of a joint's top speed, below which the sign of its velocity is smoothed
 _CLEAR = 4.0  # standard deviations
-_WORTH_TELLING = 0.05  # relative to the RMS joint torque; smaller changes are not reported
+_LEAST_CHANGE = 0.05  # relative to the RMS joint torque; smaller changes are not reported
 _SHORTEST = 10.0  # [s] shortest motion that is tested for changes
 
 
@@ -254,11 +254,11 @@ def trend_warnings(trends: Sequence[ResidualTrend], joints: Sequence[str]) -> li
             texts = [
                 f'{name} by {value:+.2g} Nm'
                 for name, value, torque in zip(joints, values, trend.torque, strict=True)
-                if abs(value) > _WORTH_TELLING * torque
+                if abs(value) > _LEAST_CHANGE * torque
             ]
             if texts:
                 warnings.append(
                     f'{trend.bag}: the {what} changes from start to end of the bag '
-                    f'({", ".join(texts)}), as with {why}'
+                    f'({", ".join(texts)}), possibly because of {why}'
                 )
     return warnings

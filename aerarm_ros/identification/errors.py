@@ -2,14 +2,14 @@
 
 
 class IdentificationError(ValueError):
-    """Unusable data or option; the message states what to check."""
+    """Error for unusable data or options; the message states what to check."""
 
 
 _CONTRADICTION = ('PrimalInfeasible', 'AlmostPrimalInfeasible')
 
 
 class SolverError(IdentificationError):
-    """Optimization problem that has no solution, or for which the solver found none.
+    """Error for an optimization problem without a solution, or whose solution was not found.
 
     Parameters
     ----------

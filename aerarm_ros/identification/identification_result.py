@@ -1,4 +1,4 @@
-"""Results of an identification, for files and report."""
+"""Result of an identification, from which its files and its report are written."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ class IdentificationResult:
 
 @dataclass(frozen=True)
 class Check:
-    """Comparison of one measured value with its limit.
+    """Comparison of one quantity of an identification result with its limit.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ LIMITS: dict[str, Callable[[IdentificationResult], float]] = {
     'tilt': lambda result: float(np.degrees(result.gravity.tilt)) if result.gravity else 0.0,
     'warnings': lambda result: float(len(result.warnings)),
 }
-"""Functions of the quantities with limits, by name.
+"""Functions that compute the quantities for which the user can set a limit, by name.
 
 Largest torque errors of the validation bags [%], standard deviation of the predicted torque due to
 parameter uncertainty [Nm], condition number (5.2), consistency (0 or 1), tilt [deg], and number of
@@ -350,8 +350,8 @@ def geometry_text(result: IdentificationResult) -> str:
     cost = torque_error_per_length(identified, samples.q, samples.dq, samples.ddq)
     return (
         'The geometry of the URDF was not calibrated. An error of 1 mm per axis at each joint '
-        f'changes the torque of the links by {cost:.2g} %, of which the identification absorbs a '
-        'part. Run the calibrator to measure the geometry.'
+        f'changes the torque of the links by {cost:.2g} %; the identification absorbs a part of '
+        'this change. Run the calibrator to measure the geometry.'
     )
 
 

@@ -64,7 +64,7 @@ from aerarm_ros.model.regressor import Regressor
 
 
 class Stopwatch:
-    """Wall-clock times summed by stage name.
+    """Stopwatch that sums the wall-clock time of each stage.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ _ROUNDS = 2
 
 
 def weighted_bags(bags: Sequence[SampleColumns], cad: ArmParameters) -> list[SampleColumns]:
-    """Return the bags, with each joint's rows weighted by one over the joint's noise in the bag.
+    """Return copies of the bags with joint weights inversely proportional to the noise in the bag.
 
     The noise is the residual torque in held-out parts of the motion, relative to the noise of all
     bags together. A single bag therefore has weights of one.
@@ -156,8 +156,8 @@ def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]
     possible = _structural_rank(regressor)
     if base.rank < possible:
         warnings.append(
-            f'the motion identifies only {base.rank} of {possible} parameter combinations, the '
-            'others keep CAD values: move every joint'
+            f'the motion identifies only {base.rank} of {possible} parameter combinations; the '
+            'others keep their CAD values: move every joint'
         )
     if base.condition_number > _POOR_CONDITION:
         warnings.append(
@@ -168,7 +168,7 @@ def excitation_warnings(base: BaseParameters, regressor: Regressor) -> list[str]
 
 
 def _structural_rank(regressor: Regressor) -> int:
-    """Return the rank of the regressor for a motion that moves all joints."""
+    """Return the largest possible rank of the regressor, found from random states."""
     random = np.random.default_rng(0)
     states = random.uniform(-2.0, 2.0, (3, _STATES, regressor.robot.n))
     factor = triangular_factor(regressor.stack(*states))
@@ -205,14 +205,15 @@ def without_insignificant_terms(
     model, start = fit.model, 10 * fit.model.n
     friction = np.array([term.kind in _FRICTION for _, term in model.joint_columns], dtype=bool)
     std = np.zeros(len(fit.theta)) if estimate.std is None else estimate.std
-    nil = estimate.held_at_zero[start:] & (~friction | (fit.theta < -std)[start:])
-    if not nil.any():
+    insignificant = estimate.held_at_zero[start:] & (~friction | (fit.theta < -std)[start:])
+    if not insignificant.any():
         return fit, []
-    kept = [own for own, is_nil in zip(model.joint_columns, nil, strict=True) if not is_nil]
+    pairs = zip(model.joint_columns, insignificant, strict=True)
+    kept = [own for own, is_left_out in pairs if not is_left_out]
     terms = tuple(tuple(t for j, t in kept if j == joint) for joint in range(model.n))
     smaller = JointModel(model.joint_names, model.link_names, terms)
     bank = RegressionBank(bags, [term for _, term in kept], estimate.inertial.ravel())
-    left_out = [name for name, is_nil in zip(model.columns[start:], nil, strict=True) if is_nil]
+    left_out = np.array(model.columns[start:])[insignificant].tolist()
     return fit_model(bags, bank, smaller, cad, fit.noise), left_out
 
 
@@ -345,7 +346,7 @@ def identify(
 
 @dataclass(frozen=True, eq=False)
 class _PreparedBags:
-    """Filtered bags with estimated gravity and delays; `level` are bags with the stated gravity."""
+    """Filtered bags with estimated gravity and delays, and `level_bags` with the stated gravity."""
 
     robot: Robot
     choice: FilterChoice
@@ -388,7 +389,7 @@ def _splits(
     config: ArmConfig | None,
     recordings: Sequence[Recording],
 ) -> tuple[list[ResidualSplit], list[str]]:
-    """Split each recording's residual by causes; return warnings on recordings left out."""
+    """Split each recording's residual by causes; return warnings about omitted recordings."""
     choice, regressor = motion.choice, Regressor(motion.robot)
     known = config is not None and config.joint_names == motion.robot.joint_names
     ratios = 1.0 / config.column('gear.ratio') if config is not None and known else None
@@ -400,7 +401,8 @@ def _splits(
             splits.append(split_residual(*how, excerpt(recording), ratios))
         except IdentificationError as error:  # with additional noise
             warnings.append(
-                f'{recording.name}: the report omits the causes of the residual: {error}'
+                f'{recording.name}: the report cannot list the causes of the torque residual of '
+                f'this bag: {error}'
             )
     return splits, warnings
 
@@ -411,7 +413,7 @@ def _rollouts(
     estimates: Mapping[str, Estimate],
     recordings: Sequence[Recording],
 ) -> list[RolloutError]:
-    """Return the errors of arms simulated with each solver's parameters, on each recording."""
+    """Return, for each recording, the errors of simulations with the parameters of each solver."""
     thetas = {name: estimate.theta for name, estimate in estimates.items()}
     errors = []
     for recording in recordings:
@@ -438,16 +440,16 @@ def _solved(
     options: IdentificationOptions,
     windows: RolloutWindows | None,
 ) -> tuple[ModelFit, dict[str, Estimate], list[str], list[str]]:
-    """Solve, then solve again without insignificant terms; return the removed terms as well."""
+    """Run the solvers, then again without insignificant terms; return the removed terms as well."""
     left_out: list[str] = []
     warnings: list[str] = []
     how = (options.solvers, options.progress, options.bounds, windows)
     for _ in range(_ROUNDS):
         estimates = solve_all(fit, cad, bags, *how)
         warnings += bound_warnings(estimates[RECOMMENDED], fit, cad.inertial[:, 0])
-        fit, nil = without_insignificant_terms(fit, estimates[RECOMMENDED], bags, cad)
-        left_out += nil
-        if not nil:
+        fit, insignificant = without_insignificant_terms(fit, estimates[RECOMMENDED], bags, cad)
+        left_out += insignificant
+        if not insignificant:
             break
     else:
         estimates = solve_all(fit, cad, bags, *how)
@@ -469,7 +471,7 @@ def _result_warnings(
 def _bases(
     fit: ModelFit, bags: Sequence[SampleColumns], level_bags: Sequence[SampleColumns]
 ) -> tuple[BaseParameters, BaseParameters]:
-    """Return the base parameters of the thesis's columns, and of all fitted columns.
+    """Return the base parameters of the thesis's model, and of the fitted model.
 
     Both sets of base parameters are computed with the stated gravity. With a slight tilt of
     gravity more parameters are identifiable, but so weakly that every motion would seem to excite

@@ -73,7 +73,7 @@ class _Motion:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Result of the fit of a simple model near the nominal one.
+    """Quality of the fit of a simple torque model.
 
     `cost` is the sum of squared torque residuals and parameter deviations in standard deviations;
     `error` is the relative torque residual [%].
@@ -103,15 +103,15 @@ class InputError:
     def warning(self) -> str:
         """Complete text of the warning."""
         return (
-            f'{self.text} (with this change a simple model leaves {self.after:.2g} % of the '
-            f'torque unexplained, now {self.before:.2g} %)'
+            f'{self.text} (with this correction a simple model leaves {self.after:.2g} % of the '
+            f'torque unexplained, without it {self.before:.2g} %)'
         )
 
 
 def find_input_errors(
     robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> list[InputError]:
-    """Return the input error whose correction clearly improves the fit, or None.
+    """Return the input error whose correction clearly improves the fit; an empty list if none does.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _joint_columns(motion: _Motion, joint: int) -> Array:
 
 
 def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]:
-    """Return the ratio of measured to expected frictionless torque, and the explained fraction."""
+    """Return the factor from expected to measured torque, and the fraction that it explains."""
     others = _joint_columns(motion, joint)
     torques = np.column_stack([expected, motion.tau[:, joint]])
     left, measured = (torques - others @ np.linalg.lstsq(others, torques, rcond=None)[0]).T
@@ -188,7 +188,7 @@ def _factor(motion: _Motion, joint: int, expected: Array) -> tuple[float, float]
 
 
 class _SimpleModel:
-    """Torque model with links near nominal, friction (2.6), rotor inertia and offsets."""
+    """Torque model of links near their nominal parameters, friction, rotors and offsets."""
 
     def __init__(self, robot: Robot, cad: ArmParameters) -> None:
         self.joints = robot.joint_names
@@ -215,7 +215,7 @@ class _SimpleModel:
         return self._solved(motion, rigid, rows)[0][: len(self._mean)]
 
     def fit(self, motion: _Motion, rigid: Array) -> _Fit:
-        """Return the fit's torque residual, and the deviation of the links from nominal."""
+        """Return the cost and the relative torque residual of the fit."""
         theta, misfit, left = self._solved(motion, rigid, range(motion.n))
         distance = ((theta[: len(self._mean)] - self._mean) / self._spread) ** 2
         return _Fit(
@@ -226,7 +226,7 @@ class _SimpleModel:
     def _solved(
         self, motion: _Motion, rigid: Array, rows: Sequence[int]
     ) -> tuple[Array, float, float]:
-        """Return parameters, squared torque residuals in standard deviations, and residual norm."""
+        """Return parameters, squared residual over squared noise, and norm of the residual [Nm]."""
         links, n = len(self._mean), motion.n
         size = links + _TERMS * n
         gram, right = np.zeros((size, size)), np.zeros(size)
@@ -252,7 +252,7 @@ class _SimpleModel:
 
 
 def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
-    """Return the norm of a joint's torque that neither links nor friction of any sign explain."""
+    """Return the norm of a joint's torque residual after a fit without bounds and prior [Nm]."""
     torque = motion.tau[:, joint]
     columns = np.column_stack([rigid, _joint_columns(motion, joint)])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
@@ -263,7 +263,7 @@ def _floor(rigid: Array, motion: _Motion, joint: int) -> float:
 
 
 def _not_negative(gram: Array, right: Array, spread: Array, links: int) -> Array:
-    """Return the solution with non-negative friction and rotor inertia, by removing columns."""
+    """Return the solution with non-negative friction and rotor inertia; negative ones become 0."""
     size = len(right)
     scale = np.sqrt(np.diag(gram) + 1.0 / spread**2)
     scale[scale <= 0.0] = 1.0
@@ -283,7 +283,7 @@ def _not_negative(gram: Array, right: Array, spread: Array, links: int) -> Array
 def _trials(
     model: _SimpleModel, motion: _Motion, rigid: Array
 ) -> Iterator[tuple[_Motion, Array, str]]:
-    """Yield, for each possible error, corrected data, link columns and a description."""
+    """Yield corrected data, link columns and an error text for each possible input error."""
     joints = model.joints
     for joint, name in enumerate(joints):
         others = [other for other in range(motion.n) if other != joint]
@@ -313,8 +313,8 @@ def _sign_text(name: str) -> str:
 
 def _constant_text(name: str, factor: float) -> str:
     return (
-        f"the effort of {name} is {factor:.2g} times the value that the other joints' torque "
-        'suggests: check its torque constant, gear ratio and unit, or pass --effort-gain '
+        f'the effort of {name} is {factor:.2g} times the value that follows from the torque of the '
+        'other joints: check its torque constant, gear ratio and unit, or pass --effort-gain '
         f'{name}={1.0 / factor:.3g}'
     )
 
@@ -336,8 +336,8 @@ def _swap_text(one: str, other: str) -> str:
 
 def _zero_text(name: str, angle: float) -> str:
     return (
-        f'the zero of {name} is off by {np.degrees(angle):+.0f} degrees: check the zero of its '
-        'encoder, and whether the URDF belongs to that arm'
+        f'the zero position of {name} is off by {np.degrees(angle):+.0f} degrees: check the zero '
+        'of its encoder, and whether the URDF belongs to that arm'
     )
 
 
@@ -356,7 +356,7 @@ _FAR_OFF = 20.0
 _FOLLOWS = 0.5  # fraction of a joint's residual that the motion of another joint must explain
 
 _CHECK = (
-    'check sign and unit of the effort (--effort-gain JOINT=Nm/A, or =-1), gravity (--gravity), '
+    'check the sign and unit of the effort (--effort-gain), the direction of gravity (--gravity), '
     'the topic, and the joint names (--rename)'
 )
 
@@ -432,9 +432,9 @@ def coupling_warnings(
         if driver is not None and share > _FOLLOWS and errors[joint] > _LARGE:
             pair = f'{joints[joint]}={joints[driver]}'
             warnings.append(
-                f'the residual of {joints[joint]} follows the velocity or acceleration of '
-                f'{joints[driver]} ({100.0 * share:.0f} % of it): if one drive passes the other '
-                f'joint, pass --coupled {pair}'
+                f'the velocity or acceleration of {joints[driver]} explains {100.0 * share:.0f} % '
+                f'of the torque residual of {joints[joint]}: if the drive of one joint passes '
+                f'through the other, pass --coupled {pair}'
             )
     return warnings
 
@@ -452,7 +452,7 @@ def _shares(joints: tuple[str, ...], errors: Array, reported: npt.NDArray[np.boo
 def _followed(
     recommended: Solution, bags: list[SampleColumns]
 ) -> dict[int, tuple[int | None, float]]:
-    """Return, per joint, the joint whose motion best explains its residual, and the fraction."""
+    """Return, for each joint, the joint whose motion best explains its residual, and its share."""
     n = bags[0].samples.n
     couplings = {(k, kind): JointTerm(kind, driver=k) for k in range(n) for kind in COUPLED}
     found: dict[int, tuple[int | None, float]] = {}
@@ -509,17 +509,17 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
     if too_much.any():
         at_bound = np.array(fit.model.columns[start:])[too_much]
         warnings.append(
-            f'{", ".join(at_bound)} at the bound 1, as if the gear lost all transmitted torque: '
-            'look for another load-dependent torque at these joints'
+            f'{", ".join(at_bound)} reached the bound 1, as if the gear lost all transmitted '
+            'torque: look for another load-dependent torque at these joints'
         )
     std = fit.prior.std if estimate.std is None else estimate.std
-    asked_for_less = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
+    clearly_negative = estimate.held_at_zero & (fit.theta < -_CLEARLY_NEGATIVE * std)
     held = [
         (name, term.kind)
         for name, (_, term), less in zip(
             fit.model.columns[start:],
             fit.model.joint_columns,
-            asked_for_less[start:],
+            clearly_negative[start:],
             strict=True,
         )
         if less
@@ -530,16 +530,18 @@ def bound_warnings(estimate: Estimate, fit: ModelFit, cad_mass: Array) -> list[s
             check = 'check the sign of the effort of these joints'
         elif kinds == {TermKind.ROTOR}:
             check = (
-                'expected if torque sensors sit behind the gears; else the velocities may lag, '
-                'or the model of these joints is inexact'
+                'this is normal for torque sensors behind the gears; otherwise the velocities may '
+                'be delayed, or the model of these joints is inexact'
             )
         else:
             check = (
-                'the model of these joints is inexact, or their measured velocities lag; check '
-                'the errors per joint'
+                'the model of these joints is inexact, or their measured velocities are delayed; '
+                'check the errors per joint'
             )
         names = ', '.join(name for name, _ in held)
-        warnings.append(f'{names} omitted, because the data ask for a negative value: {check}')
+        warnings.append(
+            f'{names} omitted, because a fit without bounds gives a negative value: {check}'
+        )
     return warnings
 
 
@@ -550,5 +552,5 @@ def _suspects(bags: list[SampleColumns], cad: ArmParameters, joints: tuple[str, 
         if factor < 0.0:
             found.append(f'the effort of {name} has the opposite sign')
         elif not 1.0 / _OTHER_UNIT < factor < _OTHER_UNIT:
-            found.append(f'the effort of {name} is {factor:.2g} times as large')
+            found.append(f'the effort of {name} is {factor:.2g} times the modelled torque')
     return found

@@ -54,7 +54,8 @@ _MEANINGS = {
 }
 
 COUPLED = (TermKind.COUPLED_VISCOUS, TermKind.COUPLED_INERTIA)
-"""Terms of torque caused by another joint's motion, of either sign."""
+"""Kinds of terms for torque caused by another joint's motion; their coefficients may be
+negative."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class JointTerm:
 
     @property
     def nonnegative(self) -> bool:
-        """Whether the coefficient of a real joint cannot be negative."""
+        """Whether the coefficient is never negative for a real joint."""
         return self.kind not in (TermKind.OFFSET, *COUPLED)
 
     @property
@@ -112,7 +113,7 @@ class JointTerm:
         return self.kind in (TermKind.VISCOUS, TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
 
     def basis(self, dq: Array, ddq: Array, load: Array | None, state: Array | None = None) -> Array:
-        """Return the torque per coefficient of the term.
+        """Return the torque of the term for a coefficient of 1.
 
         Parameters
         ----------
@@ -179,7 +180,7 @@ def friction_state(dq: Array, travel: Array, distance: float) -> Array:
 
 
 def _joint_state(dq: Array, travel: Array, distance: float) -> Array:
-    """Return the friction state (M,) of one joint."""
+    """Return the friction state (M,) of one joint, see `friction_state`."""
     if not len(dq):
         return dq
     direction = np.sign(dq)
@@ -243,7 +244,7 @@ class JointModel:
 
     @property
     def joint_columns(self) -> tuple[tuple[int, JointTerm], ...]:
-        """Joint index and term of each column after the links' 10 n columns, as in (3.5)."""
+        """Joint index and term of each column after the 10 n columns of the links, thesis (3.5)."""
         return tuple(
             (joint, term)
             for kind in _ORDER

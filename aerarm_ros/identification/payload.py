@@ -72,12 +72,12 @@ class Payload:
 
     @property
     def centre_std(self) -> Array:
-        """Standard deviations (3,) of `centre`, to first order [m]."""
+        """Standard deviations (3,) of the centre of mass [m], by linear approximation."""
         slope = np.hstack([-self.centre[:, None], np.eye(3)]) / self.mass
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[:4, :4] @ slope.T)))
 
     def with_scale_deviation(self, share: float) -> 'Payload':
-        """Return the payload with the uncertainty due to a common scale error of all torques.
+        """Return the payload with additional uncertainty, from a common scale error of all torques.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class _Arm:
 
 @dataclass(frozen=True, eq=False)
 class _Residual:
-    """Torque residual of the arm's model, reduced to a small system for the payload.
+    """Least-squares system for the payload, from the torque residual of the arm's model.
 
     `system` is weighted for the fit. `information` is weighted to unit variance per independent
     sample; `arm` contains its columns for all parameters of the arm, `own` those of the payload.
@@ -205,7 +205,7 @@ def _weigh(
     noises: Sequence[Noise | None],
     gain_deviation: float = 0.0,
 ) -> Payload:
-    """Fit the payload once per noise; None means the residual noise of the previous fit."""
+    """Fit the payload once with each noise; None selects the residual noise of the previous fit."""
     carried = np.zeros(10)
     for noise in noises:
         noise = noise or _noise(arm, bags, carried)
@@ -264,13 +264,13 @@ def _residual(arm: _Arm, bags: Sequence[SampleColumns], carried: Array, noise: N
 
 
 def _unconstrained(system: TriangularSystem) -> Array:
-    """Return the (10,) least-squares payload with an almost flat prior."""
+    """Return the payload (10,) that least squares yields without physical limits."""
     scale = np.array([1.0, *[_SIZE] * 3, *[_SIZE**2] * 6])
     return solve_regularised(system, Prior(np.zeros(10), _WIDE * scale))
 
 
 def _about(rough: Array) -> tuple[Prior, PhysicalLimits]:
-    """Return the physical limits, and a wide prior about a ball with the roughly estimated mass."""
+    """Return the physical limits, and a wide prior about a ball with the mass in `rough`."""
     mass = float(rough[0])
     if mass <= 0.0:
         raise IdentificationError(_nothing(mass, None))
@@ -350,7 +350,7 @@ def calibrate_gains(
         If the mass is not positive, a recording is too short, or no payload is detected.
     """
     if not (np.isfinite(mass) and mass > 0.0):
-        raise IdentificationError(f'known mass {mass} must be a positive number of kg')
+        raise IdentificationError(f'known mass {mass} kg must be positive and finite')
     arm, bags, noises = _known(robot, estimate, recordings, options)
     carried = np.zeros(10)
     for noise in noises:

@@ -41,19 +41,20 @@ DELAY, REVERSAL = 'torque delay', 'friction at reversal'
 REMEDIES: Mapping[str, str] = {
     TORQUE_NOISE: 'record more periods or longer, or choose a lower cut-off',
     MOTION_NOISE: 'choose a lower cut-off, accelerate less, or use finer encoders',
-    RIPPLE: 'compensate the periodic torque of the gears, or move faster so that the cut-off '
-    'removes it',
+    RIPPLE: (
+        'compensate the periodic torque of the gears, or move faster, so that the low-pass filter '
+        'removes it'
+    ),
     FLEXIBILITY: 'accelerate less, or measure the angles on the output side of the gears',
-    DELAY: 'record torque and angle at the same instant, or allow the identifier to estimate the '
-    'delay '
-    '(do not state exact stamps)',
+    DELAY: (
+        'record torque and angle at the same instant, or omit --exact-stamps, so that the '
+        'identifier estimates the delay'
+    ),
     REVERSAL: 'reverse less often, or pass through zero velocity faster',
 }
 """Remedy for each cause of the residual."""
 
-UNEXPLAINED = (
-    'check geometry, tool and cables; calibrate the geometry; record a motion that is more varied'
-)
+UNEXPLAINED = 'calibrate the geometry, check tool and cables, or record a more varied motion'
 """Remedy for a residual without known cause."""
 
 _RANDOM = (TORQUE_NOISE, MOTION_NOISE)
@@ -66,7 +67,7 @@ _RIDGE = 1e-4  # regularization, which prevents large opposite coefficients of s
 
 @dataclass(frozen=True, eq=False)
 class ResidualSplit:
-    """Causes of one bag's filtered torque residual.
+    """Fractions of a bag's filtered torque residual, by cause.
 
     Attributes
     ----------
@@ -100,7 +101,7 @@ def split_residual(
     recording: Recording,
     ratios: Array | None = None,
 ) -> ResidualSplit:
-    """Split the residual of an estimate on a recording by its causes.
+    """Split the torque residual of an estimate, in one recording, by its causes.
 
     Parameters
     ----------
@@ -275,7 +276,7 @@ def _derivative(samples: Samples) -> Callable[[Array, int], Array]:
 def _ripple(
     samples: Samples, fine: Array, residual: Array, joint: int, ratios: Array | None
 ) -> Array:
-    """Return sinusoids in joint angle and motor angle; an unknown gear ratio is searched."""
+    """Return filtered sinusoids of joint and motor angle; an unknown gear ratio is estimated."""
     rows = np.flatnonzero(samples.measured[:, joint])
     angle, left = samples.q[rows, joint], residual[rows, joint]
     orders = [1.0, 2.0]
@@ -325,8 +326,8 @@ def _presliding(samples: Samples, angle: Array, joint: int) -> Array:
     turned = np.flatnonzero(np.diff(direction)) + 1
     last = np.zeros(len(angle), dtype=np.intp)
     last[turned] = turned
-    gone = np.abs(angle - angle[np.maximum.accumulate(last)])
-    missing = [direction * np.exp(-gone / distance) for distance in DISTANCES]
+    angle_since = np.abs(angle - angle[np.maximum.accumulate(last)])
+    missing = [direction * np.exp(-angle_since / distance) for distance in DISTANCES]
     columns = np.column_stack(missing)
     # a reversal before the recording is unknown
     columns[: turned[0] if len(turned) else None] = 0.0
@@ -343,7 +344,7 @@ def _explained(
     while len(chosen) < len(patterns):
         left = [name for name in patterns if name not in chosen]
         tried = {
-            name: _unseen_gain(residual, [patterns[n] for n in (*chosen, name)], fold)
+            name: _held_out_gain(residual, [patterns[n] for n in (*chosen, name)], fold)
             for name in left
         }
         best = max(left, key=tried.__getitem__)
@@ -354,8 +355,8 @@ def _explained(
     return gains
 
 
-def _unseen_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
-    """Return the fraction of the mean square that patterns explain in the held-out fold."""
+def _held_out_gain(residual: Array, groups: list[Array], fold: npt.NDArray[np.intp]) -> float:
+    """Return the fraction of the mean square that patterns explain in held-out parts."""
     columns = np.hstack(groups)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     products = [columns[fold == k].T @ columns[fold == k] for k in range(FOLDS)]

@@ -30,7 +30,7 @@ _SAMPLES_PER_CUTOFF = 10.0
 
 @dataclass(frozen=True, eq=False)
 class RolloutWindows:
-    """Set of W windows of K + 1 samples of an arm's motion.
+    """W windows of an arm's motion, each with K + 1 samples.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class JointTorques:
         ]
 
     def columns(self, dq: Array, ddq: Array, load: Array) -> Array:
-        """Return the joint torque per coefficient, (W, n, k) [Nm].
+        """Return the torque of each term for a coefficient of 1, (W, n, k) [Nm].
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ def simulated_model(model: JointModel) -> JointModel:
 
 
 def _spread(term: JointTerm) -> JointTerm:
-    """Return a dry friction term with a smoothed step."""
+    """Return a copy of the term, in which the sign of dry friction changes smoothly."""
     dry = (TermKind.COULOMB, TermKind.LOAD, TermKind.CREEP, TermKind.FORWARD, TermKind.BACKWARD)
     return replace(term, width=max(term.width, _WIDTH)) if term.kind in dry else term
 
@@ -179,7 +179,7 @@ _FARTHEST = 1e3  # [rad], [rad/s] bound at which a diverging simulation stops
 
 
 class Rollout:
-    """Simulate windows of a motion in parallel.
+    """Simulation of many windows of a motion in parallel.
 
     Integration steps are implicit in the joints' damping, so that friction never accelerates a
     joint. The links' dynamics are evaluated for the state half a step ahead.

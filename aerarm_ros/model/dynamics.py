@@ -92,7 +92,7 @@ class Dynamics:
         return np.asarray(pin.crba(self._model, self._data, q))
 
     def mobility_matrix(self, q: Array) -> Array:
-        """Return the inverse B(q)^-1, (n, n) [1/(kg m^2)], symmetric, without factorizing B."""
+        """Return the inverse inertia matrix B(q)^-1, (n, n) [1/(kg m^2)], symmetric."""
         return np.asarray(pin.computeMinverse(self._model, self._data, q))
 
     def coriolis_matrix(self, q: Array, dq: Array) -> Array:
@@ -125,7 +125,7 @@ class Dynamics:
     def inverse_with_slopes(
         self, q: Array, dq: Array, ddq: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Return the torques of `inverse`, with their derivatives by q, dq and ddq.
+        """Return the torques of `inverse`, and their derivatives by q, dq and ddq.
 
         Returns
         -------
@@ -165,7 +165,7 @@ class Dynamics:
 
 
 def checked_rotor_inertia(rotor_inertia: npt.ArrayLike, n: int) -> Array:
-    """Return the rotor inertia of n joints, (n,) [kg m^2], from one value or n values.
+    """Return the rotor inertia of n joints (n,) [kg m^2], given as one value or as n values.
 
     Raises
     ------
@@ -174,7 +174,9 @@ def checked_rotor_inertia(rotor_inertia: npt.ArrayLike, n: int) -> Array:
     """
     inertia = np.asarray(rotor_inertia, dtype=float)
     if inertia.shape not in ((), (n,)):
-        raise ValueError(f'{inertia.size} rotor inertias were given for {n} joints')
+        raise ValueError(
+            f'{inertia.size} rotor inertias for {n} joints: give one value, or one per joint'
+        )
     if not np.all(np.isfinite(inertia) & (inertia >= 0.0)):
         raise ValueError(f'rotor inertias {inertia} must be finite and not negative [kg m^2]')
     return np.broadcast_to(inertia, (n,)).copy()
@@ -186,7 +188,7 @@ _POSTURES = 500
 
 
 def largest_gravity_load(robot: Robot) -> Array:
-    """Return the largest gravity torques over all postures and directions of gravity.
+    """Return the largest gravity torque of each joint, over all postures and directions of gravity.
 
     The maximum over directions is exact, the maximum over postures uses samples within the joint
     limits.

@@ -84,7 +84,7 @@ def barycentric_inertia(pi: npt.ArrayLike) -> Array:
 
 
 def parameters_of_body(mass: float, centre: npt.ArrayLike, inertia: npt.ArrayLike) -> Array:
-    """Return the inertial parameters (10,) of a body: the inverse of `barycentric_inertia`.
+    """Return the inertial parameters (10,) of a body with a given mass, centre of mass and inertia.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def pseudo_inertia(pi: npt.ArrayLike) -> Array:
 
 
 def from_pseudo_inertia(matrix: npt.ArrayLike) -> Array:
-    """Return the inertial parameters of pseudo-inertia matrices: the inverse of `pseudo_inertia`.
+    """Return the inertial parameters of bodies, given their pseudo-inertia matrices.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def minimum_eigenvalue(pi: npt.ArrayLike) -> float:
 
 
 def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
-    """Return whether every set of parameters belongs to some positive mass distribution.
+    """Return whether a body with positive density everywhere can have the inertial parameters.
 
     The check is stronger than thesis (3.9)-(3.15), which requires only a positive definite
     barycentric inertia. The principal moments of a real body also satisfy the triangle inequality.
@@ -210,7 +210,7 @@ def is_physically_consistent(pi: npt.ArrayLike, tolerance: float = 0.0) -> bool:
 
 
 def checked_body(name: str, pi: npt.ArrayLike, advice: str = '') -> Array:
-    """Return a body's inertial parameters, (10,); zeros for no body are allowed.
+    """Return the inertial parameters (10,) of a body after a check; all zeros mean no body.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Direct and differential kinematics, from DH table 2.1 and from the URDF."""
+"""Direct and differential kinematics, from the URDF and from DH table 2.1 of the thesis."""
 
 from typing import Any
 
@@ -10,10 +10,10 @@ from aerarm_ros.description.robot import Robot
 from aerarm_ros.motion.signals import Array
 
 ARM_LENGTH = 0.65
-"""Length d_3 of table 2.1, from joint 2 to joint 4 [m]."""
+"""Length d_3 of thesis table 2.1, from joint 2 to joint 4 [m]."""
 
 DH_BASE_HEIGHT = 0.167
-"""Origin of the DH base frame above the URDF's base_link [m], thesis A.4."""
+"""Height of the DH base frame above the URDF's base_link [m], thesis A.4."""
 
 DH_TABLE = (
     # a_i, d_i, alpha_i, offset of theta_i

@@ -40,7 +40,7 @@ class Regressor:
         self.columns = self._column_names()
 
     def rigid(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the links' regressor of one sample, thesis (3.1).
+        """Return the regressor of the links for one sample, thesis (3.1).
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ class Regressor:
         return np.asarray(result)
 
     def stack_rigid(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the links' regressor of many samples.
+        """Return the regressor of the links for many samples.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class Regressor:
         return stacked
 
     def stack(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> Array:
-        """Return the complete regressor of many samples, thesis (3.6), (3.8).
+        """Return the complete regressor for many samples, thesis (3.6), (3.8).
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Regressor:
         coulomb: npt.ArrayLike,
         rotor_inertia: npt.ArrayLike | None = None,
     ) -> Array:
-        """Return the parameter vector theta for `columns`, thesis (3.5).
+        """Return the parameter vector theta in the order of `columns`, thesis (3.5).
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class Regressor:
         """
         if (rotor_inertia is not None) != self.rotor_inertia:
             state = 'has' if self.rotor_inertia else 'has no'
-            raise ValueError(f'this regressor {state} columns for the rotor inertia')
+            raise ValueError(f'this regressor {state} columns for rotor inertia')
         joint_parts = [viscous, coulomb] + ([] if rotor_inertia is None else [rotor_inertia])
         parts = [np.asarray(part, dtype=float) for part in (inertial, *joint_parts)]
         n = self.robot.n
@@ -154,8 +154,8 @@ class Regressor:
         shape = samples[0].shape
         if len(shape) != 2 or shape[1] != self.robot.n or any(s.shape != shape for s in samples):
             raise ValueError(
-                f'q, dq and ddq have the shapes {[s.shape for s in samples]}, but need (samples, '
-                f'{self.robot.n})'
+                f'q, dq and ddq have the shapes {[s.shape for s in samples]}, but must have the '
+                f'shape (samples, {self.robot.n})'
             )
         return samples
 
@@ -194,7 +194,7 @@ class MomentumRegressor:
         self._momentum = _momentum_tensor().reshape(6, 60)
         self._cross = _cross_tensor().reshape(6, 36)
         self._twist = np.zeros(6)
-        self._felt = np.zeros(6)
+        self._specific_force = np.zeros(6)
 
     def evaluate(
         self, q: Array, dq: Array, specific_force: Array, angular_velocity: Array
@@ -227,15 +227,15 @@ class MomentumRegressor:
         twist[:3] = to_link @ (y * at_z - z * at_y, z * at_x - x * at_z, x * at_y - y * at_x)
         twist[3:] = to_link @ angular_velocity
         twist += jacobian @ dq
-        self._felt[:3] = to_link @ specific_force
+        self._specific_force[:3] = to_link @ specific_force
         momentum = (twist @ self._momentum).reshape(6, 10)
-        weight = (self._felt @ self._momentum).reshape(6, 10)
+        weight = (self._specific_force @ self._momentum).reshape(6, 10)
         turned = rate + (twist @ self._cross).reshape(6, 6) @ jacobian
         return jacobian.T @ momentum, jacobian.T @ weight - turned.T @ momentum
 
 
 def _momentum_tensor() -> Array:
-    """Return A as a (6, 6, 10) tensor, which maps twist and inertial parameters to momentum."""
+    """Return the tensor A (6, 6, 10), which maps twist and inertial parameters to momentum."""
     tensor = np.zeros((6, 6, 10))
     tensors = inertia_about_origin(np.eye(10))
     cross = _cross_matrices()
@@ -249,7 +249,7 @@ def _momentum_tensor() -> Array:
 
 
 def _cross_tensor() -> Array:
-    """Return the cross product of twists as a (6, 6, 6) tensor, `v x` for the twist v."""
+    """Return the tensor (6, 6, 6) that maps a twist v to the matrix of its cross product, `v x`."""
     tensor = np.zeros((6, 6, 6))
     for axis, matrix in enumerate(_cross_matrices()):
         tensor[axis, :3, 3:] = matrix
@@ -258,7 +258,7 @@ def _cross_tensor() -> Array:
 
 
 def _cross_matrices() -> Array:
-    """Return S(a), with `S(a) b = a x b`, for the three axes a, (3, 3, 3)."""
+    """Return S(a), where `S(a) b = a x b`, for the three coordinate axes a, (3, 3, 3)."""
     return np.stack([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])
 
 

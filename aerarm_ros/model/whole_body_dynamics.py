@@ -91,7 +91,7 @@ class WholeBodyDynamics:
         angular_velocity: Array,
         acceleration: Array | float = 0.0,
     ) -> Array:
-        """Return the inverse dynamics of a motion: wrench on the base and joint torques.
+        """Return the wrench on the base and the joint torques that a motion requires.
 
         With zero `acceleration` and `ddq` the result is c; with `ddq` alone it is `M_bj ddq + c_b`
         and `M_jj ddq + c_j`.
@@ -122,7 +122,7 @@ class WholeBodyDynamics:
     def reaction_with_slopes(
         self, q: Array, dq: Array, ddq: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Return `M_bj ddq + c_b` for a base at rest, with its derivatives by the motion.
+        """Return the wrench `M_bj ddq + c_b` on a base at rest, and its derivatives by the motion.
 
         Parameters
         ----------
@@ -154,19 +154,19 @@ class WholeBodyDynamics:
         return np.asarray(self._data.Ycrb[1].inverse()), coupling
 
     def reduced_inertia(self, q: Array) -> Array:
-        """Return `M_jj - M_jb M_bb^-1 M_bj`, (n, n) [kg m^2]: joint inertia on a free base."""
+        """Return the joint inertia on a free base, `M_jj - M_jb M_bb^-1 M_bj`, (n, n)."""
         matrix = self.inertia_matrix(q)
         coupling = matrix[:6, 6:]
         answer = self._data.Ycrb[1].inverse() @ coupling
         return np.asarray(matrix[6:, 6:] - coupling.T @ answer)
 
     def mobility_matrix(self, q: Array) -> Array:
-        """Return the inverse of `reduced_inertia`, (n, n) [1/(kg m^2)]."""
+        """Return the inverse of the joint inertia on a free base, (n, n) [1/(kg m^2)]."""
         self._q[7:] = q
         return np.array(pin.computeMinverse(self._model, self._data, self._q)[6:, 6:])
 
     def feedback_gain(self, q: Array) -> float:
-        """Return the gain of the loop closed by feedback of the base's measured acceleration.
+        """Return the gain of the loop that feedback of the measured base acceleration closes.
 
         Joint torques `M_jb s`, computed from a measured base acceleration `s`, accelerate the
         joints by `D^-1 M_jb s`, where D is the reduced inertia. The joints in turn accelerate the

@@ -22,9 +22,9 @@ _STEPS = 40  # number of integration steps in the shortest braking time
 _SHARE = 0.98
 
 Row = tuple[float, float, float, float]
-"""Coefficients (along, across, still) and limit of one quantity during a stop. At the path rate r
-[-] with its derivative r' [1/s] the quantity is `along * r' + across * r^2 + still`. Its magnitude
-stays within the limit.
+"""Coefficients (along, across, still) and limit of a quantity during a stop, for example a torque.
+At the path rate r [-] with its derivative r' [1/s] the quantity is `along * r' + across * r^2 +
+still`. The absolute value of the quantity must not exceed the limit.
 """
 Rows = Callable[[JointReference], Iterable[Row]]
 
@@ -55,7 +55,7 @@ class PathStop(NamedTuple):
 
 
 def acceleration_rows(acceleration_max: Array) -> Rows:
-    """Return rows that limit each joint's acceleration to `acceleration_max` (n,) [rad/s^2]."""
+    """Return a function that yields the rows for acceleration limits (n,) [rad/s^2]."""
     limits = acceleration_max.tolist()
 
     def rows(point: JointReference) -> Iterable[Row]:
@@ -66,7 +66,7 @@ def acceleration_rows(acceleration_max: Array) -> Rows:
 
 
 def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Rows) -> PathStop:
-    """Return the stop along a path that brakes as hard as the limits in `rows` allow.
+    """Return the fastest stop along a path that the limits in `rows` allow.
 
     The path geometry is kept while the rate decreases. The rate's derivative is continuous, so the
     joint accelerations are continuous. The rate never rises, so no joint is faster than on the
@@ -113,7 +113,7 @@ def stop_along(motion: Callable[[float], JointReference], begin: float, rows: Ro
 
 
 def _lowest(rows: Iterable[Row], rate: float) -> float:
-    """Return the lowest derivative of the rate that `rows` allow at a given rate."""
+    """Return the lowest derivative of the path rate that `rows` allow at this rate [1/s]."""
     lowest = -10.0 / SHORTEST
     for along, across, still, limit in rows:
         size = abs(along)
@@ -125,7 +125,7 @@ def _lowest(rows: Iterable[Row], rate: float) -> float:
 
 
 class JointBrake(NamedTuple):
-    """Jerk-limited braking of n joints from (M, n) or (n,) states in the shortest time.
+    """Fastest braking of n joints with limited jerk, from states (n,) or (M, n).
 
     The acceleration changes linearly to its strongest value, stays constant, and fades linearly to
     zero. All signs refer to the direction of motion, and `strongest` is positive for a
@@ -153,7 +153,7 @@ class JointBrake(NamedTuple):
 
     @classmethod
     def of(cls, dq: Array, ddq: Array, acceleration_max: Array) -> JointBrake:
-        """Return the braking from velocities [rad/s] and accelerations [rad/s^2]."""
+        """Return the braking that starts at velocities [rad/s] and accelerations [rad/s^2]."""
         sign = np.where(dq == 0.0, np.sign(ddq), np.sign(dq))
         speed, rising = np.abs(dq), sign * ddq
         needed = np.maximum(speed / acceleration_max, SHORTEST)
@@ -175,7 +175,7 @@ class JointBrake(NamedTuple):
 
     @property
     def fastest(self) -> Array:
-        """Largest speed of each joint [rad/s], which rises while an acceleration fades."""
+        """Largest speed of each joint [rad/s]; an accelerating joint first becomes faster."""
         rising = np.maximum(self.rising, 0.0)
         change = np.maximum(rising + self.strongest, 1e-9)
         fastest: Array = self.speed + 0.5 * self.rise * rising**2 / change

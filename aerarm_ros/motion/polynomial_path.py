@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from aerarm_ros.motion.signals import Array, JointReference
 
 PEAK_SLOPE = 1.875
-"""Largest slope of the step, at its middle."""
+"""Largest slope of `smooth_step`, in its middle."""
 PEAK_CURVATURE = 10.0 / np.sqrt(3.0)
-"""Largest second derivative of the step."""
+"""Largest second derivative of `smooth_step`."""
 
 
 class SmoothStep(NamedTuple):
-    """Value of a smooth step, its slope, its integral from 0, and its second derivative."""
+    """Value of `smooth_step` at x, its slope, its integral from 0, and its second derivative."""
 
     value: Array
     slope: Array
@@ -47,7 +47,7 @@ def smooth_step(x: ArrayLike) -> SmoothStep:
 def rest_to_rest_duration(
     distance: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, minimum: float
 ) -> float:
-    """Return the shortest duration [s] of a quintic from rest to rest within velocity limits.
+    """Return the shortest duration [s] of a quintic from rest to rest within the limits.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ _FACTORS = {
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPath:
-    """Piecewise polynomial of degree five at most, constant outside its duration.
+    """Piecewise polynomial of degree five or less, constant outside its duration.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class PolynomialPath:
 
     @classmethod
     def trapezoid(cls, start: Array, end: Array, duration: float) -> 'PolynomialPath':
-        """Return a trapezoidal velocity profile between rest at `start` and `end`, (n,) [rad].
+        """Return a path with trapezoidal velocity between rest at `start` and at `end`, (n,).
 
         Acceleration in the first and deceleration in the last third of the time are constant, so
         the acceleration jumps.
@@ -152,7 +152,7 @@ class PolynomialPath:
         return self._evaluate_many(times) if times.ndim else self._evaluate_one(float(times))
 
     def sample(self, per_segment: int = 20) -> JointReference:
-        """Return references (S * per_segment, n) spread over all segments, including the ends."""
+        """Return references (S * per_segment, n), evenly spread over each segment."""
         h = np.diff(self.times)[:, np.newaxis]
         x = np.linspace(0.0, 1.0, per_segment)[np.newaxis, :]
         values = np.einsum('dksp,skn->dspn', _powers(x + 0.0 * h, h), self.coefficients)
@@ -171,7 +171,7 @@ class PolynomialPath:
         return JointReference(*np.einsum('dkm,mkn->dmn', powers, self.coefficients[segments]))
 
     def _extremes(self, x: Array, order: int) -> tuple[NDArray[np.intp], Array]:
-        """Return zeros of a derivative between samples, as segments and local positions."""
+        """Return the zeros of a derivative, as segment numbers and positions in the segments."""
         derived = self.coefficients[:, order:] * _FACTORS[order][:, np.newaxis]
         values = np.einsum('px,sxn->spn', x[:, np.newaxis] ** np.arange(6 - order), derived)
         segment, before, joint = np.nonzero(values[:, :-1] * values[:, 1:] < 0.0)
@@ -216,7 +216,7 @@ def _durations(times: ArrayLike) -> tuple[tuple[float, ...], Array]:
 
 
 def _powers(x: Any, h: Any) -> Array:
-    """Return the powers of x and their first two time derivatives, (3, 6, ...).
+    """Return the powers 1 to x^5 and their first two time derivatives, (3, 6, ...).
 
     `x` and `h` [s] are numbers or arrays; NumPy functions would dominate the time.
     """

@@ -12,13 +12,13 @@ Array = npt.NDArray[np.float64]
 
 
 def limited(vector: Array, length: float) -> Array:
-    """Return a vector (k,), shortened to `length` if longer, with its direction unchanged."""
+    """Return the vector (k,), or one of the same direction with `length` if it is longer."""
     norm = sqrt(vector @ vector)
     return vector if norm <= length else (length / norm) * vector
 
 
 class Reaction(Enum):
-    """Reaction to a contact in motion; the value is its name in parameters."""
+    """Reaction of a controller to a contact during motion; the value is its name in parameters."""
 
     REPORT = 'report'
     STOP = 'stop'
@@ -66,7 +66,7 @@ class JointCommand(NamedTuple):
 # The types below are named tuples, which are created in 0.2 us, because one is created in every 1
 # ms cycle.
 class JointReference(NamedTuple):
-    """Desired motion of n joints, at one instant (n,) or at many (M, n).
+    """Desired motion of n joints, at one instant (n,) or at M instants (M, n).
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class JointReference(NamedTuple):
         return cls(position, np.zeros_like(position), np.zeros_like(position))
 
     def paced(self, rate: Array | float, rate_change: Array | float) -> 'JointReference':
-        """Return the reference at this point of a path that is followed at another rate.
+        """Return this reference for a path that is followed at another rate.
 
         Parameters
         ----------

@@ -15,7 +15,7 @@ from aerarm_ros.planner.spline_basis import SplineBasis
 
 
 class TermValue(NamedTuple):
-    """Value of a cost term for a motion, with its derivatives by the motion at each instant.
+    """Value of a cost term for a motion, and its derivatives by the motion at each instant.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class CostTerm(Protocol):
     """Cost term of a planned motion: the integral over time of a function of the motion."""
 
     def __call__(self, motion: JointReference, dt: float) -> TermValue:
-        """Return the integral over M instants, each representing `dt` [s]."""
+        """Return the integral over a motion of M instants at intervals of `dt` [s]."""
         ...
 
 
@@ -45,14 +45,14 @@ _BEGIN = 0.97  # fraction of a limit at which the penalty begins
 
 
 class Excess(NamedTuple):
-    """Penalty of values beyond their limits, with its derivative (M, n) by each value."""
+    """Penalty of values beyond their limits, and its derivatives (M, n) by the values."""
 
     value: float
     slope: Array
 
 
 def excess(values: Array, limit: Array, penalty: float) -> Excess:
-    """Return the penalty of values (M, n) beyond limits (n,); infinite limits cause no penalty."""
+    """Return the penalty of values (M, n) beyond limits (n,), which may be infinite."""
     beyond = np.maximum(np.abs(values) / limit - _BEGIN, 0.0)
     slope = (2.0 * penalty) * beyond * np.sign(values) / limit
     return Excess(penalty * float((beyond**2).sum()), slope)
@@ -82,7 +82,7 @@ class LimitTerm:
 
 
 # [m] added to the required distance, because links may be closer between instants
-_ROOM = 0.01
+_PAD = 0.01
 _SCALE = 0.05  # [m]
 
 
@@ -107,7 +107,7 @@ class ClearanceTerm:
         by_q, value = nothing.copy(), 0.0
         for k in np.flatnonzero(self._may_be_near(motion.q)).tolist():
             q = motion.q[k]
-            missing = _ROOM - self._look(k, q)
+            missing = _PAD - self._look(k, q)
             if missing > 0.0:
                 value += dt * self._penalty * missing**2
                 slope = -2.0 * dt * self._penalty * missing
@@ -115,12 +115,12 @@ class ClearanceTerm:
         return TermValue(value, by_q, nothing, nothing)
 
     def _may_be_near(self, q: Array) -> npt.NDArray[np.bool_]:
-        """Return the rows whose margin must be computed, since earlier postures do not bound it."""
+        """Return a mask of the postures that may be closer than the penalty distance."""
         if self._seen is None:
             self._seen = np.array(q), np.full(len(q), -np.inf)
         before, margin = self._seen
         nearer = np.abs(q - before) @ self._clearance.steepest
-        return np.asarray(margin - nearer < _ROOM)
+        return np.asarray(margin - nearer < _PAD)
 
     def _look(self, k: int, q: Array) -> float:
         assert self._seen is not None
@@ -130,7 +130,7 @@ class ClearanceTerm:
 
 
 class DisturbanceTerm:
-    """Cost of the moment that a motion exerts on the base, dominated by its peak.
+    """Cost term: moment that a motion exerts on the base; its peak contributes most.
 
     The moment m is that of the reaction on the base when links and rotors accelerate, `M_bj ddq +
     c_b` of the free-base model. The moment of the arm's weight is excluded, because it depends on
@@ -169,7 +169,7 @@ class DisturbanceTerm:
 
 
 def peak_moment(body: WholeBodyDynamics, motion: JointReference) -> float:
-    """Return the largest moment [Nm], over M instants, of a motion's reaction on the base."""
+    """Return the largest moment [Nm] that a motion exerts on the base, over M instants."""
     still = np.zeros(3)
     rows: list[Array] = [body.forces(*row, still)[3:6] for row in zip(*motion, strict=True)]
     return float(np.linalg.norm(rows, axis=1).max())
@@ -265,7 +265,7 @@ class SmoothnessTerm:
 
 
 def prices_by_lightness(price: float, inertia: Array) -> Array:
-    """Return each joint's price of squared acceleration, (n,) [J s^3/rad^2].
+    """Return the price of each joint's squared acceleration, (n,) [J s^3/rad^2].
 
     A torque error causes an acceleration error, and under computed torque control a tracking
     error, that are inversely proportional to the joint's inertia. The price is therefore
@@ -283,7 +283,7 @@ def prices_by_lightness(price: float, inertia: Array) -> Array:
 
 
 class MotionCost:
-    """Sum of cost terms as a function of a spline's free points and optionally its duration.
+    """Sum of cost terms, as a function of the free points of a spline and optionally its duration.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ class MotionCost:
         self._second = second
 
     def of(self, points: Array, duration: float) -> tuple[float, Array, float]:
-        """Return the cost, and its derivatives by points (K, n) and by the logarithm of duration.
+        """Return the cost, and its derivatives by points (K, n) and logarithm of the duration.
 
         Parameters
         ----------

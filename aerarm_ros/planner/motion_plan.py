@@ -10,7 +10,7 @@ from aerarm_ros.motion.signals import Array
 
 
 class PlanError(ValueError):
-    """Goal that cannot be reached; the message names the violated limit."""
+    """Error for a goal that the arm cannot reach; the message names the violated limit."""
 
 
 ENERGY, TIME, QUINTIC, DISTURBANCE = OBJECTIVES = ('energy', 'time', 'quintic', 'disturbance')
@@ -96,8 +96,8 @@ class MotionPlan:
         return self.path.evaluate(self.path.duration).q
 
     def as_text(self) -> str:
-        """Return one line with duration, energy and the limit with the smallest margin."""
+        """Return one line of text: duration, energy, and the limit with the smallest margin."""
         return (
-            f'{self.path.duration:.2f} s, motors {self.balance.motors.sum():.2f} J, nearest limit '
+            f'{self.path.duration:.2f} s, motors {self.balance.motors.sum():.2f} J, nearest limit: '
             f'{self.report.binding}'
         )

@@ -54,7 +54,7 @@ _GLANCE = 24  # number of instants at which a path is evaluated
 
 
 class ToolPostures:
-    """Inverse kinematics of a tool position with redundant joints.
+    """Search for postures that reach a tool position (inverse kinematics with redundant joints).
 
     From many random postures, Gauss-Newton steps move the tool to the target. Each resulting
     posture is then improved by motions that keep the tool at the target and reduce holding loss
@@ -84,7 +84,7 @@ class ToolPostures:
         return self._hold_time * self._loss.watts(q)
 
     def find(self, point: ArrayLike, start: Array, duration: float) -> list[Array]:
-        """Return different postures (n,) [rad], sorted by cost including the path.
+        """Return postures (n,) [rad] that reach the point, sorted by cost including the path.
 
         Parameters
         ----------
@@ -119,7 +119,7 @@ class ToolPostures:
         return sorted(found, key=lambda q: self.holding(q) + self._way(start, q, duration))
 
     def _range(self, start: Array) -> tuple[Array, Array]:
-        """Return the position limits (n,); one turn about the start for unlimited joints."""
+        """Return the position limits (n,); for unlimited joints, one turn centred at the start."""
         low, high = self._limits.position_min, self._limits.position_max
         return (
             np.where(np.isfinite(low), low, start - np.pi),
@@ -134,7 +134,7 @@ class ToolPostures:
         low: Array,
         high: Array,
     ) -> Array | None:
-        """Return the posture found from a seed posture, None if the tool misses its target."""
+        """Return the posture found from `seed`; None if the tool misses its target."""
         q, error = np.array(seed), np.inf
         steepness = self._hold_time * _LOSS_CURVATURE + 2.0 * _TRAVEL_PRICE
         for step in range(_STEPS):
@@ -152,7 +152,7 @@ class ToolPostures:
         return q if error < _NEAR else None
 
     def _way(self, start: Array, q: Array, duration: float) -> float:
-        """Return an estimate of the cost of the straight path from start to q [J]."""
+        """Return an estimate of the energy [J] for the straight path from `start` to q."""
         straight = PolynomialPath.rest_to_rest(start, q, duration)
         times = (np.arange(_GLANCE) + 0.5) * duration / _GLANCE
         power = self._model.drives.from_supply(self._model.power(straight, times))
@@ -221,14 +221,14 @@ class MotionPlanner:
         self._basis = SplineBasis.of(*map(max, (settings.knots, settings.samples), least))
 
     def with_settings(self, **changes: object) -> MotionPlanner:
-        """Return a planner for the same arm and payload, with other settings."""
+        """Return a copy of the planner with other settings."""
         other = copy(self)
         other._set(replace(self.settings, **changes))  # type: ignore[arg-type]
         return other
 
     @property
     def limits(self) -> MotionLimits:
-        """Part of the limits that a planned motion may use."""
+        """Fraction of the arm's limits that a planned motion may use."""
         return self._limits
 
     def carry(self, payload: ArrayLike) -> None:
@@ -240,7 +240,7 @@ class MotionPlanner:
     def plan_tool(
         self, start: ArrayLike, point: ArrayLike, frame: str = 'tool0', hold_time: float = 5.0
     ) -> MotionPlan:
-        """Return a motion of the tool to a point, which ends in the posture of least cost.
+        """Return a motion of the tool to a point, with the final posture of least cost.
 
         Motions to several goal postures (see `ToolPostures`) are planned, and the one with the
         least cost is returned.
@@ -296,8 +296,8 @@ class MotionPlanner:
             return self._quintic(q0, q1)
         if settings.objective == DISTURBANCE and not settings.duration:
             raise PlanError(
-                'least disturbance needs a duration, because longer motions always disturb '
-                'less: set duration'
+                'objective disturbance needs a duration, because longer motions always disturb the '
+                'base less: set duration'
             )
         if settings.duration and settings.objective in (ENERGY, DISTURBANCE):
             return self._of_duration(q0, q1, settings.duration)
@@ -335,16 +335,14 @@ class MotionPlanner:
     def _of_duration(self, q0: Array, q1: Array, duration: float) -> MotionPlan:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = first = self._basis.points_near(near)
-        beside = self._terms_beside_energy(near)
-        looks_around = False
+        further = self._further_terms(near)
+        checks_clearance = False
         heavier = 1.0 + self._disturbance_price
         if self.settings.objective == DISTURBANCE:
-            points, _ = self._searched(MotionCost(self._basis, q0, q1, beside), points, duration)
-            beside = self._terms_beside_energy(
-                self._basis.path(points, q0, q1, duration), sharp=True
-            )
+            points, _ = self._searched(MotionCost(self._basis, q0, q1, further), points, duration)
+            further = self._further_terms(self._basis.path(points, q0, q1, duration), sharp=True)
         for penalty in _PENALTIES:
-            terms = [*self._terms(1.0, heavier * penalty, looks_around), *beside]
+            terms = [*self._terms(1.0, heavier * penalty, checks_clearance), *further]
             cost = MotionCost(self._basis, q0, q1, terms)
             points = self._searched(cost, points, duration)[0]
             path = self._basis.path(points, q0, q1, duration)
@@ -352,7 +350,7 @@ class MotionPlanner:
             if report.feasible:
                 return self._made(path, report)
             # Skip distances if possible, because they take most of the time.
-            looks_around = looks_around or 'clearance' in report.binding.limit
+            checks_clearance = checks_clearance or 'clearance' in report.binding.limit
         for share in _TOWARD_QUINTIC:
             path = self._basis.path(points + share * (first - points), q0, q1, duration)
             if self._checker.check(path, stop_early=True).feasible:
@@ -365,24 +363,24 @@ class MotionPlanner:
         near = PolynomialPath.rest_to_rest(q0, q1, duration)
         points = self._basis.points_near(near)
         is_priced = self.settings.objective == ENERGY
-        beside = self._terms_beside_energy(near) if is_priced else []
-        looks_around = False
+        further = self._further_terms(near) if is_priced else []
+        checks_clearance = False
         for penalty in _PENALTIES:
-            terms = [*self._terms(float(is_priced), 10.0 * penalty, looks_around), *beside]
+            terms = [*self._terms(float(is_priced), 10.0 * penalty, checks_clearance), *further]
             cost = MotionCost(self._basis, q0, q1, terms, second)
             points, duration = self._searched(cost, points, duration, is_free=True)
             path, report = self._stretched(points, q0, q1, duration)
             if report.feasible:
                 return self._made(path, report)
             # Skip distances if possible, because they take most of the time.
-            looks_around = looks_around or 'clearance' in report.binding.limit
+            checks_clearance = checks_clearance or 'clearance' in report.binding.limit
         self._require(report, 'every motion that the planner tried')
         raise AssertionError
 
     def _stretched(
         self, points: Array, q0: Array, q1: Array, duration: float
     ) -> tuple[PolynomialPath, FeasibilityReport]:
-        """Return the motion slowed down, from the given duration on, until it keeps the limits."""
+        """Return the motion, slowed down from `duration` on until it keeps the limits."""
         for _ in range(_STRETCHES):
             path = self._basis.path(points, q0, q1, duration)
             report = self._checker.check(path, stop_early=True)
@@ -391,12 +389,12 @@ class MotionPlanner:
             duration *= _STRETCH
         return path, self._checker.check(path)
 
-    def _terms(self, price: float, penalty: float, looks_around: bool) -> Sequence[CostTerm]:
+    def _terms(self, price: float, penalty: float, checks_clearance: bool) -> Sequence[CostTerm]:
         terms: list[CostTerm] = [
             DriveTerm(self._model, self._effort_max, price, penalty),
             LimitTerm(self._limits, penalty),
         ]
-        if looks_around and self._setup.clearance is not None:
+        if checks_clearance and self._setup.clearance is not None:
             terms.append(ClearanceTerm(self._setup.clearance, penalty))
         return terms
 
@@ -406,8 +404,8 @@ class MotionPlanner:
         is_all = settings.objective == DISTURBANCE
         return _NOTHING_ELSE if is_all else settings.disturbance_price
 
-    def _terms_beside_energy(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
-        """Return the cost terms of acceleration and of the moment on the base.
+    def _further_terms(self, near: PolynomialPath, sharp: bool = False) -> list[CostTerm]:
+        """Return the cost terms of the joint accelerations and of the moment on the base.
 
         If `sharp`, only moments close to the peak moment of the motion `near` have a cost.
         """
@@ -462,7 +460,7 @@ class MotionPlanner:
         return MotionPlan(path, self._model.balance(path), report)
 
     def _advice(self, q0: Array, q1: Array, duration: float) -> str:
-        """Return a hint on the required duration, '' if a longer duration would not help."""
+        """Return a hint on the required duration; '' if a longer duration does not help."""
         try:
             quickest = self.with_settings(objective=TIME, duration=0.0).plan(q0, q1)
         except PlanError:

@@ -52,7 +52,7 @@ class SplineBasis:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, free: int, samples: int) -> 'SplineBasis':
-        """Return the basis with the given numbers of points and samples, which is cached."""
+        """Return the basis with these numbers of points and samples, from a cache if possible."""
         return cls(free, samples)
 
     def points_near(self, motion: PolynomialPath) -> Array:
@@ -60,7 +60,7 @@ class SplineBasis:
         return motion.evaluate(self._places * motion.duration).q
 
     def motion(self, points: Array, start: Array, end: Array, duration: float) -> JointReference:
-        """Return the motion at the interval centres, (M, n) each.
+        """Return the motion at the centres of the time intervals, arrays (M, n).
 
         Parameters
         ----------
@@ -75,14 +75,14 @@ class SplineBasis:
         return JointReference(*_scaled(parts, points, start, end, duration))
 
     def path(self, points: Array, start: Array, end: Array, duration: float) -> PolynomialPath:
-        """Return the spline motion as a path."""
+        """Return the motion of the spline as a polynomial path."""
         q, dq, ddq = _scaled(self._at_breaks, points, start, end, duration)
         q[0], q[-1] = start, end
         dq[[0, -1]] = ddq[[0, -1]] = 0.0
         return PolynomialPath.quintic(self._breaks * duration, q, dq, ddq)
 
     def _split(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return the contributions of start, free points and end to the spline at x."""
+        """Return the matrices that map start, free points and end to the spline at x."""
         rows = np.array([self._spline.derivative(d)(x) if d else self._spline(x) for d in range(3)])
         first, last = rows[:, :, :_AT_REST].sum(axis=2), rows[:, :, -_AT_REST:].sum(axis=2)
         return first, rows[:, :, _AT_REST:-_AT_REST], last

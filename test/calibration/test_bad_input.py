@@ -208,7 +208,7 @@ def test_copies_of_a_marker_are_left_out_with_a_message(good: Observations) -> N
     position = np.concatenate([position, position[:, 2:3]], axis=1)
     names = ('a', 'b', 'c', 'd', 'e')
     found = calibrate(own_chain(), changed(good, position, names))
-    assert 'marker e has the values of c in every posture and is ignored' in found.messages
+    assert 'marker e has the same values as c in every posture and is ignored' in found.messages
 
 
 def test_a_missing_joint_position_is_named(good: Observations) -> None:
@@ -221,7 +221,11 @@ def test_a_missing_joint_position_is_named(good: Observations) -> None:
     ('recorded', 'link', 'expected'),
     [
         (('a', 'b'), '', 'none of the recorded joints (a, b) is a joint of the URDF'),
-        (('joint1', 'joint2', 'joint4'), 'link4', 'no positions of joint joint3'),
+        (
+            ('joint1', 'joint2', 'joint4'),
+            'link4',
+            'joint joint3 moves link link4, but has no recorded positions',
+        ),
         (ROBOT.joint_names, 'tool7', 'link tool7 (--link) is unknown'),
         (ROBOT.joint_names, 'base_link', 'no recorded joint moves link'),
     ],

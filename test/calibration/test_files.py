@@ -78,7 +78,7 @@ def test_summary_and_pages_show_the_same_errors(calibration: Calibration) -> Non
     figures = summary(calibration)
     assert figures['postures'] == 30
     after = figures['errors']['training']['after_mm']
-    assert f'{after:.2f} mm calibrated' in calibration_text(calibration)
+    assert f'{after:.2f} mm after calibration' in calibration_text(calibration)
     html = calibration_html(calibration, ['a mapping'])
     assert 'By marker and direction' in html and 'a mapping' in html
     assert html.count('<h2') >= 7

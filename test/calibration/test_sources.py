@@ -177,7 +177,7 @@ def test_an_independent_camera_sees_the_marker_in_every_chosen_posture() -> None
         plant.reset(q)
         hidden += camera.read(plant) is None
     assert hidden > 5
-    with pytest.raises(CalibrationError, match='give its direction'):
+    with pytest.raises(CalibrationError, match='give a direction'):
         faces_camera(geometry, np.ones(3), np.zeros(3))
 
 

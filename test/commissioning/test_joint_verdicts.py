@@ -67,7 +67,7 @@ def test_a_gear_within_5_percent_passes(off):
     [
         (
             turned(27.0),
-            (r'27.00 turns per turn of the joint, but the configuration says 31 \(-13 %\)'),
+            (r'27.00 turns per turn of the joint, but the configuration states 31 \(-13 %\)'),
         ),
         (turned(31.0 * 1.06), r'\(\+6 %\)'),
         (turned(sign=-1.0), 'counts in the opposite direction .* set sign: -1'),
@@ -92,7 +92,7 @@ def test_a_turn_in_the_negative_direction_is_judged_by_its_own_sign():
 def test_a_joint_that_does_not_come_back_to_its_mark_is_found():
     assert return_findings(CONFIG, JOINT, report(travel=at(31.0 * 0.04))) == []
     (finding,) = return_findings(CONFIG, JOINT, report(travel=at(31.0 * -0.06)))
-    assert 'the encoder reads -0.060 rad off' in finding
+    assert 'the encoder angle is off by -0.060 rad' in finding
 
 
 @pytest.mark.parametrize('friction', [0.122 * 0.6, 0.122, 0.122 * 1.5])
@@ -108,9 +108,9 @@ def test_friction_and_current_of_a_manufactured_arm_pass(friction):
     [
         (driven(delivered=0.5), 'the driver delivers 50 % of the requested current'),
         (driven(delivered=1.5), 'the driver delivers 150 %'),
-        (driven(friction=0.5), 'friction is 0.500 Nm, but the configuration says 0.122 Nm'),
+        (driven(friction=0.5), 'friction is 0.500 Nm, but the configuration states 0.122 Nm'),
         (driven(span=0.1), 'did not move at 0.85 Nm. Possible causes: too much friction'),
-        (driven(span=27.0 * 0.24, joint=3), ('did not move it; joint4 moved instead')),
+        (driven(span=27.0 * 0.24, joint=3), ('did not move the joint; joint4 moved instead')),
         (driven(speed=-0.15), 'ran at -0.15 and +0.15 rad/s instead of +0.15 and -0.15'),
         (
             driven(phase='failed', reason='board1: error 6'),

@@ -184,7 +184,7 @@ def test_results_are_not_overwritten_by_the_next_call(arm: Robot) -> None:
 @pytest.mark.parametrize(
     ('rotor', 'message'),
     [
-        ([0.1, 0.1], '2 rotor inertias were given for 4 joints'),
+        ([0.1, 0.1], '2 rotor inertias for 4 joints'),
         (-1.0, 'not negative'),
         (np.nan, 'finite'),
     ],

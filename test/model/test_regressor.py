@@ -105,7 +105,7 @@ def test_wrong_shapes_are_refused(arm: Robot) -> None:
         regressor.stack(np.zeros((5, 3)), np.zeros((5, 3)), np.zeros((5, 3)))
     with pytest.raises(ValueError, match=r'shapes'):
         regressor.stack_rigid(np.zeros((5, 4)), np.zeros((5, 4)), np.zeros((6, 4)))
-    with pytest.raises(ValueError, match='has no columns for the rotor inertia'):
+    with pytest.raises(ValueError, match='has no columns for rotor inertia'):
         regressor.parameters(arm.inertial_parameters, arm.viscous, arm.coulomb, np.zeros(4))
     with pytest.raises(ValueError, match='4 joints'):
         regressor.parameters(np.zeros((3, 10)), arm.viscous, arm.coulomb)

@@ -54,7 +54,7 @@ def test_a_table_becomes_urdf_yaml_and_report(tables: tuple[Path, Path], tmp_pat
     figures = json.loads((out / 'summary.json').read_text())
     held = figures['errors']['held_out']
     assert held['after_mm'] < 0.3 < 1.0 < held['before_mm']
-    assert f'{held["after_mm"]:.2f} mm calibrated' in done.stdout
+    assert f'{held["after_mm"]:.2f} mm after calibration' in done.stdout
     assert is_calibrated(load_robot(out / 'calibrated.urdf'))
     offsets = load_arm_config(out / 'arm.yaml').column('offset')
     listed = yaml.safe_load((out / 'calibration.yaml').read_text())['offsets']

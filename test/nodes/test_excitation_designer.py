@@ -112,7 +112,7 @@ def test_files_that_exist_are_replaced_on_request_only(
 def test_a_start_without_time_blames_the_time(tmp_path: Path, capsys, monkeypatch) -> None:
     def stopped(specification, *_) -> Iterator[DesignResult]:
         initial = TrajectoryDesigner(specification).initial(0)
-        remark = 'nothing better than the random start'
+        remark = 'no better trajectory than the random start'
         yield replace(initial, seconds=37.2, remark=remark, stopped=True)
 
     monkeypatch.setattr(design_run, 'design_all', stopped)
@@ -157,7 +157,7 @@ def test_other_arms_by_the_defaults(
     printed = capsys.readouterr().out
     assert 'exceeds its limit of 26; ' in printed
     assert 'the limit of motor current' in printed
-    assert 'built close together' in printed
+    assert 'close together by design' in printed
 
 
 def test_a_stop_before_there_is_anything_is_one_line(tmp_path: Path) -> None:

@@ -224,7 +224,7 @@ def test_a_truncated_bag_without_metadata_is_used_with_a_warning(
         (('--effort-gain', 'joint2=-1'), 'the effort of joint2 has the opposite sign'),
         (('--gravity', 0, 0, 9.81), 'gravity (--gravity)'),
         (('--fundamental', 0.13), 'repeats every 10 s'),
-        (('--harmonics', 2), 'the motion has harmonics up to number 5'),
+        (('--harmonics', 2), 'the motion has 5 harmonics'),
     ],
 )
 def test_implausible_results_cause_a_warning_with_a_remedy(

@@ -79,5 +79,5 @@ def test_the_least_peak_is_far_below_a_quintics(
 
 
 def test_least_disturbance_without_a_duration_is_refused(planner) -> None:
-    with pytest.raises(PlanError, match='least disturbance needs a duration'):
+    with pytest.raises(PlanError, match='objective disturbance needs a duration'):
         planner.with_settings(objective='disturbance', duration=0.0).plan(START, GOAL)

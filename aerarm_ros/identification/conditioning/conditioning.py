@@ -43,7 +43,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class SignalDelays:
-    """Delays of measured velocities and efforts relative to the positions of the same message.
+    """Delays of measured velocities and efforts relative to the positions in the same message.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ def motion_band(q: Array, dq: Array | None, dt: float) -> float:
 
 
 def position_band(q: Array, dt: float) -> float:
-    """Return the frequency [Hz] below which nearly all of the power of positions (M, n) lies.
+    """Return the frequency [Hz] below which nearly all power of the joint positions lies.
 
     The band of positions is narrower than that of velocities, which grow with frequency. Noise
     hardly affects it, because every joint moves far more than its encoder noise.
@@ -156,7 +156,7 @@ def _spectrum(values: Array) -> npt.NDArray[np.complex128]:
 
 
 def _coherent(q: Array, dq: Array) -> npt.NDArray[np.bool_]:
-    """Return the frequencies at which positions and velocities show the same motion, (K, n).
+    """Return a mask (K, n) of the frequencies at which positions and velocities are coherent.
 
     The noise of a filtered velocity falls with frequency, like a motion. The positions do not
     contain this noise, so the coherence of positions and velocities is low where noise dominates.
@@ -183,7 +183,7 @@ def _edges(
     derivative: int = 0,
     common: npt.NDArray[np.bool_] | None = None,
 ) -> Array:
-    """Return the band edges (n,) [Hz] of velocity signals, or of the derivatives of positions."""
+    """Return the frequency [Hz] below which nearly all power of each joint's signal lies, (n,)."""
     power = np.abs(_spectrum(values)) ** 2
     noise = np.median(power[len(power) // 2 :], axis=0) / np.log(2.0)
     # Single noise bins scatter about their mean; only values well above it count.
@@ -204,7 +204,7 @@ _HALVINGS = 8  # of the logarithmic interval that contains an edge
 
 
 def _without_bursts(frequency: Array, values: Array, derivative: int, edges: Array) -> Array:
-    """Return lower edges (n,) [Hz] that ignore short bursts and the vibration of a single joint.
+    """Return band edges (n,) [Hz] without the effect of short bursts and of one joint's vibration.
 
     A few jolts, or the vibration of one joint, contain more than a thousandth of a joint's power.
     The function ignores the 20 % of a joint's blocks with the most high-frequency power. Above the
@@ -283,7 +283,7 @@ _STANDSTILL_TIME = 0.3  # [s]
 
 
 class Conditioner:
-    """Determines cut-off and harmonics from the identification bags, and filters bags with them.
+    """Filter of recordings, with cut-off and harmonics determined from the identification bags.
 
     Parameters
     ----------
@@ -365,19 +365,19 @@ class Conditioner:
             self.delays = replace(self.delays, velocity=velocity_lag(motions, self.cutoff))
 
     def at(self, cutoff: float) -> 'Conditioner':
-        """Return a conditioner with another cut-off [Hz]."""
+        """Return a copy of the conditioner with another cut-off [Hz]."""
         other = copy(self)
         other.cutoff = cutoff
         return other
 
     def with_effort_delay(self, delay: Array) -> 'Conditioner':
-        """Return a conditioner that corrects effort delays of (n,) [s]."""
+        """Return a copy of the conditioner that corrects the delays (n,) of the efforts [s]."""
         other = copy(self)
         other.delays, other._motions = replace(self.delays, effort=delay), {}
         return other
 
     def candidates(self) -> list[KinematicsFilter]:
-        """Return the candidate kinematics filters, simplest first."""
+        """Return the kinematics filters to try, the simplest first."""
         wanted = self._options.filter
         filters = [KinematicsFilter(self.cutoff)]
         if self.harmonics is not None and self.fundamental is not None and wanted != 'butterworth':
@@ -391,7 +391,7 @@ class Conditioner:
         ]
 
     def adapted(self, kinematics: KinematicsFilter) -> KinematicsFilter:
-        """Return a kinematics filter, adapted to the cut-off of this conditioner."""
+        """Return a copy of a kinematics filter with the cut-off of this conditioner."""
         harmonics = kinematics.harmonics
         if harmonics not in (None, self.harmonics):
             harmonics = self._harmonics_below_cutoff()
@@ -404,7 +404,7 @@ class Conditioner:
     def condition(
         self, recording: Recording, kinematics: KinematicsFilter, predicted: bool = False
     ) -> Samples:
-        """Filter one bag with the cut-off of this conditioner and a kinematics filter.
+        """Filter the torque of one bag by the low-pass filter, and its motion by `kinematics`.
 
         The conditioner keeps no resampled motion afterwards, to save memory.
 
@@ -432,7 +432,7 @@ class Conditioner:
         return samples
 
     def trial(self, recording: Recording, kinematics: KinematicsFilter) -> Samples:
-        """Filter one bag, with samples at times that do not depend on filter and cut-off.
+        """Filter one bag; the times of the samples are the same for every filter and cut-off.
 
         Raises
         ------
@@ -480,7 +480,7 @@ class Conditioner:
         return min(_CUTOFF_PER_BAND * band, 1.0 / (_SAMPLES_PER_CUTOFF * dt))
 
     def _given_cutoff(self, band: float, dt: float) -> float | None:
-        """Return the user's cut-off, checked against the positions' band; None if not set."""
+        """Return the cut-off that the user has set, after checks; None if not set."""
         given, limit = self._options.cutoff, 0.4 / dt
         if given is not None and given > limit:
             raise IdentificationError(
@@ -489,8 +489,8 @@ class Conditioner:
             )
         if given is not None and given < _CUTOFF_MIN_PER_BAND * band:
             raise IdentificationError(
-                f'cutoff {given:g} Hz would filter out the motion, which reaches {band:.3g} Hz: '
-                'choose a higher cutoff'
+                f'cutoff {given:g} Hz would filter out the motion, which contains frequencies up '
+                f'to {band:.3g} Hz: choose a higher cutoff'
             )
         return given
 
@@ -539,7 +539,7 @@ class Conditioner:
 
 
 def _tried(rule: float, least: float, highest: float) -> tuple[float, ...]:
-    """Return candidate cut-offs [Hz], ascending: the rule and lower ones.
+    """Return candidate cut-offs [Hz] in ascending order: lower ones, and the cut-off `rule`.
 
     The rule uses velocities, whose noise may extend far beyond the motion's band.
     """
@@ -550,7 +550,7 @@ def _tried(rule: float, least: float, highest: float) -> tuple[float, ...]:
 
 
 def _factor(recording: Recording, rate: float) -> int:
-    """Return the number of recorded samples per decimated one, at a minimum rate [Hz]."""
+    """Return the largest decimation factor that keeps the sampling rate at `rate` [Hz] or above."""
     # Stamps jitter, so a ratio just below a whole number counts as that number.
     return max(1, int(1.0 / (sampling_time(recording) * rate) + 1e-3))
 
@@ -560,12 +560,12 @@ def _rough_velocity(motion: UniformMotion) -> Array:
 
 
 def _slope(motion: UniformMotion) -> Array:
-    """Return the derivative of the positions [rad/s]."""
+    """Return the velocities [rad/s] in the motion's window, differentiated from the positions."""
     return np.asarray(np.gradient(motion.q, motion.dt, axis=0)[motion.window])
 
 
 def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
-    """Return the samples in which a joint is at rest, where dry friction is undetermined."""
+    """Return a mask of the samples in which a joint is at rest, with undetermined dry friction."""
     slow = at_rest(dq)
     shortest = max(2, round(_STANDSTILL_TIME / dt))
     still = np.zeros_like(slow)
@@ -579,7 +579,7 @@ def _standing_still(dq: Array, dt: float) -> npt.NDArray[np.bool_]:
 def _near(
     recording: Recording, flags: npt.NDArray[np.bool_], time: Array, distance: float
 ) -> npt.NDArray[np.bool_]:
-    """Return a mask (K, n) of the times (K,) that are within a distance [s] of flagged samples."""
+    """Return a mask (K, n) of the times (K,) that are within `distance` [s] of a flagged sample."""
     near = np.zeros((len(time), flags.shape[1]), dtype=bool)
     for joint in range(flags.shape[1]):
         flagged = recording.time[flags[:, joint]]
@@ -589,6 +589,6 @@ def _near(
 
 
 def _blocks(motion: UniformMotion, count: int, step: int) -> npt.NDArray[np.intp]:
-    """Return the block number of each sample; equal parts of all periods are in one block."""
+    """Return the block number of each sample; corresponding parts of all periods share a number."""
     length = motion.period // step if motion.period else count
     return np.asarray((np.arange(count) % length) * BLOCKS // length, dtype=np.intp)

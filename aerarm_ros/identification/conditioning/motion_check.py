@@ -1,4 +1,4 @@
-"""Checks of the user's description of a motion against the recorded motion."""
+"""Checks whether the options that describe a motion match the recorded motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from aerarm_ros.identification.conditioning.uniform_motion import UniformMotion
 from aerarm_ros.identification.errors import IdentificationError
 
 FILTERS = ('auto', 'harmonics', 'butterworth')
-"""Available filters of the kinematics."""
+"""Filters of positions, velocities and accelerations that the user can select."""
 
 
 @dataclass(frozen=True)
 class ConditioningOptions:
-    """Conditioning settings of the user; None means that a setting is chosen from the data.
+    """Conditioning settings of the user; a setting of None is determined from the data.
 
     Attributes
     ----------
@@ -64,7 +64,8 @@ def short_motion_warnings(motion: UniformMotion) -> list[str]:
         return []
     return [
         f'{motion.recording.name} contains only {duration:.1f} s of motion that never repeats: '
-        f'record at least one whole period of an excitation, {_SHORT:g} s or more (better two)'
+        f'record at least one whole period of an excitation, {_SHORT:g} s or more (two periods are '
+        'better)'
     ]
 
 
@@ -120,7 +121,7 @@ def _share_of_way(motion: UniformMotion) -> float:
 
 
 def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) -> list[str]:
-    """Return warnings if a given number of harmonics differs from the motion's spectrum.
+    """Return a warning if the motion has more harmonics than the user has stated.
 
     Parameters
     ----------
@@ -144,9 +145,9 @@ def harmonics_warnings(given: int, found: int, fundamental: float, rate: float) 
     if given >= found:
         return []
     return [
-        f'--harmonics is {given}, but the motion has harmonics up to number {found} at '
-        f'{found * fundamental:.3g} Hz, whose accelerations are lost: check the option, or omit '
-        'it'
+        f'--harmonics is {given}, but the motion has {found} harmonics, up to '
+        f'{found * fundamental:.3g} Hz, and the filter removes those above number {given}: check '
+        'the option, or omit it'
     ]
 
 
@@ -161,14 +162,17 @@ def aperiodic_warnings(motions: Sequence[UniformMotion], options: ConditioningOp
     names = ', '.join(motion.recording.name for motion in motions if motion.period is None)
     if options.filter == 'harmonics' and options.fundamental is not None:
         raise IdentificationError(
-            f'--filter harmonics needs whole periods, and {names} contains none of --fundamental '
-            f'{options.fundamental:g} Hz: check that option, or choose --filter butterworth'
+            f'--filter harmonics needs whole periods, but {names} contains no whole period of '
+            f'--fundamental {options.fundamental:g} Hz: check that option, or choose --filter '
+            'butterworth'
         )
     if options.filter == 'harmonics':
         raise IdentificationError(
-            f'--filter harmonics needs whole periods, and {names} does not repeat: record two '
-            'periods, give --fundamental, or choose --filter butterworth'
+            f'--filter harmonics needs whole periods, but the motion of {names} does not repeat: '
+            'record two periods, give --fundamental, or choose --filter butterworth'
         )
     if options.harmonics is not None:
-        return [f'{names} is not periodic, so --harmonics is ignored: pass --fundamental']
+        return [
+            f'the motion of {names} is not periodic, so --harmonics is ignored: pass --fundamental'
+        ]
     return []

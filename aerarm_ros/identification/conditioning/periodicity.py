@@ -16,7 +16,7 @@ _SHORTEST_PERIOD = 1.0  # [s]
 _REPEATED = 0.01
 # The motion within a period is at least this fraction of the largest motion within any section of
 # equal length.
-_LIVELY = 0.2
+_LEAST_MOTION = 0.2
 # The periods make up at least this fraction of the motion, because a sweep also repeats locally.
 _LARGEST_PART = 0.5
 # Harmonics above this fraction of the largest (in velocity) belong to the excitation.
@@ -103,7 +103,7 @@ def count_harmonics(dq: Array, periods: int) -> int:
 
 
 def _mismatch(q: Array, lag: int) -> Array:
-    """Return, for each start, the mismatch of the motion and the motion `lag` samples later.
+    """Return, for each start sample, the mismatch of two consecutive sections of `lag` samples.
 
     The mismatch is the mean squared difference of two consecutive sections of this length, divided
     by twice their common variance. The mismatch is 0 for a repeated motion and about 1 for
@@ -115,8 +115,8 @@ def _mismatch(q: Array, lag: int) -> Array:
     variance = _moving_variance(q, 2 * lag)
     steps = np.concatenate(([0.0], np.cumsum((np.diff(q, axis=0) ** 2).sum(axis=1))))
     travel = steps[2 * lag - 1 :] - steps[: -2 * lag + 1]
-    lively = (travel > _LIVELY * travel.max()) & (variance > 0.0)
-    return np.where(lively, numerator / (2.0 * lag * np.where(lively, variance, 1.0)), np.inf)
+    moving = (travel > _LEAST_MOTION * travel.max()) & (variance > 0.0)
+    return np.where(moving, numerator / (2.0 * lag * np.where(moving, variance, 1.0)), np.inf)
 
 
 def _shortest_repeating_lag(q: Array) -> int | None:
@@ -133,7 +133,7 @@ def _shortest_repeating_lag(q: Array) -> int | None:
 
 
 def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, lag: int) -> float:
-    """Return the period [s], refined below the step size of the search."""
+    """Return the period [s], determined more accurately than by the search."""
     start = coarse_time[int(np.argmin(_mismatch(coarse, lag)))]
     length = lag / _RATE
     instants = np.arange(start, start + length, 0.1 / _RATE)
@@ -148,7 +148,7 @@ def _refined_period(time: Array, q: Array, coarse_time: Array, coarse: Array, la
 
 
 def _rounded(period: float) -> float:
-    """Return the period of the nearest round frequency, if the period equals it within accuracy."""
+    """Return the period of the nearest round frequency if it differs by less than 0.1 %."""
     frequency = 1.0 / period
     for digits in (2, 3):
         round_frequency = float(f'{frequency:.{digits}g}')
@@ -173,7 +173,7 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
     difference = ((motion[lag:] - motion[:-lag]) ** 2).sum(axis=1)
     spread = _moving_variance(motion, lag)[:-1]
     # A standstill repeats itself as well, so a period must contain motion.
-    moves = spread > _LIVELY * spread.max()
+    moves = spread > _LEAST_MOTION * spread.max()
     repeats = (difference < 4.0 * _REPEATED * spread.max()) & moves
     periods = min((_longest_run(repeats) + lag + 1) // lag, (count - 1) // lag)
     compared = max((periods - 1) * lag, lag // 20)
@@ -188,13 +188,13 @@ def _place(time: Array, q: Array, period: float) -> PeriodicPart | None:
 
 
 def _moving_time(q: Array) -> float:
-    """Return the time in which the arm moves [s], for samples at the rate of the search."""
+    """Return the total time [s] in which the arm moves, from positions sampled at `_RATE`."""
     travel = np.linalg.norm(np.diff(q, axis=0), axis=1)
     return float(np.sum(travel > 0.02 * travel.max())) / _RATE
 
 
 def _moving_variance(q: Array, window: int) -> Array:
-    """Return the variance, summed over the joints, of each `window` consecutive samples."""
+    """Return the variance of every section of `window` samples, summed over the joints."""
     centred = q - q.mean(axis=0)
     first = np.concatenate((np.zeros((1, q.shape[1])), np.cumsum(centred, axis=0)))
     second = np.concatenate(([0.0], np.cumsum((centred**2).sum(axis=1))))
@@ -204,6 +204,6 @@ def _moving_variance(q: Array, window: int) -> Array:
 
 
 def _longest_run(flags: npt.NDArray[np.bool_]) -> int:
-    """Return the length of the longest run of True."""
+    """Return the length of the longest run of True in `flags`."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
     return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0

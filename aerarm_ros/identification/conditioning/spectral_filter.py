@@ -138,7 +138,7 @@ class SpectralFilter:
         return self._periodic
 
     def for_count(self, count: int) -> 'SpectralFilter':
-        """Return the same filter for signals of another number of samples."""
+        """Return a copy of the filter for signals of `count` samples."""
         return SpectralFilter(count, *self._same)
 
     def __call__(self, signal: npt.ArrayLike, derivative: int = 0, decimate: bool = True) -> Array:
@@ -185,7 +185,7 @@ class SpectralFilter:
         return filtered
 
     def _apply(self, rows: Array, gain: Gain, step: int) -> Array:
-        """Filter rows that are continued to the length of the transform, in parts if long."""
+        """Filter extended rows; long rows are filtered in overlapping parts."""
         last = self._left + self.count
         if self._size == self._length:
             return _transformed(rows, gain, step)[:, self._left // step : -(-last // step)]
@@ -213,7 +213,7 @@ class SpectralFilter:
 
 
 def _transformed(rows: Array, gain: Gain, step: int) -> Array:
-    """Return periodic rows with the gain applied to their spectrum, every `step`-th sample."""
+    """Multiply the spectrum of periodic rows by `gain`, and return every `step`-th sample."""
     length = rows.shape[1] // step
     kept = length // 2 + 1
     spectrum = np.fft.rfft(rows, axis=1)[:, :kept]
@@ -225,7 +225,7 @@ def _transformed(rows: Array, gain: Gain, step: int) -> Array:
 
 
 def _smooth_multiple(factor: int, least: int) -> int:
-    """Return the smallest multiple of a number, at least `least`, whose cofactor is smooth."""
+    """Return the smallest multiple of `factor`, `least` or more, with a fast Fourier transform."""
     multiple = -(-least // factor)
     while not _is_smooth(multiple):
         multiple += 1
@@ -233,7 +233,7 @@ def _smooth_multiple(factor: int, least: int) -> int:
 
 
 def _continuation(count: int, wanted: float, decimation: int) -> tuple[int, int]:
-    """Return the number of samples before the signal and in total, multiples of the decimation."""
+    """Return the number of samples to add before the signal, and that of the extended signal."""
     most = count - 1
     left = min(round(wanted), most) // decimation * decimation
     shortest, longest = left + count + min(round(wanted), most), left + count + most
@@ -250,7 +250,7 @@ def _continuation(count: int, wanted: float, decimation: int) -> tuple[int, int]
 
 
 def _is_smooth(number: int) -> bool:
-    """Return whether a number has no prime factor above 7, so that its transform is fast."""
+    """Return whether the Fourier transform of this length is fast: no prime factor is above 7."""
     for factor in (2, 3, 5, 7):
         while number % factor == 0:
             number //= factor

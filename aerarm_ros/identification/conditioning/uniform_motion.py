@@ -24,7 +24,7 @@ _FORGOTTEN = 1.2
 
 @dataclass(frozen=True, eq=False)
 class DistinctMotion:
-    """Motion of one bag without the repetitions in its middle, for regressor columns.
+    """Motion of one bag without repeated cycles, from which the regressor columns are computed.
 
     A motion of equal cycles has equal columns in all of them, except near its ends. Half an hour of
     a periodic excitation has a hundred equal cycles or more.
@@ -51,15 +51,15 @@ class DistinctMotion:
     place: npt.NDArray[np.intp] | None
 
     def whole(self, columns: Array) -> Array:
-        """Return columns (M, ...) of the whole motion from those (K, ...) of this motion."""
+        """Return columns (M, ...) for the whole motion from columns (K, ...) for this motion."""
         return columns if self.place is None else columns[self.place]
 
 
 FOLDS = 5
-"""Number of parts of a motion for cross-validation."""
+"""Number of parts into which cross-validation divides a motion."""
 
 BLOCKS = 5 * FOLDS
-"""Number of consecutive blocks of a motion that form the parts."""
+"""Number of consecutive blocks of a motion; a part for cross-validation consists of five blocks."""
 
 
 # fraction of a joint's top speed, below which the joint counts as at rest
@@ -67,7 +67,7 @@ _STANDSTILL_SPEED = 5e-3
 
 
 def at_rest(dq: Array) -> npt.NDArray[np.bool_]:
-    """Return, for velocities (M, n) [rad/s], in which samples each joint counts as at rest."""
+    """Return a mask (M, n) of the samples in which each joint counts as at rest."""
     top = np.maximum(np.abs(dq).max(axis=0, initial=0.0), 1e-6)
     return np.asarray(np.abs(dq) < _STANDSTILL_SPEED * top, dtype=bool)
 
@@ -135,7 +135,7 @@ class Samples:
 
     @property
     def fold(self) -> npt.NDArray[np.intp]:
-        """Number (M,) of each sample's cross-validation part, 0 to `FOLDS` - 1; blocks alternate.
+        """Cross-validation part of each sample (M,), 0 to `FOLDS` - 1; it changes with each block.
 
         Every part thus covers the whole motion. With contiguous parts, the torque of a part would
         be predicted for postures that no other part reaches, which would test extrapolation.
@@ -181,7 +181,7 @@ class Samples:
 
 
 SHORTEST = 3.0
-"""Shortest motion for an identification [s]; a shorter one has almost no excitation."""
+"""Shortest motion for an identification [s]; a shorter motion hardly excites the parameters."""
 
 # cut-off of the low-pass filter applied before decimation, relative to the new sampling rate
 _ANTI_ALIASING = 0.4
@@ -238,7 +238,7 @@ class UniformMotion:
         return int(self.window.stop - self.window.start)
 
     def with_velocity_earlier(self, delay: Array) -> 'UniformMotion':
-        """Return the motion with measured velocities made earlier by their delay (n,) [s]."""
+        """Return the motion with measured velocities shifted to earlier times by `delay`."""
         if self.dq is None:
             return self
         columns = zip(delay, self.dq.T, strict=True)
@@ -343,7 +343,7 @@ def _resampled(
     period: int | None,
     effort_delay: Array | None,
 ) -> UniformMotion:
-    """Interpolate and decimate a recording joint by joint, to limit the memory."""
+    """Interpolate and decimate a recording joint by joint, to save memory."""
     late = np.zeros(recording.tau.shape[1]) if effort_delay is None else effort_delay
     cutoff = _ANTI_ALIASING / (dt * factor)
     settling = SETTLING_PERIODS / cutoff
@@ -380,7 +380,7 @@ def _resampled(
 
 @dataclass(frozen=True)
 class KinematicsFilter:
-    """Filter of positions, velocities and accelerations, with the source of the velocities.
+    """Filter of positions, velocities and accelerations, and source of the velocities.
 
     Attributes
     ----------
@@ -415,7 +415,7 @@ class KinematicsFilter:
         return 'measured velocities' + (', delay compensated' if self.in_time else '')
 
     def apply(self, motion: UniformMotion) -> tuple[Array, Array, Array]:
-        """Return filtered q, dq, ddq of the motion's window.
+        """Return filtered positions, velocities and accelerations in the motion's window.
 
         Parameters
         ----------
@@ -453,7 +453,7 @@ class KinematicsFilter:
         return q, dq, ddq
 
     def repeats(self, motion: UniformMotion) -> bool:
-        """Return whether the filtered motion repeats exactly in every period."""
+        """Return whether the motion is exactly periodic after the filter."""
         return self.harmonics is not None and motion.period is not None
 
     def _filtered(

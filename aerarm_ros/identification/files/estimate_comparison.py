@@ -42,7 +42,7 @@ class EstimateChange:
 
     @property
     def deviations(self) -> float:
-        """Difference of new and old value, in standard deviations."""
+        """Difference between the new and the old value, in standard deviations."""
         return (self.new - self.old) / self.std if self.std > 0.0 else 0.0
 
     @property
@@ -53,7 +53,7 @@ class EstimateChange:
 
 @dataclass(frozen=True)
 class EstimateComparison:
-    """All comparable quantities of two results.
+    """Changes of all quantities that two results have in common.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ def _friction(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[Esti
 def _inertia(
     first: Mapping[str, Any], second: Mapping[str, Any]
 ) -> tuple[tuple[EstimateChange, ...], int]:
-    """Return the changes of common base parameters, and the number of those in only one result."""
+    """Return the changes of common base parameters, and the number of all others."""
     old, new = (_base(each['base_parameters']) for each in (first, second))
     common = [name for name in old if name in new]
     changes = tuple(

@@ -24,12 +24,12 @@ if TYPE_CHECKING:  # only for type annotations
 
 _SHARES = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # fractions of a joint's top speed
 NO_FRICTION = (TermKind.ROTOR, TermKind.OFFSET, *COUPLED)
-"""Joint terms that are not friction."""
+"""Kinds of joint terms that are not friction."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionDeviations:
-    """Standard deviations of each joint's friction torque, averaged over both directions.
+    """Standard deviations of each joint's friction torque, averaged over both directions of motion.
 
     Attributes
     ----------
@@ -111,8 +111,9 @@ _HEADER = """\
 # coupled_joints, only if joints are coupled: for each coupling the joint, the joint that drives
 # it, the kind, and the coefficient. Kind cv: torque per velocity of the driving joint. Kind ca:
 # torque per acceleration of the driving joint.
-# from_data: 1 if the recordings determine the parameter, 0 if it keeps its CAD value. Where the
-# recordings determine only a sum of parameters (base_parameters), the CAD values divide it.
+# from_data: 1 if the recordings determine the parameter, 0 if it keeps its CAD value. If the
+# recordings determine only a sum of parameters (base_parameters), the CAD values determine the
+# single parameters.
 # friction_deviations: standard deviations of each joint's friction torque without offset, at
 # increasing speeds, for the RMS torque on the joint's links (loads).
 # base_parameters: the sums of parameters on which the torque depends and which the recordings
@@ -224,7 +225,7 @@ def _coupled(estimate: Estimate) -> dict[str, list[Any]]:
 
 
 def _per_kind(estimate: Estimate, values: Array) -> dict[str, list[float]]:
-    """Return a value per parameter, grouped by kind of parameter as in the file."""
+    """Return `values`, one per parameter, grouped by kind of parameter as in estimate.yaml."""
     spread = Estimate(estimate.solver, estimate.model, values)
     kinds = {name: _floats(spread.joint_values(kind.value)) for kind, name in NAMES.items()}
     return {'inertial_parameters': _floats(spread.inertial), **kinds}
@@ -311,7 +312,7 @@ def read_estimate(path: Path, robot: Robot) -> Estimate:
 
 
 def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
-    """Return the joint names of an estimate, and gravity (3,) in the base frame [m/s^2].
+    """Read the joint names and the gravity (3,) in the base frame [m/s^2] from an estimate.
 
     Raises
     ------
@@ -332,7 +333,7 @@ def estimated_arm(path: Path) -> tuple[tuple[str, ...], Array]:
 
 
 def joint_terms(parameters: Mapping[str, Any], n: int) -> list[dict[JointTerm, float]]:
-    """Return each joint's terms and coefficients, without couplings.
+    """Return the coefficients of each joint's torque terms, except those of coupled joints.
 
     Parameters
     ----------
@@ -410,7 +411,7 @@ def _check_distances(path: Path, names: Sequence[str], own: Sequence[Iterable[Jo
             if not 0.0 <= term.distance < np.inf:
                 fault = f'is {term.distance:g} rad: use a finite, non-negative angle'
             elif term.distance and term.width:
-                fault = 'is set together with coulomb_width: set one of both to 0'
+                fault = 'is set together with coulomb_width: set one of the two to 0'
             else:
                 continue
             raise IdentificationError(f'coulomb_distance of {name} in {path} {fault}')

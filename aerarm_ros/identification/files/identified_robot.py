@@ -28,7 +28,7 @@ from aerarm_ros.motion.signals import Array
 def equivalent_friction(
     estimate: Estimate, bags: Sequence[SampleColumns], beside_load: bool = False
 ) -> tuple[Array, Array]:
-    """Return f_v and f_s of thesis (2.6) that are nearest to the estimate's friction.
+    """Return the coefficients f_v and f_s of thesis (2.6), fitted to the friction of an estimate.
 
     The coefficients are fitted to the motion of the bags by non-negative least squares. For
     joints with friction (2.6) only, the result equals the estimate's coefficients.
@@ -294,7 +294,7 @@ def before_root(text: str) -> str:
 
 
 def _children(root: ET.Element, parents: list[str], fixed: bool) -> list[tuple[str, str]]:
-    """Return each fixed (or each moving) joint on given links, with its child link."""
+    """Return all fixed (or all moving) joints whose parent is in `parents`, with their child."""
     found = []
     for joint in root.findall('joint'):
         parent, child = joint.find('parent'), joint.find('child')
@@ -314,7 +314,7 @@ def _behind_fixed_joints(root: ET.Element, link: str) -> list[str]:
 
 
 def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> list[str]:
-    """Return the links connected to given links by locked and fixed joints only."""
+    """Return the links behind the locked joints of given links."""
     found: list[str] = []
     front = links
     while front:
@@ -326,7 +326,7 @@ def _held_by_locked_joints(robot: Robot, root: ET.Element, links: list[str]) -> 
 
 
 def _inertia_held(robot: Robot, index: int) -> Array:
-    """Return the inertial parameters of bodies on locked joints, in the moving link's frame."""
+    """Return the inertial parameters of all bodies behind a link's locked joints, in its frame."""
     full = pin.buildModelFromXML(robot.urdf_text)
     data = full.createData()
     posture = pin.neutral(full)
@@ -343,14 +343,14 @@ def _inertia_held(robot: Robot, index: int) -> Array:
 
 
 def _moving_ancestor(full: Any, joint: int, moving: tuple[str, ...]) -> int:
-    """Return the nearest moving joint between a joint (included) and the base; 0 without any."""
+    """Return the joint itself if it moves, else the next moving joint towards the base, or 0."""
     while joint > 0 and full.names[joint] not in moving:
         joint = full.parents[joint]
     return joint
 
 
 def _possible_share(whole: Array, kept: Array) -> float:
-    """Return the largest fraction of a part that can be subtracted so that a body remains."""
+    """Return the largest s for which `whole - s kept` is a physically possible body."""
     if not kept.any() or is_physically_consistent(whole - kept):
         return 1.0
     if not is_physically_consistent(whole):
@@ -363,7 +363,7 @@ def _possible_share(whole: Array, kept: Array) -> float:
 def _scaled(
     links: Mapping[str | None, ET.Element], held: list[str], share: float, carrier: str
 ) -> list[str]:
-    """Scale the masses of links, with unchanged centres and shapes; return notes for the user."""
+    """Scale the masses and inertias of links by `share`; return notes for the user."""
     for name in held:
         for element in (
             *links[name].iterfind('inertial/mass'),
@@ -372,9 +372,9 @@ def _scaled(
             for key, value in element.items():
                 element.set(key, repr(share * float(value)))
     return [
-        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have only '
-        f'{100.0 * share:.3g} % of their mass in the URDF, because {carrier} would not be '
-        'physically consistent with more; check their inertia in the URDF'
+        f'identified.urdf: the links behind locked joints ({", ".join(held)}) have '
+        f'{100.0 * share:.3g} % of the mass that the URDF states, because {carrier} would '
+        'otherwise not be physically consistent; check their inertia in the URDF'
     ]
 
 
@@ -546,7 +546,7 @@ def _add_link(model: ET.Element, own: LinkBody, parent: str | None) -> None:
 
 
 def _add_joint(model: ET.Element, own: LinkBody, parent: str) -> ET.Element:
-    """Return a joint element whose frame equals that of its link."""
+    """Add a joint to the model and return it; its frame is that of its child link."""
     kind = 'prismatic'
     if own.turns:
         kind = 'revolute' if np.isfinite(own.limits).all() else 'continuous'

@@ -86,7 +86,7 @@ class ResultDirectory:
             )
 
     def path(self, name: str) -> Path:
-        """Return the path at which another program writes a part of the result."""
+        """Return the path for a file of the result that another program writes."""
         if self._collected is None:
             raise RuntimeError("files can only be written inside the 'with' block")
         return self._collected / name

@@ -97,7 +97,7 @@ def _under_stated_gravity(
 
 
 def _simple(estimate: Estimate, viscous: Array, coulomb: Array, rotors: Array) -> Estimate:
-    """Return an estimate reduced to links, friction (2.6) and rotor inertia."""
+    """Return the estimate reduced to links, friction of thesis (2.6), and rotor inertia."""
     model = estimate.model
     terms = (*THESIS_TERMS, ROTOR)
     simple = JointModel.uniform(model.joint_names, model.link_names, terms)

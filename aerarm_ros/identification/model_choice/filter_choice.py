@@ -1,4 +1,4 @@
-"""Choice of cut-off and kinematics filter by the prediction of held-out recorded torque."""
+"""Choice of the cut-off and the kinematics filter that predict held-out recorded torque best."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ _LEAST = 1e-3
 # Longer estimated values are not delays of the signal. Friction that lags behind velocity, as in
 # elastic gears, looks like a delay of 20 to 100 ms in joints whose torque is mostly friction.
 _MOST = 0.015  # [s], decision 40
-_HOPELESS = 0.2  # [s] largest valid estimate
+_LARGEST_ESTIMATE = 0.2  # [s] largest valid estimate
 # standard errors by which a delay, and the improvement of held-out prediction, must exceed zero
 _CLEAR = 2.0
 
@@ -68,7 +68,7 @@ def find_effort_delay(
     cad: ArmParameters,
     in_time: Sequence[SampleColumns] | None = None,
 ) -> EffortDelay:
-    """Estimate the delay of each joint's effort, and test it on held-out parts.
+    """Estimate the delay of each joint's effort, and test it on held-out parts of the motion.
 
     For a small delay d, the measured torque equals the model torque minus d times the time
     derivative of the model torque, which is linear in d. The derivative of the predicted torque
@@ -96,18 +96,18 @@ def find_effort_delay(
         fit = SimpleFit(moved, cad, columns, _TERMS, links)
         step = fit.theta[10 * n : 11 * n]
         found = found + step
-        if np.abs(step).max() < _SETTLED or np.abs(found).max() > _HOPELESS:
+        if np.abs(step).max() < _SETTLED or np.abs(found).max() > _LARGEST_ESTIMATE:
             break
         moved = [_advanced(bag, found) for bag in judged]
     gain = _squares(bags, plain.residuals()) - _squares(judged, fit.residuals())
     clear = np.array([standard_errors(of_joint) for of_joint in gain.T]) > _CLEAR
     deviation = fit.deviations()[10 * n : 11 * n]
     size = np.abs(found)
-    believed = clear & (size >= _LEAST) & (size <= _MOST) & (size > _CLEAR * deviation)
+    accepted = clear & (size >= _LEAST) & (size <= _MOST) & (size > _CLEAR * deviation)
     if in_time is None:
-        return EffortDelay(found, np.where(believed, found, 0.0), deviation)
-    together = bool(believed.any()) and standard_errors(gain.sum(axis=1)) > _CLEAR
-    return EffortDelay(found, np.where(believed & together, found, 0.0), deviation, together)
+        return EffortDelay(found, np.where(accepted, found, 0.0), deviation)
+    together = bool(accepted.any()) and standard_errors(gain.sum(axis=1)) > _CLEAR
+    return EffortDelay(found, np.where(accepted & together, found, 0.0), deviation, together)
 
 
 def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
@@ -120,7 +120,7 @@ def _columns(bag: SampleColumns, rate: Array) -> SharedColumns:
 
 
 def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
-    """Return a bag whose filtered torque is shifted to earlier times by a delay."""
+    """Return a bag whose filtered torque is shifted to earlier times by `delay` (n,) [s]."""
     samples: Samples = bag.samples
     dt = float(samples.time[1] - samples.time[0])
     settling = None if samples.fine_filter.periodic else SETTLING_PERIODS * 5.0 * dt
@@ -132,7 +132,7 @@ def _advanced(bag: SampleColumns, delay: Array) -> SampleColumns:
 
 
 def _lead(seconds: float) -> Callable[[Array], npt.NDArray[np.complex128]]:
-    """Return the filter gain that shifts a signal to earlier times by some seconds."""
+    """Return the filter gain that shifts a signal to earlier times by `seconds`."""
     return lambda frequency: np.asarray(np.exp(2j * np.pi * frequency * seconds))
 
 
@@ -151,12 +151,12 @@ _TILT_ROUNDS = 2
 # A tilt is accepted if it lowers the held-out squared error by this fraction in most parts of the
 # motion. In measurements a tilt lowered this error by at most 0.4 % for level robots, and by 12 %
 # or more for tilted ones.
-_WORTHWHILE = 0.05
+_LEAST_GAIN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class GravityDirection:
-    """Direction of gravity as stated and as estimated from the motion.
+    """Direction of gravity, as stated by the user and as estimated from the motion.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class GravityDirection:
 def find_gravity(
     robot: Robot, bags: Sequence[SampleColumns], cad: ArmParameters
 ) -> GravityDirection:
-    """Estimate the tilt of the base from the torque, and test it on held-out parts.
+    """Estimate the tilt of the base from the torque, and test it on held-out parts of the motion.
 
     A tilt by the angle v changes gravity to `g + v x g`, whose torque is linear in v for given
     links. Half a degree on an arm of 10 kg causes a torque of 0.4 Nm about its first axis. Without
@@ -208,7 +208,7 @@ def find_gravity(
     blocks = [bag.samples.block for bag in bags]
     before, after = (block_sums(blocks, fit.residuals()) for fit in (plain, tilted))
     error = float(after.sum() / before.sum()) if before.sum() > 0.0 else 1.0
-    if error > 1.0 - _WORTHWHILE or 2 * np.sum(after < before) <= len(before):
+    if error > 1.0 - _LEAST_GAIN or 2 * np.sum(after < before) <= len(before):
         return GravityDirection(stated, stated, error)
     used = stated + np.cross(angles @ axes, stated)
     return GravityDirection(stated, used * (size / np.linalg.norm(used)), error)
@@ -239,7 +239,7 @@ _ENOUGH = 60.0  # [s] length of the excerpt that is used from the middle of a lo
 
 @dataclass(frozen=True)
 class FilterTrial:
-    """Filter setting with its torque error.
+    """Filter setting that was tried, with its torque error.
 
     Attributes
     ----------
@@ -278,7 +278,7 @@ class FilterChoice:
     def excerpts(
         self, regressor: Regressor, recordings: Sequence[Recording], in_time: bool = False
     ) -> list[SampleColumns]:
-        """Return filtered excerpts of long recordings, and complete short recordings.
+        """Return the filtered recordings; of a long recording only an excerpt.
 
         With `in_time`, the delay of measured velocities is corrected.
         """
@@ -290,7 +290,7 @@ class FilterChoice:
 
     @property
     def has_late_velocities(self) -> bool:
-        """Whether the kinematics use velocities that are known to be late."""
+        """Whether the kinematics use measured velocities with an uncorrected delay."""
         kinematics = self.kinematics
         as_measured = not (kinematics.from_position or kinematics.in_time)
         return as_measured and bool(self.conditioner.delays.velocity.any())
@@ -350,7 +350,7 @@ def condition_once(
 
 
 class _Trials:
-    """Tries filters, each one once, and compares their torque errors."""
+    """Trials of filters, each filter once, and comparison of their torque errors."""
 
     def __init__(
         self, regressor: Regressor, conditioner: Conditioner, recordings: Sequence[Recording]
@@ -363,7 +363,7 @@ class _Trials:
         self._outcomes: dict[KinematicsFilter, _Outcome] = {}
 
     def run(self, cutoff: float, like: KinematicsFilter) -> None:
-        """Try a cut-off [Hz] with a kinematics filter of a given type."""
+        """Try a cut-off [Hz] with a kinematics filter of the same type as `like`."""
         conditioner = self._conditioner.at(cutoff)
         kinematics = conditioner.adapted(like)
         if kinematics not in self._outcomes:
@@ -400,7 +400,7 @@ class _Trials:
         return min(candidates, key=lambda kinematics: float(errors[kinematics].sum()))
 
     def walk(self, cutoffs: Sequence[float], start: KinematicsFilter) -> None:
-        """Try lower cut-offs than that of a filter.
+        """Try all cut-offs below that of the filter `start`, with filters of the same type.
 
         All are tried, because the errors have local minima if noise misleads the rule.
         """
@@ -409,7 +409,7 @@ class _Trials:
                 self.run(cutoff, start)
 
     def nearest(self, rule: float) -> float:
-        """Return the cut-off nearest to the rule among those that are as good as the best.
+        """Return the cut-off nearest to `rule` among those that are as good as the best.
 
         Two cut-offs count as equally good if chance explains their difference, given its
         variation over the blocks of the motion, and the difference is small. If few blocks cause
@@ -435,7 +435,7 @@ class _Trials:
         ]
 
     def _squared_errors(self) -> dict[KinematicsFilter, Array]:
-        """Return the squared error of each block, over the samples common to all trials."""
+        """Return the squared error of each trial and block, over samples common to all trials."""
         common = self._common()
         return {
             kinematics: block_sums(outcome.blocks, outcome.residuals, common)
@@ -449,7 +449,7 @@ class _Trials:
 
 @dataclass(frozen=True, eq=False)
 class _Outcome:
-    """Blocks (M,), recorded torque (M, n) and a trial's residual [Nm], of each bag."""
+    """Outcome of a trial: block numbers (M,), recorded torque and residual (M, n) of each bag."""
 
     blocks: list[npt.NDArray[np.intp]]
     torques: list[Array]
@@ -457,7 +457,7 @@ class _Outcome:
 
 
 def excerpt(recording: Recording) -> Recording:
-    """Return the middle of a long recording, enough to compare filters."""
+    """Return the middle minute of a long recording, which is enough to compare filters."""
     if recording.duration <= _ENOUGH:
         return recording
     share = 0.5 * _ENOUGH / recording.duration

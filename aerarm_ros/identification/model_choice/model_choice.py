@@ -171,7 +171,7 @@ class CrossValidation:
 
 
 def _in_prior_units(factor: Array, mean: Array, std: Array, weight: float) -> Array:
-    """Return weighted rows; unknowns are deviations from the prior, in standard deviations."""
+    """Return weighted rows, whose unknowns are deviations from the prior in standard deviations."""
     rows = weight * factor
     links = len(mean)
     rows[:, -1] -= rows[:, :links] @ mean
@@ -196,7 +196,7 @@ ASYMMETRY_WIDTH = 0.02
 
 # A term is kept if it lowers the held-out squared error of the arm by this fraction. Smaller
 # changes also occur between two recordings of the same motion.
-_WORTHWHILE = 5e-3
+_LEAST_GAIN = 5e-3
 
 _VISCOUS = JointTerm(TermKind.VISCOUS)
 _OFFSET = JointTerm(TermKind.OFFSET)
@@ -210,7 +210,7 @@ _SWITCHED = (
     *(JointTerm(kind, ASYMMETRY_WIDTH) for kind in (TermKind.FORWARD, TermKind.BACKWARD)),
 )
 # Mutually exclusive terms: a joint has at most one of them.
-_RIVALS = ({TermKind.FORWARD, TermKind.BACKWARD, TermKind.OFFSET},)
+_EXCLUSIVE = ({TermKind.FORWARD, TermKind.BACKWARD, TermKind.OFFSET},)
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ def select_terms(
             variants = stage(terms[joint])
             errors = validation.score_variants(terms, joint, variants)
             index = int(errors.argmin())
-            better = errors[index] < best * (1.0 - _WORTHWHILE)
+            better = errors[index] < best * (1.0 - _LEAST_GAIN)
             comparisons += [
                 Comparison(joint, variant, float(error) / first, better and i == index)
                 for i, (variant, error) in enumerate(zip(variants, errors, strict=True))
@@ -282,7 +282,7 @@ def select_terms(
 
 
 def _dry_variants(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
-    """Return the terms with dry friction of every reversal, with and without load dependence.
+    """Return variants of the terms: each reversal of dry friction, with and without load.
 
     Reversal and load dependence are varied together, because a change of only one may not improve
     the prediction.
@@ -299,7 +299,7 @@ def _switches(terms: tuple[JointTerm, ...]) -> list[tuple[JointTerm, ...]]:
     """Return variants of the terms with one optional term added, exchanged or removed."""
     variants = []
     for term in _SWITCHED:
-        replaced = next((group for group in _RIVALS if term.kind in group), {term.kind})
+        replaced = next((group for group in _EXCLUSIVE if term.kind in group), {term.kind})
         others = tuple(t for t in terms if t.kind not in replaced)
         variants.append(others if term in terms else (*others, term))
     return variants
@@ -322,9 +322,9 @@ FRICTION_MODELS: dict[str, tuple[JointTerm, ...]] = {
         JointTerm(TermKind.BACKWARD, ASYMMETRY_WIDTH),
     ),
 }
-"""Friction models by name. Each contains (2.6), rotor inertia and the named terms. 'dahl' lets the
-dry friction of (2.6), and that of 'load', build up over an angle after a reversal. Names joined by
-'+' are combined; 'auto' chooses each joint's terms by cross-validation.
+"""Friction models by name. Each contains viscous and Coulomb friction, rotor inertia and the term
+that its name states. With 'dahl', Coulomb and load-dependent friction build up over an angle after
+a reversal. Names joined by '+' are combined; 'auto' chooses each joint's terms by cross-validation.
 """
 
 # repeated, because the links' parameters determine the load on which friction depends, and vice
@@ -363,7 +363,7 @@ def choose_model(
     friction: str,
     coupled: CoupledJoints = (),
 ) -> tuple[ModelFit, list[Comparison]]:
-    """Fit the requested joint terms, or the terms that predict unseen motion best.
+    """Fit the requested joint terms, or the joint terms that predict held-out motion best.
 
     Parameters
     ----------

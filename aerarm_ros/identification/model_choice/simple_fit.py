@@ -50,7 +50,7 @@ SIMPLE_TERMS = (
     ROTOR,
     JointTerm(TermKind.OFFSET),
 )
-"""Terms of every joint in a simple model."""
+"""Terms of every joint in the simple torque model."""
 
 # Relative torque residual of such a simple model, and number of neighbouring samples per
 # independent sample; both weight the data against the prior.
@@ -75,7 +75,7 @@ class SharedColumns:
 
 
 class SimpleFit:
-    """Fit of links, friction (2.6), rotors and offsets, with each part of the motion held out.
+    """Fits of links, friction (2.6), rotors and offsets, each without one part of the motion.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class SimpleFit:
         self._parts, self.theta = solved[:-1], solved[-1]
 
     def deviations(self) -> Array:
-        """Return (p,) standard deviations of `theta` by the jackknife over the parts."""
+        """Return standard deviations (p,) of `theta`, by the jackknife over parts of the motion."""
         spread = self._parts - self._parts.mean(axis=0)
         return np.asarray(np.sqrt((FOLDS - 1) / FOLDS * (spread**2).sum(axis=0)))
 
@@ -138,7 +138,7 @@ class SimpleFit:
         ]
 
     def raw_residuals(self) -> list[Array]:
-        """Return recorded minus predicted torque, for each part from a fit to the other parts.
+        """Return recorded minus predicted torque; each prediction is by a fit to the other parts.
 
         The fit uses filtered torque, the residuals use recorded torque. So trials with different
         filters are comparable.
@@ -153,7 +153,7 @@ class SimpleFit:
         return self._residuals([bag.rigid_raw for bag in self._bags], columns, torques)
 
     def residuals(self) -> list[Array]:
-        """Return the residuals of filtered torque [Nm], with shared columns predicted too."""
+        """Return the residuals of filtered torque [Nm]; the prediction includes shared columns."""
         columns = [self._joint_columns(bag) for bag in self._bags]
         return self._residuals(
             [bag.rigid for bag in self._bags], columns, [bag.samples.tau for bag in self._bags]
@@ -206,11 +206,11 @@ class SimpleFit:
         return residuals
 
     def _joint_columns(self, bag: SampleColumns) -> Array:
-        """Return the (M, n, k) columns of the joints' terms, filtered."""
+        """Return the low-pass filtered columns of the joints' terms, (M, n, k)."""
         return np.stack([bag.term(term, self._inertial) for term in self._terms], axis=2)
 
     def _raw_columns(self, bag: SampleColumns) -> Array:
-        """Return the (M, n, k) columns of the joints' terms, without low-pass filter."""
+        """Return the columns of the joints' terms without low-pass filter, (M, n, k)."""
         samples = bag.samples
         load = None if self._inertial is None else np.abs(bag.links_torque(self._inertial))
         return np.stack([t.basis(samples.dq, samples.ddq, load) for t in self._terms], axis=2)

@@ -17,7 +17,7 @@ _ORDER = 3
 _EDGE = 0.1  # [s] excluded at both ends, where the filter has samples on one side only
 _STICKING = 0.1  # fraction of the top speed [-], below which friction is undetermined
 _SHORTEST = 0.5  # [s] shortest usable recording
-_PLAYS, _SCALES, _ROUNDS = 41, 9, 3
+_BACKLASHES, _SCALES, _ROUNDS = 41, 9, 3
 _WIDTH = 4.0  # [standard deviations] range on both sides that the next round covers
 _SHARP = 2.0  # [grid steps] least standard deviation
 _CLEAR = 3.0  # [standard deviations] by which a significant backlash exceeds zero
@@ -63,24 +63,26 @@ def fit_backlash(
     swings = [_Swing(run) for run in recorded if run.time[-1] - run.time[0] >= _SHORTEST]
     if not swings:
         raise IdentificationError(
-            f'{name}: the sine waves are shorter than {_SHORTEST} s; measure more of them'
+            f'{name}: the oscillations are shorter than {_SHORTEST} s; measure more of them'
         )
-    plays = np.linspace(0.0, 1.0, _PLAYS) ** 2 * LARGEST
+    backlashes = np.linspace(0.0, 1.0, _BACKLASHES) ** 2 * LARGEST
     spread = 2.0 * links[1] / links[0]
     scales = np.linspace(max(1.0 - spread, 0.2), 1.0 + spread, _SCALES)
     mean = std = 0.0
     for _ in range(_ROUNDS):
-        play, scale = (grid.ravel() for grid in np.meshgrid(plays, scales))
-        misfit = _misfit(swings, friction, play, scale * links[0], rotor)
+        backlash, scale = (grid.ravel() for grid in np.meshgrid(backlashes, scales))
+        misfit = _misfit(swings, friction, backlash, scale * links[0], rotor)
         misfit += ((scale - 1.0) * links[0] / links[1]) ** 2
-        weight = np.exp(-0.5 * (misfit - misfit.min())).reshape(len(scales), len(plays)).sum(axis=0)
-        weight *= np.gradient(plays)
-        mean = float(weight @ plays / weight.sum())
-        std = float(np.sqrt(weight @ (plays - mean) ** 2 / weight.sum()))
-        near = int(np.argmin(np.abs(plays - mean)))
-        std = max(std, _SHARP * float(np.gradient(plays)[near]), _SURE)
+        weight = (
+            np.exp(-0.5 * (misfit - misfit.min())).reshape(len(scales), len(backlashes)).sum(axis=0)
+        )
+        weight *= np.gradient(backlashes)
+        mean = float(weight @ backlashes / weight.sum())
+        std = float(np.sqrt(weight @ (backlashes - mean) ** 2 / weight.sum()))
+        near = int(np.argmin(np.abs(backlashes - mean)))
+        std = max(std, _SHARP * float(np.gradient(backlashes)[near]), _SURE)
         low, high = mean - _WIDTH * std, mean + _WIDTH * std
-        plays = np.linspace(max(low, 0.0), min(high, LARGEST), _PLAYS)
+        backlashes = np.linspace(max(low, 0.0), min(high, LARGEST), _BACKLASHES)
     return round(mean, _DIGITS), std
 
 
@@ -123,11 +125,11 @@ class _Swing:
 
         return np.asarray(sosfiltfilt(self._sections, values, axis=0))
 
-    def link(self, play: Array, gravity: Array) -> Array:
-        """Return link angles (M, K) [rad] for K backlashes [rad] and gravity (2, K) [rad/s^2]."""
-        half, side = 0.5 * play, np.zeros(len(play))
-        x, v = np.full(len(play), self.q[0]), np.full(len(play), self.dq[0])
-        way = np.empty((len(self.q), len(play)))
+    def link(self, backlash: Array, gravity: Array) -> Array:
+        """Return the link's angles (M, K) [rad] for K assumed backlashes [rad]."""
+        half, side = 0.5 * backlash, np.zeros(len(backlash))
+        x, v = np.full(len(backlash), self.q[0]), np.full(len(backlash), self.dq[0])
+        way = np.empty((len(self.q), len(backlash)))
         motion = zip(self.q.tolist(), self.dq.tolist(), self.ddq.tolist(), strict=True)
         for row, (q, dq, ddq) in enumerate(motion):
             pull = gravity[0] * np.sin(x) + gravity[1] * np.cos(x)
@@ -153,7 +155,7 @@ def acceleration(position: Array) -> Array:
 def _misfit(
     swings: Sequence[_Swing],
     friction: MotorFriction,
-    play: Array,
+    backlash: Array,
     links: Array,
     rotor: tuple[float, float],
 ) -> Array:
@@ -161,7 +163,7 @@ def _misfit(
     gravity = friction.gravity[:, np.newaxis] / links
     columns, torque = [], []
     for swing in swings:
-        way = swing.link(play, gravity)
+        way = swing.link(backlash, gravity)
         pull = friction.gravity[0] * np.sin(way) + friction.gravity[1] * np.cos(way)
         flank = links * acceleration(swing.filtered(way)) + swing.filtered(pull)
         dry = friction.load * np.abs(flank) * swing.way[:, np.newaxis]
@@ -177,6 +179,6 @@ def _misfit(
 
 
 def _squares(rows: Array, right: Array) -> Array:
-    """Return the least squared residual (K,) for each column of the right-hand side."""
+    """Return the squared residual (K,) of the best fit to each column of `right`."""
     q, _ = np.linalg.qr(rows)
     return np.asarray(((right - q @ (q.T @ right)) ** 2).sum(axis=0))

@@ -115,13 +115,13 @@ class MotorResult:
         return found is not None and 0.0 < found[1] < _KNOWN * found[0]
 
 
-_PLAY = 0.05  # [rad] largest assumed backlash of a joint
+_LARGEST_BACKLASH = 0.05  # [rad] largest assumed backlash of a joint
 
 
-def rattle_of_others(
+def backlash_shifts(
     dynamics: Dynamics, posture: Array, joint: int, amplitude: float, acceleration: float
 ) -> Array:
-    """Return the largest shift (n,) of the oscillating link by each joint's backlash [rad].
+    """Return the largest shift of the oscillating link due to each joint's backlash, (n,) [rad].
 
     An accelerating joint causes torques at the other joints through their inertial coupling. A
     gear stays at its tooth flank if the gravity torque on it is larger than this coupling torque.
@@ -142,7 +142,7 @@ def rattle_of_others(
     inertia = np.abs(dynamics.inertia_matrix(posture))
     gravity = np.abs(dynamics.gravity(posture))
     coupling, own = inertia[joint], np.diag(inertia)
-    moves = np.minimum(_PLAY, amplitude * coupling / own)
+    moves = np.minimum(_LARGEST_BACKLASH, amplitude * coupling / own)
     shift = np.where(gravity > coupling * acceleration, 0.0, moves * coupling / own[joint])
     shift[joint] = 0.0
     return np.asarray(shift)
@@ -208,7 +208,7 @@ def _long_enough(run: MotorRun) -> bool:
 
 
 def _filtered(run: MotorRun, friction: MotorFriction) -> tuple[Array, Array]:
-    """Return ddq, dq, sgn(dq) and the torque minus gravity, filtered by the same filter."""
+    """Return ddq, dq, sgn(dq) and the torque without gravity, all low-pass filtered alike."""
     # Local import, because scipy.signal takes longer to import than the rest of this module.
     from scipy.signal import butter, sosfiltfilt
 
@@ -270,13 +270,14 @@ def fit_torque_constant(
     std = float(np.sqrt(direction @ spread @ direction))
     if size < _SIGNIFICANT * std or size == 0.0:
         raise IdentificationError(
-            f'{name}: the mass causes {size:.3g} Nm at most, measured to {std:.2g} Nm; choose a '
-            'posture with a longer lever arm of the mass about this joint, or a larger mass'
+            f'{name}: the known mass causes at most {size:.3g} Nm, measured with a standard '
+            f'deviation of {std:.2g} Nm; choose a posture with a longer lever arm of the mass '
+            'about this joint, or a larger mass'
         )
     if not size / _PLAUSIBLE < measured < size * _PLAUSIBLE:
         raise IdentificationError(
-            f'{name}: the mass adds {measured:.3g} Nm instead of {size:.3g} Nm; check the mass, '
-            'its position, and that both runs have the same posture'
+            f'{name}: the known mass adds {measured:.3g} Nm instead of the expected {size:.3g} Nm; '
+            'check the mass, its position, and that both runs have the same posture'
         )
     ratio = size / measured
     return ratio, ratio * std / measured
@@ -312,7 +313,7 @@ class KnownMass:
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """Results of an earlier run without the known mass.
+    """Results of an earlier motor bench run, which was made without the known mass.
 
     Attributes
     ----------
@@ -376,7 +377,7 @@ class MotorBench:
     def evaluate(
         self, joint: int, runs: Sequence[MotorRun], supply: MotorSupply | None = None
     ) -> MotorResult:
-        """Evaluate the runs of one joint; texts on unidentified quantities go to `warnings`.
+        """Evaluate the runs of one joint; warn about each quantity that is not identified.
 
         The resistance comes from `supply`, the electrical measurements of the boards.
 
@@ -427,7 +428,7 @@ class MotorBench:
         links = (carried[0], max(carried[1], _LEAST_SPREAD * carried[0]))
         rotor = drive.reflected_inertia
         try:
-            play, std = fit_backlash(
+            backlash, std = fit_backlash(
                 swings, friction, links, (rotor, _ROTOR_SPREAD * rotor), drive.name
             )
         except IdentificationError as error:
@@ -437,24 +438,24 @@ class MotorBench:
         amplitude = 0.5 * max(float(np.ptp(run.q)) for run in recorded)
         fastest = max(float(np.abs(run.dq).max()) for run in recorded)
         dynamics = Dynamics(_carrying(self._robot, self._known) if self._known else self._robot)
-        shift = rattle_of_others(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
+        shift = backlash_shifts(dynamics, posture, joint, amplitude, fastest**2 / amplitude)
         # The shift by other joints' backlash is assumed to be equally likely between zero and its
         # largest value.
-        found = play, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
+        found = backlash, float(np.hypot(std, 0.5 * np.linalg.norm(shift)))
         others = [self._config.joint_names[i] for i in np.flatnonzero(shift > _SHIFT)]
         if others:
             self.warnings.append(
-                f'{drive.name}: {", ".join(others)} may rattle too, so the result may include '
-                'their backlash; choose a posture in which gravity presses their gears to one '
+                f'{drive.name}: {", ".join(others)} may move within their backlash, so the result '
+                'may include it; choose a posture in which gravity presses their gears to one '
                 'side, or in which they do not move'
             )
         if not is_significant(found):
             self.warnings.append(
-                f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad '
-                'is not significant; for a finer result choose a posture with heavy links about '
-                'the axis of this joint, in which gravity does not press its gear'
+                f'{drive.name}: backlash {1000.0 * found[0]:.1f} ± {1000.0 * found[1]:.1f} mrad is '
+                'not significant; for a more accurate result choose a posture with a large inertia '
+                'about this joint, in which gravity does not load its gear'
             )
-        elif is_largest((play, std)):
+        elif is_largest((backlash, std)):
             self.warnings.append(
                 f'{drive.name}: backlash is at least {1e3 * LARGEST:.0f} mrad, the largest '
                 'measurable value; inspect the gear'
@@ -492,7 +493,9 @@ class MotorBench:
                 return fit_torque_constant(friction, None, weight, name)
             assert self._earlier is not None  # checked in the constructor
             if name not in self._earlier.gravity:
-                raise IdentificationError(f'{name}: missing in the run without the mass')
+                raise IdentificationError(
+                    f'{name}: the run without the mass has no result for this joint'
+                )
             expected = self._known_gravity(robot, known, joint)
             return fit_torque_constant(friction, self._earlier.gravity[name], expected, name)
         except IdentificationError as error:
@@ -500,7 +503,7 @@ class MotorBench:
             return None
 
     def _known_gravity(self, robot: Robot, known: KnownMass, joint: int) -> Array:
-        """Return the mass's contribution to a and b: its torque at joint angles 90 and 0 deg."""
+        """Return the known mass's part of a and b: its torque at 90 and at 0 degrees."""
         alone, loaded = Dynamics(robot), Dynamics(_carrying(robot, known))
         values = []
         for angle in (0.5 * np.pi, 0.0):
@@ -510,7 +513,7 @@ class MotorBench:
         return np.array(values)
 
     def _carried_inertia(self, joint: int) -> tuple[float, float]:
-        """Return the load inertia about the joint, and its standard deviation."""
+        """Return the inertia of the load about the joint, and its standard deviation [kg m^2]."""
         known, robot = self._known, self._robot
         if robot is None:
             return (known.mass * known.lever**2 if known else 0.0), 0.0

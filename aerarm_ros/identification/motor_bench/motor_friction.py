@@ -135,7 +135,7 @@ class MotorFriction:
 def fit_motor_friction(
     runs: Sequence[MotorRun], mounted: bool, name: str, inertia: float = 0.0
 ) -> MotorFriction:
-    """Fit the velocity steps of one joint by least squares (4.14).
+    """Fit the friction of one joint to its velocity steps by least squares, thesis (4.14).
 
     Parameters
     ----------

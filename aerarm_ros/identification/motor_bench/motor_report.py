@@ -100,7 +100,7 @@ def load_earlier(path: Path) -> Earlier:
         return Earlier(gravity, np.array(document['posture'], dtype=float).reshape(-1))
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise IdentificationError(
-            f'{path} is not a motor_bench.yaml ({type(error).__name__}: {error}), pass the file '
+            f'{path} is not a motor_bench.yaml ({type(error).__name__}: {error}): pass the file '
             'that the run without the mass wrote'
         ) from None
 
@@ -227,10 +227,10 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
     resistance = '-' if ohmic is None else _with_std((ohmic.ohm, ohmic.std))
     if ohmic is not None and ohmic.source == BOARD:
         resistance = f'({resistance})'
-    inertia, constant, play = result.rotor_inertia, result.torque_constant, result.backlash
-    backlash = '-' if play is None else _with_std((1e3 * play[0], 1e3 * play[1]))
-    if play is not None and not is_significant(play):
-        backlash = f'({backlash})'
+    inertia, constant, backlash = result.rotor_inertia, result.torque_constant, result.backlash
+    backlash_text = '-' if backlash is None else _with_std((1e3 * backlash[0], 1e3 * backlash[1]))
+    if backlash is not None and not is_significant(backlash):
+        backlash_text = f'({backlash_text})'
     shown = '-' if inertia is None else _with_std(inertia)
     if inertia is not None and not result.rotor_inertia_known:
         shown = f'({shown})'
@@ -242,7 +242,7 @@ def _cells(result: MotorResult) -> tuple[str, ...]:
         shown,
         _with_std(constant) if constant else f'({result.torque_constant_stated:.4f})',
         resistance,
-        backlash,
+        backlash_text,
     )
 
 

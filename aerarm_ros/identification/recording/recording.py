@@ -23,7 +23,7 @@ _MISSED_MAX = 0.01
 
 @dataclass(frozen=True)
 class BagFacts:
-    """Used part and quality of a recorded bag.
+    """Facts about a recorded bag: used part, lost messages and missed cycles.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class BagFacts:
 
     @property
     def text(self) -> str:
-        """Description of used part and quality in one line, for a terminal."""
+        """Text on the used part of the bag, lost messages and missed cycles, for a terminal."""
         parts = [f'used {self.used}']
         if self.lost is not None:
             parts.append(f'{self.lost} states lost')
@@ -156,11 +156,11 @@ def running_span(
         last = int(np.searchsorted(time, end))
         if last - first > 1:
             runs.append(slice(first, last))
-    return _liveliest(q, runs, f'arm_mode {RUNNING}')
+    return _longest_travel(q, runs, f'arm_mode {RUNNING}')
 
 
 def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str] | None:
-    """Return the rows of the joint states during which commands arrived.
+    """Return the rows of the joint states that were recorded while commands arrived.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def commanded_span(stamp: Array, q: Array, commands: Array) -> tuple[slice, str]
         inside = np.flatnonzero((stamp >= begin) & (stamp <= end))
         if len(inside) > 1:
             runs.append(slice(int(inside[0]), int(inside[-1]) + 1))
-    return _liveliest(q, runs, 'joint_command')
+    return _longest_travel(q, runs, 'joint_command')
 
 
 def moving_span(time: Array, q: Array) -> tuple[slice, str]:
@@ -201,7 +201,7 @@ def moving_span(time: Array, q: Array) -> tuple[slice, str]:
 
 
 def _ends_of_motion(q: Array) -> tuple[int, int] | None:
-    """Return the rows in which a joint leaves its start and reaches its end."""
+    """Return the rows in which a joint leaves its first position and reaches its last."""
     finite = np.isfinite(q)
     if not finite.any():
         return None
@@ -213,7 +213,7 @@ def _ends_of_motion(q: Array) -> tuple[int, int] | None:
     return int(np.argmax(away)), len(q) - 1 - int(np.argmax(to_go[::-1]))
 
 
-def _liveliest(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str] | None:
+def _longest_travel(q: Array, runs: Sequence[slice], reason: str) -> tuple[slice, str] | None:
     """Return the section with the longest joint travel, None if no joint moves in any section."""
     travel = [_travel(q[run]) for run in runs]
     if not travel or max(travel) < _SMALLEST_MOTION:
@@ -331,7 +331,7 @@ class Recording:
         return float(self.time[-1] - self.time[0])
 
     def part(self, first: float, last: float, suffix: str) -> 'Recording':
-        """Return the samples between two fractions (0..1) of the duration."""
+        """Return the part of the recording between two fractions (0 to 1) of its duration."""
         low, high = (self.time[0] + share * self.duration for share in (first, last))
         end = None if last >= 1.0 else int(np.searchsorted(self.time, high))
         inside = slice(int(np.searchsorted(self.time, low)), end)
@@ -440,12 +440,12 @@ def _check_locked(bag: str, names: Sequence[str], position: Array, mapping: Join
         if len(q) and np.ptp(q) > _LOCKED_MOTION:
             raise IdentificationError(
                 f'joint {joint} is locked (--lock) but moves by {np.ptp(q):.3g} rad in {bag}: '
-                f'remove --lock {joint}, or cut the bag to where the joint rests'
+                f'remove --lock {joint}, or shorten the bag to the part in which the joint rests'
             )
 
 
 def _taken(values: Array, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Array:
-    """Return rows and columns of an array, without a copy if all are selected in order."""
+    """Return rows and columns of an array; the array itself if these are all of it."""
     whole = all(
         np.array_equal(index, np.arange(size))
         for index, size in zip((rows, columns), values.shape, strict=True)
@@ -547,7 +547,7 @@ def _check_content(
         )
     for states, text in (
         (still, 'does not move, so its friction cannot be identified'),
-        (dead, 'has a constant effort, so its equation is ignored'),
+        (dead, 'has a constant effort, so its torque is ignored'),
     ):
         warnings += [
             f'{bag}: joint {joint} {text}'

@@ -76,8 +76,8 @@ def saturated_effort(
             mask[:, index] = False
         elif share > 0.0:
             warnings.append(
-                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the '
-                'time and ignored then; record a slower motion'
+                f'{bag}: the effort of {joint} is saturated for {100.0 * share:.2g} % of the time; '
+                'these samples are ignored; record a slower motion'
             )
     return (mask if mask.any() else None), warnings
 
@@ -142,14 +142,14 @@ def check_stamp_unit(bag: str, stamp: Array) -> None:
         unit = next(name for largest, name in _OTHER_UNITS if step < largest)
         raise IdentificationError(
             f'joint states of {bag} are {step:.3g} s apart, so their stamps look like {unit} '
-            'instead of s: state the unit in the column name, for example time [ms]'
+            'instead of seconds: state the unit in the column name, for example time [ms]'
         )
 
 
 def usable_messages(
     bag: str, stamp: Array, begin: float | None = None
 ) -> tuple[npt.NDArray[np.intp], list[str]]:
-    """Return the numbers of the messages to use, in the order of their stamps, and warnings.
+    """Return the indices of the messages to use, in the order of their stamps, and warnings.
 
     Duplicates are dropped and messages out of order are sorted, if both are rare.
 
@@ -281,7 +281,7 @@ _BLOCK = 65536  # samples that are differentiated together, to save memory
 
 
 def _speed_ratio(time: Array, q: Array, dq: Array) -> float | None:
-    """Return the ratio of measured to differentiated velocity, None for different motions."""
+    """Return the ratio of measured to differentiated velocity; None if the two do not correlate."""
     size, found, along = 0.0, 0.0, 0.0
     for part in np.array_split(np.arange(len(q)), -(-len(q) // _BLOCK)):
         rows = slice(part[0], part[-1] + 1)

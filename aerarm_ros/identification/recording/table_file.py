@@ -84,7 +84,7 @@ class TableColumn:
     unit: str = ''
 
     def named(self, joint: str) -> TableColumn:
-        """Return a numbered column with the name of its joint."""
+        """Return a copy of a numbered column that has the name of its joint."""
         return replace(self, joint=joint, number=None)
 
 
@@ -95,7 +95,7 @@ def accepted_names() -> str:
 
 
 def first_number(numbers: Iterable[int], joints: int) -> int | None:
-    """Return whether numbered columns count from 0 or 1; None if undetermined.
+    """Return the number of the first joint in column names, 0 or 1; None if undetermined.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ class TableStates:
     columns: str = ''
 
     def __repr__(self) -> str:
-        """Return a summary without the values."""
+        """Return a one-line summary of the states."""
         seconds = float(np.ptp(self.stamp)) if len(self.stamp) else 0.0
         return f'<{len(self.stamp)} states over {seconds:.3g} s of {", ".join(self.names)}>'
 
@@ -287,7 +287,7 @@ def read_table(
 _Columns = dict[tuple[str, str], Array]
 """Values in SI units by quantity and joint; the time has the key ('time', '')."""
 _Sources = dict[tuple[str, str], str]
-"""Names in the file by quantity and joint."""
+"""Names of columns or arrays in the file, by quantity and joint."""
 
 
 def _csv(
@@ -307,7 +307,9 @@ def _csv(
         first = file.readline()
         count = len(first.split(delimiter))
         if first.strip() and count != len(names):
-            raise ValueError(f'{len(names)} names for {count} columns')
+            raise ValueError(
+                f'the first line has {len(names)} names, but there are {count} columns'
+            )
         if not meanings:
             raise IdentificationError(
                 f'{path} has no position of any joint (its columns are {_some(names)}): name the '
@@ -344,7 +346,7 @@ def _meanings(
         key = meaning.quantity, meaning.joint
         if key in known:
             raise IdentificationError(
-                f'columns {known[key]} and {names[place]} of {path} are both the '
+                f'columns {known[key]} and {names[place]} of {path} both contain the '
                 f'{" of ".join(filter(None, key))}: remove one'
             )
         known[key] = names[place]
@@ -374,8 +376,8 @@ def _numbered(
             first = first_number((number for _, number in group.values()), len(joint_names))
         if first is None:
             raise IdentificationError(
-                f'the numbers of {_some([names[place] for place in group])} in {path} may begin '
-                f'at 0 or at 1 for {len(joint_names)} joints: state the number of '
+                f'the numbers in the column names {_some([names[place] for place in group])} of '
+                f'{path} may begin at 0 or at 1 for {len(joint_names)} joints: state the number of '
                 f'{joint_names[0]} (--numbered-from 0 or 1, or numbered_from= of read_bag)'
             )
         for place, (column, number) in group.items():
@@ -480,7 +482,7 @@ def _states(
     if stamp is None:
         if options.rate is None:
             raise IdentificationError(
-                f'{path} has no time column: name one time [s], or pass the sampling rate '
+                f"{path} has no time column: name a column 'time [s]', or pass the sampling rate "
                 '(--rate, or rate= of read_bag)'
             )
         stamp = np.arange(count) / options.rate

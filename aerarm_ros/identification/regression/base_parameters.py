@@ -139,7 +139,7 @@ _SMALLEST_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Residual torque noise of each joint.
+    """Noise of each joint's torque residual.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ class Noise:
 def noise_from_residuals(
     residuals: Sequence[Array], usable: Sequence[npt.NDArray[np.bool_]], torque_rms: Array
 ) -> Noise:
-    """Estimate the noise from residuals.
+    """Estimate the noise of each joint from its torque residuals.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def prior_from_cad(
     regression: ReducedRegression,
     link_spread: float = LINK_SPREAD,
 ) -> Prior:
-    """Return a weak prior about the CAD parameters.
+    """Return a weak prior, whose mean is the CAD parameters.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ def posterior_covariance(system: TriangularSystem, prior: Prior) -> Array:
 
 
 class RegressionBank:
-    """Reduction of the identification bags to small factors, with which models are compared.
+    """Identification bags, reduced to small triangular factors for quick fits of models.
 
     A joint's terms act only on its own torque, so its rows need only the links' columns and its own
     candidate terms. The bank stores one factor per joint and part of the motion.
@@ -78,7 +78,7 @@ class RegressionBank:
         self.n = bags[0].samples.n
         columns = [[bag.term(term, inertial) for term in self.terms] for bag in bags]
         for bag in bags:
-            bag.forget_loads()
+            bag.drop_loads()
         self._factors: list[list[Array]] = []
         self._rows = np.zeros((self.n, FOLDS), dtype=np.intp)
         for joint in range(self.n):
@@ -128,7 +128,7 @@ class RegressionBank:
         return ReducedRegression(model.columns, factors, self._rows[:, folds].sum(axis=1))
 
     def factor(self, joint: int, fold: int) -> Array:
-        """Return a joint's triangular factor of one part, for links, candidate terms and torque."""
+        """Return the triangular factor of one joint and one part of the motion."""
         return self._factors[joint][fold]
 
 

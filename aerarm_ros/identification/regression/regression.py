@@ -67,13 +67,13 @@ class SampleColumns:
         self.weights = np.ones(samples.n)
 
     def with_samples(self, samples: Samples) -> 'SampleColumns':
-        """Return the same columns with the torques of `samples`, which has the same motion."""
+        """Return a copy of the bag with the torques of `samples`; the motion must be the same."""
         other = copy(self)
         other.samples = samples
         return other
 
     def with_weights(self, weights: Array) -> 'SampleColumns':
-        """Return the bag with other weights (n,) of its joints."""
+        """Return a copy of the bag with other weights (n,) of the joints' rows."""
         other = copy(self)
         other.weights = weights
         return other
@@ -121,7 +121,7 @@ class SampleColumns:
         return self._cache[term]
 
     def predict(self, model: JointModel, theta: Array) -> Prediction:
-        """Return the torque that a parameter vector predicts; its own links determine the load.
+        """Return the torque predicted by a parameter vector, whose links also determine the load.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class SampleColumns:
         joints: Sequence[int] | None = None,
         derivative: int = 0,
     ) -> Array:
-        """Return the filtered columns of load-dependent friction, or their rates, by joint."""
+        """Return the filtered columns of load-dependent friction, or their time derivatives."""
         motion = self.motion
         some = list(range(self.samples.n)) if joints is None else list(joints)
         fine = motion.dq_fine[:, some], motion.ddq_fine[:, some]
@@ -173,7 +173,7 @@ class SampleColumns:
         return loads
 
     def _state(self, term: JointTerm) -> Array | None:
-        """Return the friction state (L, n) of a term along the fine samples; None in steady motion.
+        """Return the friction state (L, n) of a term at the fine samples; None without `distance`.
 
         Noise of the velocity at rest does not turn the joint, so the state lasts.
         """
@@ -188,10 +188,10 @@ class SampleColumns:
 
     def free_memory(self) -> None:
         """Drop intermediate signals of the fine samples, which are computed again if needed."""
-        self.forget_loads()
+        self.drop_loads()
         self._states.clear()
 
-    def forget_loads(self) -> None:
+    def drop_loads(self) -> None:
         """Drop the stored loads at the fine samples, which depend on the parameters."""
         self._loads = np.zeros(0), np.zeros((0, self.samples.n))
 
@@ -213,7 +213,7 @@ class TriangularSystem:
 
 
 class ReducedRegression:
-    """Rows of the stacked regressor (3.8), as one triangular factor per joint.
+    """Stacked regressor of thesis (3.8), reduced to one triangular factor per joint.
 
     A factor R of `[Phi_j tau_j] = Q R` preserves every inner product of its columns. The factors
     are therefore sufficient to compute any fit and any residual norm, with any weights of the
@@ -247,7 +247,7 @@ class ReducedRegression:
         return np.array([np.linalg.norm(factor[:, -1]) for factor in self.factors])
 
     def column_norms(self) -> Array:
-        """Return the (n, p) column norms of each joint's rows."""
+        """Return the norm of each column over the rows of each joint, (n, p)."""
         return np.array([np.linalg.norm(factor[:, :-1], axis=0) for factor in self.factors])
 
     def system(self, weights: npt.ArrayLike = 1.0) -> TriangularSystem:
@@ -267,7 +267,7 @@ class ReducedRegression:
         return TriangularSystem(padded[:count, :count], padded[:count, count])
 
     def residual_norms(self, theta: Array) -> Array:
-        """Return the (n,) norms of `tau_j - Phi_j theta` [Nm]."""
+        """Return the norm of each joint's torque residual (n,) [Nm], for parameters `theta`."""
         extended = np.append(-theta, 1.0)
         return np.array([np.linalg.norm(factor @ extended) for factor in self.factors])
 
@@ -277,7 +277,7 @@ class ReducedRegression:
         return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(torque))
 
     def select(self, names: Sequence[str]) -> 'ReducedRegression':
-        """Return the regression with a selection of columns."""
+        """Return a regression with only the columns `names`."""
         index = [self.columns.index(name) for name in names] + [len(self.columns)]
         factors = [triangular_factor(factor[:, index]) for factor in self.factors]
         return ReducedRegression(names, factors, self.rows)

@@ -83,7 +83,7 @@ def fleet_page(rows: Sequence[Row]) -> str:
     arms = dict.fromkeys(str(row['arm']) for row in good)
     lead = (
         f'{len(good)} of {len(rows)} bags of {len(arms)} arms were identified; {len(drifts)} '
-        f'parameters drift, {len(odd)} differ from those of the other arms.'
+        f'parameters drift, {len(odd)} differ from the same parameters of the other arms.'
     )
     parts = [paragraph(lead, 'lead')]
     if failed := [row for row in rows if row['status'] != 'ok']:
@@ -108,8 +108,9 @@ def fleet_page(rows: Sequence[Row]) -> str:
 
 _DRIFT = (
     'Each line is fitted to the values of one arm over the dates of its bags, weighted by their '
-    'standard deviations. The change is from first to last bag. Friction that changes with the '
-    'gear temperature looks like drift, so record at the same temperature.'
+    'standard deviations. The column "change" is the change from the first to the last bag. '
+    'Friction that changes with the gear temperature looks like drift, so record at the same '
+    'temperature.'
 )
 
 

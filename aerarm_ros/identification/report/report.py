@@ -66,7 +66,7 @@ _NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 
 
 def grouped_warnings(warnings: Iterable[str], names: Sequence[str]) -> Html:
-    """Return an HTML list of warnings, with one entry per kind; a click shows all of a kind.
+    """Return an HTML list of warnings; warnings of one kind are folded into one entry.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _boxes(
 
 
 def _skeleton(poses: Array, joints: tuple[str, ...]) -> dict[str, Any]:
-    """Return the line from the base through all joints."""
+    """Return a curve from the base through the origins of all joints."""
     points = np.vstack([np.zeros(3), poses[:, :3, 3]]).round(5)
     x, y, z = points.T.tolist()
     return {
@@ -245,7 +245,7 @@ def _short(expression: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ReportExtras:
-    """Contents of the identification report that are not part of the result.
+    """Contents of the report that an `IdentificationResult` does not include.
 
     Attributes
     ----------
@@ -373,10 +373,10 @@ _SOLVERS = {
     'cad_friction': 'nominal links and rotors, with identified friction',
     'ols': 'ordinary least squares on the base parameters',
     'wls': "least squares on the base parameters, weighted by each joint's noise",
-    'huber': 'as sdp, with a lower weight for outliers',
+    'huber': 'like sdp, but with a lower weight for outliers',
     'slsqp': f'{_THESIS}, by sequential quadratic programming',
     'annealing': f'{_THESIS}, by simulated annealing',
-    'entropic': 'as sdp, with an entropic prior that keeps links solid',
+    'entropic': 'like sdp, but with an entropic prior that keeps links solid',
     'output_error': 'sdp, with joint coefficients fitted to simulated positions',
     'sdp': 'semidefinite program with physically consistent links, close to CAD where the motion '
     'gives no information',
@@ -388,16 +388,15 @@ _ENERGY = (
     'filtered, so ripple above the cutoff is missing.'
 )
 _RESIDUAL = (
-    'Causes of the filtered residual of sdp, in percent of its mean square. Noise: white noise of '
-    'the level measured in the upper half of the recorded spectra, through the same filters. The '
-    'other causes: variance that their pattern explains in parts of the bag that the regression '
-    'has not seen. The residual does not contain causes that the identifier corrects, such as an '
-    'estimated delay.'
+    'Causes of the filtered residual of sdp, in percent of its mean square. Noise: filtered white '
+    'noise with the level of the upper half of the recorded spectra. The other causes: variance '
+    'that the typical torque of the cause explains in held-out parts of the bag. The residual does '
+    'not contain causes that the identifier corrects, such as an estimated delay.'
 )
 _EXPORTS = (
-    'Filtered torque error of each written file on the same bags. The formats differ: only '
-    'estimate.yaml contains offsets and friction beyond (2.6), URDF has no rotors, URDF and SDF '
-    'have no gravity.'
+    'Filtered torque error of the model in each written file, on the same bags. The formats '
+    'differ: only estimate.yaml contains offsets and friction beyond (2.6), URDF contains no '
+    'rotors, URDF and SDF contain no gravity.'
 )
 _TRUTH = (
     'Torque of links and rotors along each motion, compared with the torque of the simulated '
@@ -406,9 +405,9 @@ _TRUTH = (
     'error; the last column compares without this scaling.'
 )
 _ROLLOUTS = (
-    'Simulation of the arm with the measured torque, from the measured state at the start of '
-    'each window. Columns: RMS position error over the windows, and RMS over all joints relative '
-    'to their motion. A dash means that the simulation diverges.'
+    'Simulation of the arm with the measured torque, from the measured state at the start of each '
+    'window. Columns: RMS position error of each joint over all windows, and error of all joints '
+    'relative to their motion. A dash means that the simulation diverges.'
 )
 _BOXES = (
     'Homogeneous boxes with the mass and inertia of each link, as in thesis figure 5.2c, in the '
@@ -416,10 +415,10 @@ _BOXES = (
     'hide its boxes.'
 )
 _PARAMETERS = (
-    "Parameters in the frame of each link's joint, in the order of thesis (3.3), (3.5). From "
-    'data: 0 % if only the CAD prior determines the value, 100 % if only the measured torque '
-    'does. In a sum: the torque depends only on a sum of this and other parameters, which the '
-    'prior divides. Unidentifiable parameters of ols have CAD values.'
+    "Parameters in the frame of each link's joint, in the order of thesis (3.3), (3.5). From data: "
+    '0 % if only the CAD prior determines the value, 100 % if only the measured torque does. In a '
+    'sum: the torque depends only on a sum of this and other parameters; the CAD prior determines '
+    'the single values. Unidentifiable parameters of ols have CAD values.'
 )
 _BASE = (
     'Parameter combinations that determine the torque, each named after its first parameter. '
@@ -434,7 +433,7 @@ _INTERVALS = (
 )
 _FRICTION = (
     'Points are measured torque minus the torque of links and rotors, filtered like the torque, '
-    'which smooths the step at standstill. The line is the model, at the usual load if friction '
+    'which smooths the step at standstill. The line is the model, at the median load if friction '
     'depends on the load.'
 )
 _TRUE_PARAMETERS = (
@@ -442,12 +441,12 @@ _TRUE_PARAMETERS = (
     'constants, so even an exact estimate differs from the true values.'
 )
 _TRUE_BASE = (
-    'True: parameter of the simulated arm. As measured: least squares with the same weights on '
-    'the true torque without noise, times the error of each torque constant. A parameter of a '
-    'single joint scales with the factor of this joint; a parameter of several joints has no '
-    'single factor. Standard deviations include only noise. A deviation far beyond 3 means that '
-    'the model lacks a term, for example friction at reversal, or a delay between angle and '
-    'torque. A dash means that the true arm has no such parameter.'
+    'True: parameter of the simulated arm. As measured: result of the same weighted least-squares '
+    'fit for the true torque without noise, multiplied by the error of each torque constant. A '
+    'parameter of a single joint scales with the factor of this joint; a parameter of several '
+    'joints has no single factor. Standard deviations include only noise. A deviation far beyond 3 '
+    'means that the model lacks a term, for example friction at reversal, or a delay between angle '
+    'and torque. A dash means that the true arm has no such parameter.'
 )
 _EXCITATION = (
     'Range of each bag relative to the identification motion, and uncertainty of the predicted '
@@ -541,9 +540,7 @@ def comparison_page(comparison: EstimateComparison, old: str, new: str) -> str:
         If the plotting script is not installed.
     """
     clear = [change.name for change in comparison.changes if change.is_clear]
-    lead = (
-        f'{len(clear)} of {len(comparison.changes)} parameters differ by more than three of their '
-    )
+    lead = f'{len(clear)} of {len(comparison.changes)} parameters differ by more than three '
     lead += f'standard deviations{": " if clear else ""}{", ".join(clear)}.'
     parts = [paragraph(lead, 'lead')]
     for title, changes in (

@@ -279,7 +279,7 @@ def friction_figure(result: IdentificationResult) -> StackedFigure:
         speed = float(np.abs(dq).max(initial=1e-3)) * np.linspace(-1.0, 1.0, _CURVE)
         carried = np.full(_CURVE, float(np.median(load)) if len(load) else 0.0)
         curve = sum((v * t.basis(speed, carried, carried) for t, v in own), np.zeros(_CURVE))
-        figure.add(joint, speed, curve, 'sdp, at the usual load', 'predicted')
+        figure.add(joint, speed, curve, 'sdp, at the median load', 'predicted')
         drawn = result.cad.viscous[joint] * speed + result.cad.coulomb[joint] * np.sign(speed)
         figure.add(joint, speed, drawn, 'CAD', 'reference', 'dot')
     return figure

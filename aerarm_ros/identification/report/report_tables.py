@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # only for type annotations
     from aerarm_ros.identification.payload import Payload
     from aerarm_ros.identification.truth import InertialTorqueError, Truth
 
-_WORTH_NAMING = 0.1  # fraction of the mean square of a joint's residual
+_LEAST_SHARE = 0.1  # fraction of the mean square of a joint's residual
 _RIGID_UNITS = ('kg', *['kg m'] * 3, *['kg m²'] * 6)
 
 
@@ -43,7 +43,7 @@ def bags_of(solution: Solution) -> list[tuple[str, BagAssessment]]:
 
 
 def error_table(result: IdentificationResult) -> Html:
-    """Return table 5.1: torque errors (5.3) of every solver on every bag."""
+    """Return table 5.1 of the thesis: torque errors (5.3) of every solver on every bag."""
     bags = bags_of(result.recommended)
     headings: list[object] = ['solver']
     for role, bag in bags:
@@ -96,11 +96,11 @@ def joint_error_table(result: IdentificationResult) -> Html:
 
 
 def residual_table(result: IdentificationResult) -> Html:
-    """Return the table of residual causes, in percent of each joint's mean square."""
+    """Return the table of the causes of the residual, in percent of each joint's mean square."""
     rows: list[list[object]] = []
     for split in result.splits:
         for cause, parts in split.fractions.items():
-            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _WORTH_NAMING else ''
+            remedy = REMEDIES[cause] if np.nanmax(parts, initial=0.0) >= _LEAST_SHARE else ''
             rows.append([split.bag, cause, *map(float, (100.0 * parts).round(1)), remedy])
         rest, above = 100.0 * split.unexplained, 100.0 * split.above_cutoff
         rows.append([split.bag, 'unexplained', *map(float, rest.round(1)), UNEXPLAINED])
@@ -111,7 +111,7 @@ def residual_table(result: IdentificationResult) -> Html:
 
 
 def parameter_table(result: IdentificationResult, truth: Truth | None) -> Html:
-    """Return table A.1: every parameter compared with CAD, with standard deviation."""
+    """Return table A.1 of the thesis: every parameter, compared with its value in CAD."""
     estimate = result.recommended.estimate
     cad, ols = (result.solutions[name].estimate.theta for name in ('cad', 'ols'))
     units = list(_RIGID_UNITS) * result.robot.n
@@ -224,7 +224,7 @@ def _gravity(result: IdentificationResult) -> str:
     )
     if found.tilt == 0.0:
         return f'as stated ({share})'
-    return f'{np.degrees(found.tilt):.2f}° off the stated gravity ({share})'
+    return f'tilted by {np.degrees(found.tilt):.2f}° from the stated gravity ({share})'
 
 
 def _delays(result: IdentificationResult) -> str:

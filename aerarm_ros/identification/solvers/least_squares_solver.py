@@ -57,7 +57,7 @@ _NORMAL = 1.4826  # ratio of standard deviation to median magnitude, for normal 
 def solve_huber(
     fit: ModelFit, bags: Sequence[SampleColumns], limits: PhysicalLimits
 ) -> tuple[Array, tuple[str, ...]]:
-    """Minimize Huber's loss of the torque error over all possible bodies.
+    """Minimize Huber's loss of the torque error over all physically possible parameters.
 
     Residuals beyond a threshold count linearly instead of quadratically. The weights are computed
     without constraints, which is fast, and then used in the semidefinite program.
@@ -92,7 +92,7 @@ def solve_huber(
 
 
 def _reweighted(fit: ModelFit, bags: Sequence[SampleColumns], theta: Array) -> TriangularSystem:
-    """Return the problem with each row weighted by its residual at `theta`."""
+    """Return the least-squares problem with rows weighted by their residuals at `theta`."""
     residuals = [
         bag.weights * np.abs(bag.samples.tau - bag.predict(fit.model, theta).filtered)
         for bag in bags

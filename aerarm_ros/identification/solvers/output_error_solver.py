@@ -18,7 +18,7 @@ _INDEPENDENT = 2.0
 def solve_output_error(
     model: JointModel, windows: RolloutWindows, start: Array, std: Array
 ) -> Array:
-    """Minimize the position error of simulated windows over the joints' coefficients.
+    """Fit the joint coefficients, so that simulated positions match the measured positions.
 
     Torque contains little information about friction near zero velocity, where it changes within
     one sample; positions contain more. The Gauss-Newton iteration starts at a consistent estimate,
@@ -76,7 +76,7 @@ def solve_output_error(
 
 
 class _Trial:
-    """Parameters (p,), position residuals of their simulation, and derivatives."""
+    """Simulation with one parameter vector (p,): position residuals, and their derivatives."""
 
     def __init__(self, rollout: Rollout, windows: RolloutWindows, theta: Array) -> None:
         positions, self.slopes = rollout.sensitivities(theta)

@@ -17,7 +17,7 @@ from aerarm_ros.motion.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class CompressedColumns:
-    """Compressed sparse columns (CSC) of a dense matrix.
+    """Sparse matrix in the form of compressed columns (CSC), which Clarabel requires.
 
     Clarabel reads the attributes below, which equal those of `scipy.sparse.csc_matrix`; importing
     SciPy's class would take longer than solving the problem.
@@ -42,7 +42,7 @@ class CompressedColumns:
 
     @classmethod
     def of(cls, dense: Array) -> 'CompressedColumns':
-        """Return the nonzero entries of a dense matrix."""
+        """Return the sparse form of a dense matrix."""
         columns, rows = np.nonzero(dense.T)
         counts = np.bincount(columns, minlength=dense.shape[1])
         return cls(
@@ -76,7 +76,7 @@ class ConeProgram:
     def add(
         self, cone: str, rows: Array, offset: Array, dimension: int | None = None, first: int = 0
     ) -> None:
-        """Add a constraint on the unknowns starting at `first`.
+        """Add a cone constraint on consecutive unknowns, the first of which has the index `first`.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ def triangle(matrix: Array) -> Array:
 
 
 class PhysicalProgram(ConeProgram):
-    """Cone program over physically possible parameters, without the cones of single links.
+    """Cone program over possible parameters; the caller adds the cones of the links.
 
     Unknowns are the deviation x from the prior in standard deviations, and the residual r. With r
     as unknown, R (mean + std x) + r = z is a constraint, and R is never squared. The further
@@ -210,8 +210,8 @@ class PhysicalProgram(ConeProgram):
             signed[load] = np.minimum(signed[load], LARGEST_LOAD_FRICTION)
         if minimum_eigenvalue(theta[:start].reshape(-1, 10)) < 0.0:
             raise IdentificationError(
-                'the semidefinite program left its constraints: check the scale of the masses and '
-                'inertias in the URDF'
+                'the solution of the semidefinite program violates its constraints: check the '
+                'scale of the masses and inertias in the URDF'
             )
         return np.asarray(theta)
 
@@ -275,7 +275,7 @@ _MARGIN = 1e-6
 
 
 def solve_semidefinite(system: TriangularSystem, prior: Prior, limits: PhysicalLimits) -> Array:
-    """Minimize torque error plus distance from the prior over all physically possible arms.
+    """Minimize torque error plus distance from the prior over all physically possible parameters.
 
     Every link's 4x4 pseudo-inertia matrix is positive definite (Wensing, Kim, Slotine, RA-L 2018),
     which thesis (3.9) with (3.15) does not ensure; friction and rotor inertia are non-negative. The
@@ -311,7 +311,7 @@ def solve_relaxed(
     limits: PhysicalLimits,
     solve: Callable[[TriangularSystem, Prior, PhysicalLimits], Array] = solve_semidefinite,
 ) -> tuple[Array, tuple[str, ...]]:
-    """Solve with the user's bounds, without bounds that are contradictory.
+    """Solve with all of the user's bounds that are not contradictory.
 
     Thesis section 3.2.2 requires a relaxation. If the bounds are contradictory, the solver drops
     first the bounds of the centres of mass (boxes only approximate the links' hulls), then
@@ -378,22 +378,22 @@ def _notes(
         notes.append(_note('the bounds of the centres of mass', failure))
     if wanted.total_mass is not None and kept.total_mass is None:
         low, high = wanted.total_mass
-        room = (
+        context = (
             f' with masses within a factor {limits.mass_factor:g} of the URDF (together '
             f'{limits.mass.sum():.4g} kg)'
         )
         failure = failures.get(LinkBounds(wanted.total_mass))
-        notes.append(_note(f'the total mass {low:g} .. {high:g} kg', failure, room))
+        notes.append(_note(f'the total mass {low:g} .. {high:g} kg', failure, context))
     return tuple(notes)
 
 
-def _note(bound: str, failure: IdentificationError | None, room: str = '') -> str:
+def _note(bound: str, failure: IdentificationError | None, context: str = '') -> str:
     """Return why a bound was dropped; `failure` is None if no solver call was needed."""
     if failure is None or (isinstance(failure, SolverError) and failure.contradiction):
-        return f'omitted, because it cannot be met{room}: {bound}'
+        return f'bound ignored, because it cannot be met{context}: {bound}'
     status = failure.status if isinstance(failure, SolverError) else 'inaccurate'
     return (
-        f'omitted, because the solver failed with it ({status}), although it may be '
+        f'bound ignored, because the solver failed with it ({status}), although it may be '
         f'feasible: {bound}'
     )
 
@@ -457,7 +457,7 @@ def solve_entropic(
 def _add_determinant(
     program: ConeProgram, columns: Array, constant: Array, first: int, lower: int
 ) -> None:
-    """Add the cones of one link, with x starting at `first`, and L and t at `lower`."""
+    """Add the cones of one link, whose unknowns x begin at `first`, and L and t at `lower`."""
 
     def block(upper_left: Array, triangular: Array) -> Array:
         corner = np.diag(np.diag(triangular))

@@ -27,7 +27,7 @@ SOLVERS = (
     *('cad', 'cad_friction', 'ols', 'wls', 'huber', 'slsqp', 'annealing', 'entropic', RECOMMENDED),
     'output_error',
 )
-"""Names of all solvers, in the order of tables."""
+"""Names of all solvers, in the order of the report's tables."""
 
 ALWAYS = ('cad', 'cad_friction', 'ols', RECOMMENDED)
 """Solvers that always run, for comparison in the report."""

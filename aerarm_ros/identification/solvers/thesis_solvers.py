@@ -42,7 +42,7 @@ class ThesisProblem:
 
     @classmethod
     def of(cls, fit: ModelFit, limits: PhysicalLimits) -> 'ThesisProblem':
-        """Return the problem of a regression with its prior."""
+        """Return the problem of a fit; the prior of the fit provides start and scale."""
         return cls(fit.regression.system(), fit.prior.mean, fit.prior.std, limits)
 
     @property
@@ -132,7 +132,7 @@ class ThesisProblem:
         return slopes.reshape(9 * n + 2, 10 * n)
 
     def random_start(self, random: np.random.Generator) -> Array:
-        """Return a possible arm (p,): CAD bodies, randomly stretched, shifted and scaled."""
+        """Return random possible parameters (p,): CAD bodies, stretched, shifted and scaled."""
         n, limits = self.n, self.limits
         change = np.tile(np.eye(4), (n, 1, 1))
         change[:, :3, :3] += _STRETCH * random.uniform(-1.0, 1.0, (n, 3, 3))

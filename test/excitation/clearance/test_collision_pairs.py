@@ -25,14 +25,14 @@ def required(checker: ClearanceChecker, *links: str) -> set[float]:
 def test_pairs_with_a_constant_distance_are_named(robot: Robot) -> None:
     checker = ClearanceChecker(robot, ground_height=-0.01)
     assert checker.notes == (
-        'base_link to link1: 0.003 m apart in every posture, not checked',
-        'link1 to ground: 0.035 m apart in every posture, not checked',
+        'base_link to link1: not checked, because the distance is 0.003 m in every posture',
+        'link1 to ground: not checked, because the distance is 0.035 m in every posture',
     )
 
 
 def test_links_built_close_together_are_named(example_urdf: Callable[[str], Path]) -> None:
     checker = ClearanceChecker(load_robot(example_urdf('ur10_robot.urdf')), ground_height=0.0)
-    relaxed = [note for note in checker.notes if 'built close together' in note]
+    relaxed = [note for note in checker.notes if 'close together by design' in note]
     assert [note.partition(':')[0] for note in relaxed] == [
         'base_link to upper_arm_link',
         'forearm_link to wrist_2_link',

@@ -102,7 +102,7 @@ def test_a_search_without_time_for_a_step_blames_no_limit(designer: TrajectoryDe
     designer.initial(0, count)
     stopped = designer.design(0, stop)
     assert stopped.stopped
-    assert stopped.remark == 'nothing better than the random start'
+    assert stopped.remark == 'no better trajectory than the random start'
 
 
 def test_standard_deviations_are_reported_as_a_ratio() -> None:

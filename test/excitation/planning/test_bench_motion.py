@@ -86,7 +86,7 @@ def test_the_postures_that_tell_backlash_can_be_played(
         ({'span': 6.0}, 'joint1 can move 5.93 rad about 0 rad'),
         ({'speeds': (0.5, 6.0)}, 'velocity limit of joint1 is 5 rad/s'),
         ({'speeds': (0.5, 4.0), 'span': 0.5}, 'choose a larger span'),
-        ({'swings': 1, 'amplitude': 0.9}, 'within half of the span'),
+        ({'swings': 1, 'amplitude': 0.9}, 'at most half of the span'),
     ],
 )
 def test_plans_that_make_no_sense_are_refused(plan: dict, message: str) -> None:

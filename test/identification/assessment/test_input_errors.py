@@ -59,8 +59,8 @@ def warnings(make_arm: Callable, robot: Robot, config: ArmConfig) -> Callable[[C
         (scaled(2, -1.0), 'the effort of joint3 has the opposite sign'),
         (swapped(1, 3), '--rename joint2=joint4 joint4=joint2'),
         (swapped(0, 1), '--rename joint1=joint2 joint2=joint1'),
-        (shifted(1, 90.0), 'the zero of joint2 is off by +90 degrees'),
-        (shifted(1, -90.0), 'the zero of joint2 is off by -90 degrees'),
+        (shifted(1, 90.0), 'the zero position of joint2 is off by +90 degrees'),
+        (shifted(1, -90.0), 'the zero position of joint2 is off by -90 degrees'),
         (scaled(0, 2.0), 'the effort of joint1 is 2 times'),
         (scaled(1, 2.0), 'the effort of joint2 is 2 times'),
     ],
@@ -86,6 +86,6 @@ def test_a_urdf_without_friction_suggests_no_effort_factor(
     options = IdentificationOptions(friction='coulomb')
     found = identify(robot, None, [recording], [], options, Stopwatch())
     assert found.solutions['cad'].identification[0].per_joint_filtered[0] > 80.0
-    assert 'times as large' not in ' '.join(found.warnings)
+    assert 'times the modelled torque' not in ' '.join(found.warnings)
     friction = found.solutions['cad_friction'].identification[0].filtered
     assert friction < 0.5 * found.solutions['cad'].identification[0].filtered

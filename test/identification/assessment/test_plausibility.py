@@ -35,14 +35,14 @@ def test_good_data_are_not_warned_of(warnings: Callable[..., str]) -> None:
 def test_a_joint_with_the_other_sign(warnings: Callable[..., str]) -> None:
     text = warnings(1.0, -1.0, 1.0, 1.0)
     assert 'the effort of joint2 has the opposite sign' in text
-    assert 'check sign and unit of the effort' in text
+    assert 'check the sign and unit of the effort' in text
     assert 'a physically consistent model leaves' in text
 
 
 def test_efforts_in_another_unit(warnings: Callable[..., str]) -> None:
     text = warnings(20.0, 20.0, 20.0, 20.0)
     assert 'the effort of joint2 is 2' in text
-    assert 'times as large' in text
+    assert 'times the modelled torque' in text
 
 
 def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
@@ -58,7 +58,7 @@ def test_bounds_that_hold_an_estimate(result: IdentificationResult) -> None:
     held[first], wanted[first] = 0.0, -1.0
     (text,) = bound_warnings(replace(estimate, theta=held), replace(fit, theta=wanted), mass)
     assert text.startswith(
-        f'{fit.model.columns[first]} omitted, because the data ask for a negative value'
+        f'{fit.model.columns[first]} omitted, because a fit without bounds gives a negative value'
     )
 
 
@@ -81,7 +81,7 @@ def test_friction_that_takes_all_of_the_load(result: IdentificationResult) -> No
     theta, std = (np.insert(values, index, 1.0) for values in (estimate.theta, estimate.std))
     full = replace(estimate, model=model, theta=theta, std=std)
     (text,) = bound_warnings(full, replace(fit, model=model, theta=theta), full.inertial[:, 0])
-    assert text.startswith('fl_joint2 at the bound 1')
+    assert text.startswith('fl_joint2 reached the bound 1')
 
 
 def test_a_joint_that_another_one_drives(

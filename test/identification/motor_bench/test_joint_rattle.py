@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerarm_ros.description.robot import load_robot
-from aerarm_ros.identification.motor_bench.motor_bench import rattle_of_others
+from aerarm_ros.identification.motor_bench.motor_bench import backlash_shifts
 from aerarm_ros.model.dynamics import Dynamics
 
 DYNAMICS = Dynamics(load_robot())
@@ -28,6 +28,6 @@ UPRIGHT, LEANING, LEVEL = [0.0, 1.5708, 0.0, 0.0], [0.0, 1.0, 0.0, -0.5708], [0.
 def test_a_joint_that_is_moved_and_not_pressed_moves_within_its_backlash(
     joint: int, posture: list, loose: list
 ) -> None:
-    shift = rattle_of_others(DYNAMICS, np.array(posture), joint, 0.25, 20.0)
+    shift = backlash_shifts(DYNAMICS, np.array(posture), joint, 0.25, 20.0)
     assert np.flatnonzero(shift > 3e-3).tolist() == loose
     assert shift.max() < 0.06

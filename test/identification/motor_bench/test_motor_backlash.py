@@ -51,5 +51,5 @@ def test_a_link_pressed_to_one_flank_gives_no_significant_backlash() -> None:
 
 
 def test_swings_that_are_too_short_are_refused() -> None:
-    with pytest.raises(IdentificationError, match='joint: the sine waves are shorter than 0.5 s'):
+    with pytest.raises(IdentificationError, match='joint: the oscillations are shorter than 0.5 s'):
         found(swings(0.02, seconds=0.4))

@@ -159,13 +159,13 @@ def test_swings_measure_the_backlash_of_a_worn_gear(
 def test_swings_without_a_significant_backlash_are_reported(
     config: ArmConfig, robot: Robot
 ) -> None:
-    """Other joints may rattle along, and gravity may press the links to one flank."""
+    """Other joints may move within their backlash, and gravity may press the links to one flank."""
     runs = [*steps(), swings(0.02)]
     upright = MotorBench(config, robot, config.rest_position)
     vague = upright.evaluate(3, runs).backlash
     assert vague is not None
     assert vague[1] > 0.02
-    assert upright.warnings[0].startswith('joint4: joint2 may rattle too')
+    assert upright.warnings[0].startswith('joint4: joint2 may move within their backlash')
     leaning = MotorBench(config, robot, [0.0, 1.0, 0.0, -0.5708])
     found = leaning.evaluate(3, runs).backlash
     assert found is not None
@@ -176,7 +176,7 @@ def test_swings_without_a_significant_backlash_are_reported(
     unheard = MotorRun(None, *np.zeros((4, 0)), swings=True)
     assert leaning.evaluate(3, [*steps(), unheard]).backlash is None
     assert leaning.warnings[-1].startswith(
-        'backlash not measured: joint4: the sine waves are shorter'
+        'backlash not measured: joint4: the oscillations are shorter'
     )
 
 

@@ -31,7 +31,7 @@ def test_bare_motor_needs_no_angle_of_the_lever() -> None:
 
 def test_unmeasurable_torque_constants_raise_an_error() -> None:
     friction = friction_with(np.zeros(2))
-    with pytest.raises(IdentificationError, match='elbow: the mass causes 0 Nm'):
+    with pytest.raises(IdentificationError, match='elbow: the known mass causes at most 0 Nm'):
         fit_torque_constant(friction, GRAVITY, np.zeros(2), 'elbow')
-    with pytest.raises(IdentificationError, match='adds .* Nm instead of 1.53 Nm'):
+    with pytest.raises(IdentificationError, match='adds .* Nm instead of the expected 1.53 Nm'):
         fit_torque_constant(friction, GRAVITY, MASS, 'elbow')

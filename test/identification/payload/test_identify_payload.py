@@ -90,5 +90,5 @@ def test_a_known_mass_calibrates_the_torque_constants(
 @pytest.mark.parametrize('mass', [0.0, -1.0, float('nan')])
 def test_a_known_mass_is_positive(mass: float, result: IdentificationResult) -> None:
     estimate = result.recommended.estimate
-    with pytest.raises(IdentificationError, match='must be a positive number of kg'):
+    with pytest.raises(IdentificationError, match='kg must be positive and finite'):
         calibrate_gains(result.robot, estimate, [], ConditioningOptions(), mass, 0.1)

@@ -118,7 +118,7 @@ def test_single_faulty_joints_are_named(states) -> None:
     recording = recording_from_states('bag', dead, JOINTS, AS_IS)
     assert recording.dead_effort.tolist() == [False, False, False, True]
     assert recording.warnings == (
-        'bag: joint joint4 has a constant effort, so its equation is ignored',
+        'bag: joint joint4 has a constant effort, so its torque is ignored',
     )
     still = changed(states, 'position', slice(None), 1, 0.2)
     recording = recording_from_states('bag', still, JOINTS, AS_IS)

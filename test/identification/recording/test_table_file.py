@@ -165,13 +165,17 @@ def test_arrays(tmp_path: Path, names: tuple[str, str] | None) -> None:
         ('time,a,b', (T, Q), 'no position of any joint'),
         ('a,b', (T, T), r'its columns are a, b\): name the columns time: time/times'),
         ('0.0,1.0,2.0', (T, Q), 'must name the columns'),
-        ('time,q1,q2', (T, Q, TAU), '3 names for 5 columns'),
+        ('time,q1,q2', (T, Q, TAU), '3 names, but there are 5 columns'),
         (
             'time,q1,q[0],tau1,tau2',
             (T, Q, TAU),
-            r'q1 and q\[0\] of .* are both the position of shoulder',
+            r'q1 and q\[0\] of .* both contain the position of shoulder',
         ),
-        ('time,t,q1,tau1', (T, T, Q[:, 0], T), 'time and t of .* are both the time: remove one'),
+        (
+            'time,t,q1,tau1',
+            (T, T, Q[:, 0], T),
+            'time and t of .* both contain the time: remove one',
+        ),
         ('time,q1,q2,tau1 [lbf],tau2', (T, Q, TAU), r'column tau1 .*unknown unit lbf'),
     ],
 )
