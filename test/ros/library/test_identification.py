@@ -128,7 +128,7 @@ def test_shapes_are_checked_with_a_sentence() -> None:
         ((q, q, q), r'time has the shape \(5, 4\): pass \(M,\)'),
         ((time, q[:4], q), r'q has the shape \(4, 4\): pass \(M, n\) with M = 5'),
         ((time, q, q[:, :3]), r'tau has the shape \(5, 3\): pass \(5, 4\)'),
-        ((time, q, [[1.0], [2.0, 3.0]]), 'tau must contain numbers, in rows of equal length'),
+        ((time, q, [[1.0], [2.0, 3.0]]), 'tau is not an array of numbers: pass numbers, in rows of equal length'),
     ):
         with pytest.raises(IdentificationError, match=words):
             aerarm_ros.from_arrays(*given)

@@ -151,7 +151,7 @@ def test_a_wrong_key_is_reported_once_on_both_hosts(
     for line in lines:
         assert "copy the drone's key file to the ground" in line
     for end in ends:
-        assert 'is not the key of this host' in end._usual_problem(time.monotonic())
+        assert 'differs from the key of this host' in end._usual_problem(time.monotonic())
 
 
 def test_strangers_do_not_blame_the_key_of_a_live_ground(drone: DroneEnd, port: int) -> None:
