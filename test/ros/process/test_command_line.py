@@ -90,7 +90,7 @@ def test_other_nodes_parameters_in_a_file_are_no_mistake(tmp_path: Path) -> None
     ('text', 'said'),
     [
         ('/**: {ros__parameters: {perods: 3}}', "did you mean 'periods'?"),
-        ('plyer: {ros__parameters: {periods: 3}}', 'no section for the node /player, only for /plyer'),
+        ('plyer: {ros__parameters: {periods: 3}}', 'the node /player, only for /plyer'),
     ],
 )
 def test_a_probable_slip_that_may_be_meant_for_another_node_is_a_warning(
